@@ -1,0 +1,18 @@
+"""Where the files lie that the package ships: meshes and ready-made arenas."""
+
+from pathlib import Path
+
+from symbrion_gym.errors import ArenaError
+
+
+def find_assets() -> Path:
+    """Return the folder `assets`: inside the package in a wheel, beside it in a checkout.
+
+    Raises:
+        ArenaError: neither is there.
+    """
+    package = Path(__file__).resolve().parent
+    for folder in (package / "assets", package.parent / "assets"):
+        if folder.is_dir():
+            return folder
+    raise ArenaError(f"the folder 'assets' is neither in {package} nor beside it; install the package again")

@@ -1,0 +1,82 @@
+"""Heights of a triangle mesh along vertical lines, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+_EDGE_TOLERANCE = 1e-9
+"""How far outside a triangle (barycentric) a point still counts as inside: neighbours must leave no crack."""
+
+
+class Elevation:
+    """The highest point of a mesh above every (x, y): a uniform grid of triangle lists, built once.
+
+    Vertical triangles have no area from above and are left out; where a wall stands, its upper rim answers.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh) -> None:
+        """Sort the triangles of `mesh` into grid cells of about one triangle each."""
+        corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+        side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
+        area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
+        is_seen = np.abs(area) > 1e-12
+        self._corners, self._area = corners[is_seen], area[is_seen]
+        self._make_grid()
+
+    def _make_grid(self) -> None:
+        count = len(self._corners)
+        low = self._corners[:, :, :2].min(axis=1)
+        high = self._corners[:, :, :2].max(axis=1)
+        self._origin = low.min(axis=0) if count else np.zeros(2)
+        extent = np.maximum(high.max(axis=0) - self._origin, 1e-9) if count else np.ones(2)
+        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / 2000.0))
+        self._shape = np.floor(extent / self._cell).astype(np.int64) + 1
+        first, last = self._find_cells(low), self._find_cells(high)
+        spans = last - first + 1
+        repeats = spans.prod(axis=1)
+        triangle = np.repeat(np.arange(count), repeats)
+        offset = np.arange(repeats.sum()) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+        row = first[triangle, 0] + offset // spans[triangle, 1]
+        column = first[triangle, 1] + offset % spans[triangle, 1]
+        cell = row * self._shape[1] + column
+        order = np.argsort(cell, kind="stable")
+        self._triangles = triangle[order]
+        self._starts = np.searchsorted(cell[order], np.arange(self._shape.prod() + 1))
+
+    def _find_cells(self, points: np.ndarray) -> np.ndarray:
+        cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
+        return np.clip(cells, 0, self._shape - 1)
+
+    def height(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
+        """Return the height of the mesh at each (x, y) [m], NaN where there is none.
+
+        Args:
+            x: `[...]` [m]; broadcasts against `y`.
+            y: `[...]` [m].
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        points = np.stack([x.ravel(), y.ravel()], axis=1)
+        heights = np.full(len(points), -np.inf)
+        is_finite = np.isfinite(points[:, 0]) & np.isfinite(points[:, 1])
+        cells = self._find_cells(np.where(np.stack([is_finite, is_finite], axis=1), points, self._origin))
+        cell = cells[:, 0] * self._shape[1] + cells[:, 1]
+        counts = np.where(is_finite, self._starts[cell + 1] - self._starts[cell], 0)
+        point = np.repeat(np.arange(len(points)), counts)
+        slot = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        triangle = self._triangles[self._starts[cell][point] + slot]
+        z = self._height_in(triangle, points[point])
+        np.maximum.at(heights, point, z)
+        return np.where(np.isneginf(heights), np.nan, heights).reshape(x.shape)
+
+    def _height_in(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
+        a, b, c = (self._corners[triangle, i] for i in range(3))
+        area = self._area[triangle]
+        to = points - a[:, :2]
+        weight_b = (to[:, 0] * (c[:, 1] - a[:, 1]) - to[:, 1] * (c[:, 0] - a[:, 0])) / area
+        weight_c = ((b[:, 0] - a[:, 0]) * to[:, 1] - (b[:, 1] - a[:, 1]) * to[:, 0]) / area
+        weight_a = 1.0 - weight_b - weight_c
+        inside = np.minimum(np.minimum(weight_a, weight_b), weight_c) >= -_EDGE_TOLERANCE
+        z = weight_a * a[:, 2] + weight_b * b[:, 2] + weight_c * c[:, 2]
+        return np.where(inside, z, -np.inf)
