@@ -1,4 +1,4 @@
-"""Fit a finished mesh to its samples by least squares, so that crests get sharp and the rim comes out to the data.
+"""Fit a finished mesh to its samples by least squares: crests get sharp, the rim comes out to the data.
 
 A self-organising map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
 the rim inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
@@ -11,9 +11,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.spatial import KDTree
 
 from reconstruction.padding import pad_rows, padded_length
+from reconstruction.winners import find_winners
 
 STIFFNESS = 0.03
 """Share of the identity in every vertex's normal matrix: how unwillingly it slides within the surface."""
@@ -78,7 +78,7 @@ def fit_surface(
     if len(faces) == 0 or len(samples) == 0 or iterations <= 0:
         return vertices.copy()
     if winners is None:
-        winners = KDTree(vertices).query(samples)[1]
+        winners = find_winners(samples, vertices, 1)[:, 0]
     center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
     if not scale > 0:
         return vertices.copy()
@@ -111,7 +111,7 @@ def mean_edge_length(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 
 def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:
-    """Return the faces round every vertex: `[V, D, 2]` the two other corners in the face's order, -1 where none."""
+    """Return the faces round every vertex: `[V, D, 2]` the other two corners in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")
