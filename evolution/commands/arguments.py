@@ -1,0 +1,21 @@
+"""Arguments that several subcommands take: arenas, boxes, point sources."""
+
+from pathlib import Path
+
+import symbrion_gym as sg
+from evolution.commands.command import UsageError
+
+
+def check_arena(arena: str) -> None:
+    """Refuse an arena that is neither a name we know nor a file or folder."""
+    if arena in sg.ARENA_NAMES or Path(arena).exists():
+        return
+    raise UsageError(
+        f"no arena '{arena}'; there are {', '.join(sg.ARENA_NAMES)}, or give an arena folder or a mesh file"
+    )
+
+
+def check_modules(modules: int) -> None:
+    """Refuse a body of fewer than two modules: it has no hinge that could be controlled."""
+    if modules < 2:
+        raise UsageError(f"--modules {modules} is no snake; give 2 or more")

@@ -1,0 +1,63 @@
+"""What every subcommand shares: seed, output form, and the checks of what the user asked for."""
+
+import abc
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+from evolution.commands.console import Console
+
+
+class UsageError(ValueError):
+    """The command was called in a way that cannot work; the message names the value and the remedy."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Command(abc.ABC):
+    """A subcommand: its fields are its options, `run` does the work."""
+
+    seed: int = 0
+    """Equal seeds give equal results."""
+    json: bool = False
+    """Print a machine-readable summary on standard output, and nothing else."""
+    quiet: bool = False
+    """Draw no progress."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
+
+    @abc.abstractmethod
+    def run(self, console: Console) -> dict[str, Any]:
+        """Do the work and return a summary; `ok: False` in it makes the exit code 1."""
+
+
+def require_file(path: Path, option: str) -> None:
+    """Refuse a path that is not a readable file."""
+    if not path.exists():
+        raise UsageError(f"{option} {path}: no such file")
+    if path.is_dir():
+        raise UsageError(f"{option} {path} is a folder; give a file")
+    if not os.access(path, os.R_OK):
+        raise UsageError(f"{option} {path} cannot be read; mend its permissions")
+
+
+def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> None:
+    """Refuse a file name that cannot be written, or whose ending names no known format."""
+    if not path.name.lower().endswith(endings):
+        raise UsageError(f"{option} {path} has no known ending; use one of {', '.join(endings)}")
+    if path.is_dir():
+        raise UsageError(f"{option} {path} is a folder; give a file name")
+    require_writable_folder(path.parent, option)
+
+
+def require_writable_folder(path: Path, option: str) -> None:
+    """Refuse a folder that neither exists and can be written nor can be made."""
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{option} {path} is a file; give a folder")
+    existing = path
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        raise UsageError(f"{option} {path} cannot be written; choose another place")

@@ -1,0 +1,97 @@
+"""`symbrion reconstruct`: turn points or a scan log into a surface."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import tyro
+
+import reconstruction as rc
+from evolution.commands.command import Command, UsageError, require_file, require_writable_file
+from evolution.commands.console import Console
+
+MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
+MINIMUM_UNITS = 4
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Reconstruct(Command):
+    """Reconstruct a surface from a scan log or a point cloud with a self-organising network.
+
+    Examples: symbrion reconstruct survey.npz --out pit.npz
+    symbrion reconstruct scan.dat.bz2 --crop 0.4 9.6 -4.3 1.4 -1 2 --units 1500 --out stairs.ply
+    """
+
+    source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
+    """A scan log of `symbrion survey` (.npz), or points: .xyz .txt .csv .npy .npz .ply .pcd .vtk .obj, the text
+    ones also as .gz and .bz2."""
+    out: Path = Path("surface.npz")
+    """Where the result goes: .npz keeps the network (it can learn on), .ply .obj .stl .off .glb the mesh alone."""
+    method: Literal["gsrm", "gg"] = "gsrm"
+    """gsrm: growing self-reconstruction map, for any surface; gg: growing grid, for one sheet of terrain."""
+    units: int = 2200
+    """Neurons wanted: the resolution."""
+    unit: Literal["m", "cm", "mm"] = "m"
+    """Length unit of a point file."""
+    crop: tuple[float, float, float, float, float, float] | None = None
+    """Keep the points in this box alone: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
+    thin: float | None = None
+    """Keep one point in each cube of this edge [m]."""
+    raw: bool = False
+    """Take the points as they are: no levelling, smoothing or filtering."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_file(self.source, "SCAN")
+        require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
+        if self.units < MINIMUM_UNITS:
+            raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
+        if self.thin is not None and not self.thin > 0:
+            raise UsageError(f"--thin {self.thin} is no edge length; give metres above 0")
+        if self.crop is not None and not all(
+            low < high for low, high in zip(self.crop[::2], self.crop[1::2], strict=True)
+        ):
+            raise UsageError(
+                f"--crop {' '.join(map(str, self.crop))} is empty; give XMIN XMAX YMIN YMAX ZMIN ZMAX"
+            )
+
+    def run(self, console: Console) -> dict[str, Any]:
+        with console.track(f"Reading {self.source.name}"):
+            points = self._read_points()
+        with console.track(f"Network {self.method}, {self.units} units") as step:
+            result = rc.reconstruct(
+                points, method=self.method, units=self.units, seed=self.seed, progress=step.progress
+            )
+        quality = result.quality().as_dict()
+        self.out.parent.mkdir(parents=True, exist_ok=True)
+        if self.out.suffix == ".npz":
+            result.save(self.out)
+        else:
+            export_mesh(result.mesh, self.out)
+        console.say(f"{len(result.mesh.vertices)} vertices, {len(result.mesh.faces)} faces in {self.out}")
+        console.show_table(
+            "Quality", ["measure", "value"], [[name, format_value(value)] for name, value in quality.items()]
+        )
+        return {"mesh": self.out, "points": len(points), "seconds": step.seconds, "quality": quality}
+
+    def _read_points(self) -> np.ndarray:
+        log = rc.load_scan_log(self.source) if rc.is_scan_log(self.source) else None
+        points = rc.load_points(self.source, unit=self.unit) if log is None else log.points()
+        if not self.raw:
+            points = rc.preprocess(points if log is None else log)
+        if self.crop is not None:
+            points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
+        return points if self.thin is None else rc.thin(points, self.thin)
+
+
+def export_mesh(mesh: Any, path: Path) -> None:
+    """Write a mesh file in one step: beside it first, then renamed."""
+    beside = path.with_name(f".{path.name}.part{path.suffix}")
+    mesh.export(beside)
+    beside.replace(path)
+
+
+def format_value(value: object) -> str:
+    """Write a measure as people read it: lengths below a metre with four figures."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,192 @@
+"""Figures of clouds, surfaces, arenas and runs, as PNG bytes; drawn without a display or OpenGL."""
+
+import io
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
+
+DPI = 110
+VIEW = (28.0, -62.0)  # elevation, azimuth [degree]
+LIGHT = np.array([0.35, -0.5, 0.79])
+PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")
+
+
+def draw_cloud(points: np.ndarray, limit: int = 25_000) -> bytes:
+    """Draw a point cloud, coloured by height.
+
+    Args:
+        points: `[N, 3]` [m]; thinned evenly to `limit` for the picture.
+        limit: points drawn at most.
+    """
+    shown = points[:: max(1, len(points) // limit)]
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_scene(figure, points)
+    axes.scatter(*shown.T, c=shown[:, 2], s=0.6, cmap="viridis", depthshade=False, linewidths=0)
+    return _to_png(figure)
+
+
+def draw_surface(mesh: trimesh.Trimesh, points: np.ndarray | None = None) -> bytes:
+    """Draw a shaded mesh with its edges, and some points of the cloud over it."""
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_scene(figure, mesh.vertices)
+    _add_triangles(axes, mesh, np.array(mpl.colors.to_rgb("#c9d6e4")), edge="#3a4a5c")
+    if points is not None:
+        shown = points[:: max(1, len(points) // 3000)]
+        axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0)
+    return _to_png(figure)
+
+
+def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> bytes:
+    """Draw the convex pieces of an arena, each in a colour of its own."""
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_scene(figure, np.vstack([piece.vertices for piece in pieces]))
+    colours = mpl.colormaps["tab20"].colors  # pyright: ignore[reportAttributeAccessIssue]
+    extent = max(np.ptp(np.vstack([piece.bounds for piece in pieces]), axis=0))
+    fine = [piece.subdivide_to_size(extent / 60) for piece in pieces]  # small triangles sort well by depth
+    for index, piece in enumerate(fine):
+        piece.update_faces(~_is_hidden(piece.triangles_center, index, pieces))
+    colour = [np.tile(colours[i % len(colours)], (len(piece.faces), 1)) for i, piece in enumerate(fine)]
+    _add_triangles(axes, trimesh.util.concatenate(fine), np.vstack(colour), edge="none")
+    return _to_png(figure)
+
+
+def draw_section(
+    meshes: Mapping[str, trimesh.Trimesh | Sequence[trimesh.Trimesh]],
+    points: np.ndarray | None = None,
+    y: float = 0.1,
+    x_limits: tuple[float, float] = (-1.0, 1.0),
+) -> bytes:
+    """Draw the cut along the course: every surface as a line, the points near the cut as dots.
+
+    Args:
+        meshes: label -> surface, or pieces that are cut one by one.
+        points: `[N, 3]` the cloud [m].
+        y: where the vertical cut is made [m].
+        x_limits: the part of the course that is shown [m].
+    """
+    figure = Figure(figsize=(10, 3.6), dpi=DPI)
+    axes = figure.add_subplot()
+    if points is not None:
+        near = points[np.abs(points[:, 1] - y) < 0.03]
+        axes.scatter(near[:, 0], near[:, 2], s=3, c="#9aa5b1", linewidths=0, label="cloud")
+    for index, (label, group) in enumerate(meshes.items()):
+        parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
+        cuts = [trimesh.intersections.mesh_plane(part, (0, 1, 0), (0, y, 0))[:, :, [0, 2]] for part in parts]
+        lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
+        colour = PALETTE[index % len(PALETTE)]
+        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=1.4, label=label))
+    axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
+    axes.autoscale(axis="y")
+    axes.margins(y=0.15)
+    axes.legend(frameon=False, fontsize=8, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    _soften(axes)
+    return _to_png(figure)
+
+
+def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.ndarray) -> bytes:
+    """Draw fitness over evaluations.
+
+    Args:
+        evaluations: `[G]` genotypes tried by the end of each generation.
+        best: `[G]` best fitness of the generation.
+        median: `[G]` median fitness of the generation.
+    """
+    figure = Figure(figsize=(10, 3.6), dpi=DPI)
+    axes = figure.add_subplot()
+    axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
+    axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
+    axes.set(xlabel="genotypes evaluated", ylabel="fitness")
+    axes.legend(frameon=False)
+    _soften(axes)
+    return _to_png(figure)
+
+
+def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, title: str, snapshots: int = 7) -> bytes:
+    """Draw the body from the side at several moments, over the ground it drives on.
+
+    Args:
+        positions: `[T, M, 3]` centres of the modules over time [m].
+        surface: the arena's surface.
+        title: stands above it.
+        snapshots: moments drawn, from blue (early) to yellow (late).
+    """
+    figure = Figure(figsize=(10, 3.0), dpi=DPI)
+    axes = figure.add_subplot()
+    cut = trimesh.intersections.mesh_plane(surface, (0, 1, 0), (0, 0.013, 0))[:, :, [0, 2]]
+    axes.add_collection(LineCollection(list(cut), colors="#1d2530", linewidths=1.6))
+    colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
+    for colour, body in zip(
+        colours, positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)], strict=True
+    ):
+        axes.plot(body[:, 0], body[:, 2], "-o", color=colour, ms=4, lw=1.2)
+    low, high = positions[..., 0].min(), positions[..., 0].max()
+    axes.set(xlim=(low - 0.2, high + 0.2), ylim=(-0.06, 0.75), aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    axes.set_title(title, fontsize=10)
+    _soften(axes)
+    return _to_png(figure)
+
+
+def _make_scene(figure: Figure, points: np.ndarray) -> Axes:
+    axes = figure.add_axes((0, 0, 1, 1), projection="3d")
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = np.maximum(high - low, 1e-9)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(size / size.max(), zoom=1.4)  # pyright: ignore[reportArgumentType]
+    axes.view_init(*VIEW)  # pyright: ignore[reportAttributeAccessIssue]
+    axes.set_axis_off()
+    return axes
+
+
+def _is_hidden(centres: np.ndarray, index: int, pieces: Sequence[trimesh.Trimesh]) -> np.ndarray:
+    """Tell which faces of piece `index` lie in another piece; of two that coincide the later one is hidden."""
+    hidden = np.zeros(len(centres), dtype=bool)
+    for other, piece in enumerate(pieces):
+        if other != index:
+            depth = (
+                centres @ piece.face_normals.T - np.sum(piece.face_normals * piece.triangles_center, axis=1)
+            ).max(axis=1)
+            hidden |= depth < (1e-4 if other < index else -1e-4)
+    return hidden
+
+
+def _add_triangles(axes: Axes, mesh: trimesh.Trimesh, colour: np.ndarray, edge: str) -> None:
+    """Add shaded triangles; `colour` is one RGB triple, or `[F, 3]` one a face."""
+    light = LIGHT / np.linalg.norm(LIGHT)
+    brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ light, 0, 1)
+    shaded = brightness[:, None] * colour
+    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
+        Poly3DCollection(
+            mesh.triangles,
+            facecolors=shaded,
+            edgecolors=shaded if edge == "none" else edge,
+            linewidths=0.25 if len(mesh.faces) < 8000 else 0.08,
+        )
+    )
+
+
+def _soften(axes: Axes) -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)
+
+
+def _to_png(figure: Figure) -> bytes:
+    """Return the figure as PNG, cut to what is drawn on it."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    rows, columns = (np.flatnonzero((pixels < 250).any(axis=(axis, 2))) for axis in (1, 0))
+    margin = 12
+    cut = pixels[
+        max(rows[0] - margin, 0) : rows[-1] + margin, max(columns[0] - margin, 0) : columns[-1] + margin
+    ]
+    buffer = io.BytesIO()
+    Image.fromarray(cut).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()

@@ -1,0 +1,20 @@
+"""Settings that every test shares."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SHARED_DATA = ROOT.parent / "shared" / "data"
+
+os.environ.setdefault("MUJOCO_GL", "egl")
+os.environ.setdefault("SYMBRION_CACHE", str(ROOT / ".pytest_cache" / "symbrion"))
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real scans; the test is skipped where it is absent."""
+    if not SHARED_DATA.is_dir():
+        pytest.skip("the real scans of ../shared/data are not here")
+    return SHARED_DATA
