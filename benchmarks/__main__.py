@@ -15,7 +15,9 @@ def find_benchmarks() -> list[str]:
 def main() -> None:
     names = find_benchmarks()
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which to run (default: all): {', '.join(names)}")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"which to run (default: all): {', '.join(names)}"
+    )
     parser.add_argument("--quick", action="store_true", help="smaller sizes and fewer repetitions")
     options = parser.parse_args()
     unknown = set(options.names) - set(names)
