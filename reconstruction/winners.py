@@ -55,17 +55,12 @@ def make_tiles(samples: np.ndarray, tile_size: int = TILE_SIZE) -> Tiles:
     num_slots = num_tiles * step * -(-num_samples // (num_tiles * step))
     padding = num_slots - num_samples
     repeated = np.linspace(0, num_samples - 1, padding).astype(np.int64)
-    order = np.concatenate([np.arange(num_samples), repeated])[None]
-    is_real = np.arange(num_slots)[None] < num_samples
-    while len(order) < num_tiles:
-        inside = samples[order]
-        axis = (inside.max(axis=1) - inside.min(axis=1)).argmax(axis=1)
-        along = np.take_along_axis(inside, axis[:, None, None], axis=2)[..., 0]
-        halves = np.argpartition(along, order.shape[1] // 2, axis=1)
-        order = np.take_along_axis(order, halves, axis=1).reshape(2 * len(order), -1)
-        is_real = np.take_along_axis(is_real, halves, axis=1).reshape(2 * len(is_real), -1)
-    inside = samples[order]
-    return Tiles(inside, order.astype(np.int32), is_real, (inside.max(axis=1) + inside.min(axis=1)) / 2)
+    slots = np.concatenate([np.arange(num_samples), repeated])
+    # A balanced k-d tree halves at the median: its leaves, in order, are the tiles.
+    leaves = cKDTree(samples[slots], leafsize=num_slots // num_tiles).indices.reshape(num_tiles, -1)
+    inside = samples[slots[leaves]]
+    centers = (inside.max(axis=1) + inside.min(axis=1)) / 2
+    return Tiles(inside, slots[leaves].astype(np.int32), leaves < num_samples, centers)
 
 
 def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:
