@@ -1,0 +1,168 @@
+"""The configuration of a run: what it searches for, and who does the work."""
+
+import dataclasses
+import hashlib
+import json
+import math
+import types
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from evolution.errors import RunError
+from evolution.evaluation import BACKENDS, Randomisation, Scoring
+from evolution.stages import Stage
+from evolution.validation import Validation
+
+HOW = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
+"""Fields that may change when a run is resumed: they decide how far and by whom, not what comes out."""
+
+
+@dataclass(frozen=True)
+class EvolutionConfig:
+    """A run of evolution. Every field is kept in the run folder.
+
+    Attributes:
+        arena: name or folder, of a run without stages.
+        modules: length of the snake.
+        seed: of everything that is drawn.
+        generations: at most so many.
+        folder: where the run is kept; None keeps it in memory only.
+        workers: threads, processes or actors.
+        backend: "batch", "processes" or "ray"; the results are equal.
+        address: of an existing Ray cluster; None starts a local one.
+        controller: "reactive", "travelling", "posture" or "network".
+        population_size: genotypes a generation; doubles at a restart.
+        sigma: first step size.
+        trials: of each genotype, under the same conditions within a generation.
+        start: where the trials begin, "pit" (close before it) or "floor".
+        stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
+        stage_sigma: the step size is raised to this when a stage begins.
+        body_lengths: shortest and longest body, for an integer gene; None keeps `modules`.
+        handle_noise: more trials when re-evaluation changes the order of the genotypes.
+        stop_when_solved: end when a champion is confirmed.
+        randomisation: what the conditions of a trial are drawn from.
+        scoring: how an outcome becomes a fitness.
+        validation: how candidates for the champion are tried.
+        environment: further options of the environment, such as pit or abyss.
+    """
+
+    arena: str = "gsrm"
+    modules: int = 8
+    seed: int = 0
+    generations: int = 50
+    folder: str | None = None
+    workers: int = 1
+    backend: str = "batch"
+    address: str | None = None
+    controller: str = "reactive"
+    population_size: int = 12
+    sigma: float = 0.3
+    trials: int = 2
+    start: str = "pit"
+    stages: tuple[Stage, ...] = ()
+    stage_sigma: float = 0.15
+    body_lengths: tuple[int, int] | None = None
+    handle_noise: bool = False
+    stop_when_solved: bool = True
+    randomisation: Randomisation = field(default_factory=Randomisation)
+    scoring: Scoring = field(default_factory=Scoring)
+    validation: Validation = field(default_factory=Validation)
+    environment: tuple[tuple[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        set_field = object.__setattr__
+        if isinstance(self.arena, Path):
+            set_field(self, "arena", str(self.arena))
+        if isinstance(self.folder, Path):
+            set_field(self, "folder", str(self.folder))
+        if not isinstance(self.arena, str):
+            raise RunError(
+                f"arena is {type(self.arena).__name__}; a run is kept as text: "
+                "save the arena in a folder and name that"
+            )
+        set_field(self, "stages", tuple(self.stages))
+        pairs = self.environment.items() if isinstance(self.environment, Mapping) else self.environment
+        set_field(self, "environment", tuple(sorted((str(name), value) for name, value in pairs)))
+        self._check()
+
+    def _check(self) -> None:
+        minima = {"generations": 0, "workers": 1, "population_size": 4, "trials": 1, "modules": 2, "seed": 0}
+        for name, smallest in minima.items():
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < smallest:
+                raise RunError(f"{name} is {value!r}; a whole number of at least {smallest} is needed")
+        if not (math.isfinite(self.sigma) and self.sigma > 0):
+            raise RunError(f"sigma is {self.sigma}; it must be above 0")
+        for name, choices in (("backend", BACKENDS), ("start", ("pit", "floor"))):
+            if getattr(self, name) not in choices:
+                raise RunError(f"there is no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
+        if self.body_lengths is not None:
+            object.__setattr__(self, "body_lengths", tuple(self.body_lengths))
+            if not 2 <= self.body_lengths[0] < self.body_lengths[1]:
+                raise RunError(f"body_lengths is {self.body_lengths}; shortest < longest, from 2, is needed")
+
+    @property
+    def all_stages(self) -> tuple[Stage, ...]:
+        """The stages; one that lasts where none were named."""
+        return self.stages or (Stage(self.arena),)
+
+    def digest(self) -> str:
+        """Return a fingerprint of all that decides what comes out."""
+        content = {name: value for name, value in asdict(self).items() if name not in HOW}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def differences(self, other: "EvolutionConfig") -> list[str]:
+        """Return "field: this, not that" for all that decides what comes out and differs."""
+        names = [each.name for each in fields(self) if each.name not in HOW]
+        return [
+            f"{name}: {getattr(self, name)!r}, not {getattr(other, name)!r}"
+            for name in names
+            if getattr(self, name) != getattr(other, name)
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain JSON content."""
+        return json.loads(json.dumps(asdict(self) | {"environment": dict(self.environment)}))
+
+    @classmethod
+    def from_json(cls, content: Any) -> "EvolutionConfig":
+        """Return the configuration that `to_json` described.
+
+        Raises:
+            RunError: a field is unknown or its value of the wrong kind.
+        """
+        return _build(cls, content, "config")
+
+
+def _build(kind: Any, content: Any, where: str) -> Any:
+    """Turn JSON content into a dataclass, tuple or plain value of the wanted type."""
+    if kind is Any:
+        return content
+    if dataclasses.is_dataclass(kind):
+        types_by_name = get_type_hints(kind)
+        if not isinstance(content, dict) or not set(content) <= set(types_by_name):
+            unknown = sorted(set(content) - set(types_by_name)) if isinstance(content, dict) else content
+            raise RunError(f"{where} has unknown entries {unknown}; there are {', '.join(types_by_name)}")
+        values = {
+            name: _build(types_by_name[name], value, f"{where}.{name}") for name, value in content.items()
+        }
+        return kind(**values)  # pyright: ignore[reportCallIssue]
+    arguments = get_args(kind)
+    if get_origin(kind) in (Union, types.UnionType):
+        return None if content is None else _build(arguments[0], content, where)
+    if get_origin(kind) is tuple:
+        if isinstance(content, dict):
+            return tuple(sorted(content.items()))
+        if not isinstance(content, list):
+            raise RunError(f"{where} is {content!r}; a list is needed")
+        if arguments[-1] is ...:
+            return tuple(_build(arguments[0], value, where) for value in content)
+        return tuple(_build(one, value, where) for one, value in zip(arguments, content, strict=True))
+    if kind is float and isinstance(content, int) and not isinstance(content, bool):
+        return float(content)
+    plain = kind if isinstance(kind, type) else str
+    if not isinstance(content, plain) or (plain is int and isinstance(content, bool)):
+        raise RunError(f"{where} is {content!r}; a value of type {plain.__name__} is needed")
+    return content

@@ -1,0 +1,191 @@
+"""Controllers: from what the robot senses to the angles of its hinges, by the numbers of a genotype.
+
+Each law is a plain function of sensed quantities and genotypes, without a memory: a population steps
+as arrays, and what one genotype does never depends on the others beside it (element-wise arithmetic
+only, to the bit). Hinge i joins module i, counted from the head, to module i + 1 behind it; a positive
+angle lifts the part ahead of it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from evolution.errors import RunError
+
+Structure = Mapping[str, slice]
+"""Where each quantity lies in an observation, as `SnakePitEnv.observation_structure` tells."""
+Sensed = Mapping[str, np.ndarray]
+"""Quantities by name, each `[P, n]`, columns from head to tail."""
+Law = Callable[[Sensed, np.ndarray], np.ndarray]
+"""From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
+
+HINGE_RANGE = np.pi / 2
+BOUND = 1.5
+KNOTS = np.linspace(-0.55, 1.10, 12)
+"""Where the travelling posture has its knots, along the course from the middle of the pit [m]."""
+MODULE_PITCH = 0.1254
+"""Distance between the modules of a snake [m] (Scout robots, docked)."""
+HIDDEN = 4
+_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind", "angle", "place", "head_pitch")
+
+REACTIVE = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
+REACTIVE += ("air_ahead", "air_behind", "head_pitch")
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A law, and the genotypes it reads.
+
+    Attributes:
+        name: of the law.
+        modules: length of the longest body it is for.
+        parameters: name of each gene.
+        lower: smallest value of each gene.
+        upper: largest value of each gene.
+        initial: where a search begins.
+        sensors: names of the quantities that the law reads.
+        law: the function.
+    """
+
+    name: str
+    modules: int
+    parameters: tuple[str, ...]
+    sensors: tuple[str, ...]
+    law: Law
+    bound: float = BOUND
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Smallest value of each gene."""
+        return (-self.bound,) * len(self.parameters)
+
+    @property
+    def upper(self) -> tuple[float, ...]:
+        """Largest value of each gene."""
+        return (self.bound,) * len(self.parameters)
+
+    @property
+    def initial(self) -> tuple[float, ...]:
+        """Where a search begins: in the middle, a body that follows no law."""
+        return (0.0,) * len(self.parameters)
+
+    def act(self, observation: np.ndarray, genotype: np.ndarray, structure: Structure) -> np.ndarray:
+        """Return actions in [-1, 1]: hinge targets as a share of the hinge's range.
+
+        Args:
+            observation: `[P, O]`, or `[O]`.
+            genotype: `[P, G]`, or `[G]` for all.
+            structure: where each quantity lies in an observation.
+        """
+        rows = np.atleast_2d(observation)
+        genes = np.broadcast_to(np.atleast_2d(genotype), (len(rows), len(self.parameters)))
+        sensed = {name: np.asarray(rows[:, structure[name]], dtype=float) for name in self.sensors}
+        action = np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0)
+        return action if np.ndim(observation) == 2 else action[0]
+
+    def check(self, genotypes: np.ndarray) -> None:
+        """Refuse genotypes that are not this controller's.
+
+        Raises:
+            RunError: wrong length, or not finite.
+        """
+        if genotypes.shape[-1] != len(self.parameters):
+            raise RunError(
+                f"genotypes of {genotypes.shape[-1]} numbers; {self.name!r} with {self.modules} modules "
+                f"reads {len(self.parameters)}: {', '.join(self.parameters[:12])}"
+            )
+        if not np.all(np.isfinite(genotypes)):
+            raise RunError("a genotype holds a number that is not finite")
+
+
+def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
+    """Bend each hinge by the attitude of the two modules it joins, and by whether they hang in the air.
+
+    Eight numbers whatever the length of the body: a bias for all hinges and one more for the first and
+    the last, gains on the pitch ahead and behind, postures in the air, and the head's pitch to its hinge.
+    """
+    bias, head_bias, tail_bias, ahead, behind, air_ahead, air_behind, head_pitch = genotype.T[:, :, None]
+    pitch, is_airborne = sensed["pitch"], _is_airborne(sensed)
+    target = bias + ahead * pitch[:, :-1] + behind * pitch[:, 1:]
+    target = target + air_ahead * is_airborne[:, :-1] + air_behind * is_airborne[:, 1:]
+    target[:, :1] += head_bias + head_pitch * pitch[:, :1]
+    target[:, -1:] += tail_bias
+    return target
+
+
+def travelling(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
+    """Hold a posture fixed to the course: each hinge takes the angle of the place it passes.
+
+    What the head does at a place, every hinge behind it does there later (follow the leader). Twelve
+    knots along the course, joined by straight lines, 0 beyond them.
+    """
+    count = sensed["hinge_angle"].shape[1]
+    places = sensed["odometry"][:, :1] - (np.arange(count) + 0.5) * MODULE_PITCH
+    position = (places - KNOTS[0]) / (KNOTS[1] - KNOTS[0])
+    padded = np.pad(genotype, ((0, 0), (1, 1)))
+    left = np.clip(np.floor(position), -1, len(KNOTS) - 1).astype(int)
+    share = np.clip(position - left, 0.0, 1.0)
+    here = np.take_along_axis(padded, left + 1, axis=1)
+    there = np.take_along_axis(padded, left + 2, axis=1)
+    return here + (there - here) * share
+
+
+def posture(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
+    """Hold one angle per hinge, from head to tail (paper, section III-A: the U shape).
+
+    A body shorter than the genotype's reads its first genes.
+    """
+    return np.array(genotype[:, : sensed["hinge_angle"].shape[1]])
+
+
+def network(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
+    """Let a small network with one hidden layer, the same at every hinge, choose the angle."""
+    angle, pitch, is_airborne = sensed["hinge_angle"], sensed["pitch"], _is_airborne(sensed)
+    count = angle.shape[1]
+    ones = np.ones_like(angle)
+    inputs = (ones, pitch[:, :-1], pitch[:, 1:], is_airborne[:, :-1], is_airborne[:, 1:], angle)
+    inputs += (ones * np.linspace(-1.0, 1.0, count), ones * pitch[:, :1])
+    weights = genotype.T[:, :, None]
+    target = weights[-1] * ones
+    for unit in range(HIDDEN):
+        first = unit * len(_INPUTS)
+        activation = weights[first] * inputs[0]
+        for offset in range(1, len(inputs)):
+            activation = activation + weights[first + offset] * inputs[offset]
+        target = target + weights[HIDDEN * len(_INPUTS) + unit] * np.tanh(activation)
+    return target
+
+
+def _is_airborne(sensed: Sensed) -> np.ndarray:
+    return (sensed["contact"] <= 0).astype(float)
+
+
+def make_controller(name: str, modules: int) -> Controller:
+    """Return a controller.
+
+    Args:
+        name: "reactive", "travelling", "posture" or "network".
+        modules: length of the longest body it is for.
+
+    Raises:
+        RunError: there is no such controller, or the body has no hinge.
+    """
+    if modules < 2:
+        raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
+    if name == "reactive":
+        return Controller(name, modules, REACTIVE, ("pitch", "contact"), reactive)
+    if name == "travelling":
+        knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
+        return Controller(name, modules, knots, ("hinge_angle", "odometry"), travelling)
+    if name == "posture":
+        hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
+        return Controller(name, modules, hinges, ("hinge_angle",), posture)
+    if name == "network":
+        weights = tuple(f"hidden_{unit}_{name}" for unit in range(HIDDEN) for name in _INPUTS)
+        weights += (*(f"output_{unit}" for unit in range(HIDDEN)), "output_bias")
+        return Controller(name, modules, weights, ("hinge_angle", "pitch", "contact"), network, bound=4.0)
+    raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
+
+
+CONTROLLERS = ("reactive", "travelling", "posture", "network")

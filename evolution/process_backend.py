@@ -1,0 +1,85 @@
+"""Jobs over processes of this machine.
+
+Workers are started by `python -m evolution.worker`, not by fork (MuJoCo and JAX hold threads) nor by
+`multiprocessing`'s spawn (which runs the caller's script again).
+"""
+
+import contextlib
+import multiprocessing.connection
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from evolution.errors import RunError
+from evolution.evaluation import Job, Simulate, name_simulate
+from evolution.worker_pool import Reply, WorkerPool
+
+READY = "ready"
+END_SECONDS = 5.0
+
+
+class _Worker(NamedTuple):
+    process: subprocess.Popen[bytes]
+    connection: Any
+
+
+class ProcessBackend(WorkerPool):
+    """Each worker a process that holds its compiled arenas; genotypes travel.
+
+    Raises:
+        RunError: a worker cannot start.
+    """
+
+    def __init__(self, simulate: Simulate, workers: int) -> None:
+        super().__init__(workers)
+        self._simulate = name_simulate(simulate)
+
+    @property
+    def process_ids(self) -> list[int]:
+        """The workers' process ids."""
+        return [worker.process.pid for worker in self._workers]
+
+    def _start(self) -> _Worker:
+        ours, theirs = multiprocessing.Pipe()
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        command = [sys.executable, "-m", "evolution.worker", str(theirs.fileno()), self._simulate]
+        process = subprocess.Popen(
+            command, pass_fds=[theirs.fileno()], env=environment, stdin=subprocess.DEVNULL
+        )
+        theirs.close()
+        try:
+            if ours.recv() == READY:
+                return _Worker(process, ours)
+        except (EOFError, OSError):
+            pass
+        raise RunError(
+            f"a worker process for {self._simulate} ended at its start (exit status {process.wait()}); "
+            "its error stands above; backend='batch' needs no processes"
+        )
+
+    def _submit(self, worker: _Worker, jobs: list[Job]) -> None:
+        with contextlib.suppress(OSError):  # dead: `_wait` reads the end of its pipe
+            worker.connection.send(jobs)
+
+    def _wait(self, busy: Sequence[_Worker]) -> list[Reply]:
+        ready = multiprocessing.connection.wait([worker.connection for worker in busy])
+        return [self._receive(worker) for worker in busy if worker.connection in ready]
+
+    def _receive(self, worker: _Worker) -> Reply:
+        try:
+            result = worker.connection.recv()
+        except (EOFError, OSError):
+            return Reply(worker, None)
+        if isinstance(result, RunError):
+            raise result
+        return Reply(worker, result)
+
+    def _end(self, worker: _Worker) -> None:
+        worker.connection.close()  # the worker reads the end and leaves
+        try:
+            worker.process.wait(END_SECONDS)
+        except subprocess.TimeoutExpired:
+            worker.process.kill()
+            worker.process.wait()

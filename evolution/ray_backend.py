@@ -1,0 +1,96 @@
+"""Jobs over a Ray cluster: an existing one by its address, or a local one."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from evolution.errors import RunError
+from evolution.evaluation import Job, Outcome, Simulate, find_simulate, name_simulate, run_contained
+from evolution.worker_pool import Reply, WorkerPool
+
+
+class _Actor:
+    """A worker on some node; it holds its compiled arenas between calls."""
+
+    def __init__(self, simulate_name: str) -> None:
+        self._simulate = find_simulate(simulate_name)
+
+    def run(self, jobs: list[Job]) -> list[Outcome]:
+        """Return one outcome for each job."""
+        return run_contained(self._simulate, jobs, 1)
+
+
+class RayBackend(WorkerPool):
+    """Each worker an actor; one whose node dies is started anew on another.
+
+    Args:
+        simulate: a function of a module.
+        workers: number of actors, one CPU each.
+        address: of a running cluster ("auto" finds it); None starts one on this machine.
+
+    Raises:
+        RunError: Ray is not installed, or no cluster answers.
+    """
+
+    def __init__(self, simulate: Simulate, workers: int, address: str | None = None) -> None:
+        super().__init__(workers)
+        try:
+            import ray
+        except ImportError as error:
+            raise RunError(
+                "backend 'ray' needs Ray: pip install 'symbrion-gym[cluster]'; 'processes' needs nothing"
+            ) from error
+        self._ray = ray
+        self._simulate = name_simulate(simulate)
+        self._is_ours = not ray.is_initialized()
+        if self._is_ours:
+            self._connect(workers, address)
+        self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
+        self._running: dict[Any, Any] = {}
+
+    def _connect(self, workers: int, address: str | None) -> None:
+        path = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
+        try:
+            self._ray.init(
+                runtime_env={"env_vars": {"PYTHONPATH": path}},
+                include_dashboard=None if address else False,
+                log_to_driver=False,
+                **options,
+            )
+        except (ConnectionError, RuntimeError, ValueError) as error:
+            raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
+
+    def _start(self) -> Any:
+        return self._actor.remote(self._simulate)
+
+    def _submit(self, worker: Any, jobs: list[Job]) -> None:
+        self._running[worker.run.remote(jobs)] = worker
+
+    def _wait(self, busy: Sequence[Any]) -> list[Reply]:
+        done, _ = self._ray.wait(list(self._running), num_returns=1)
+        return [self._receive(reference) for reference in done]
+
+    def _receive(self, reference: Any) -> Reply:
+        worker = self._running.pop(reference)
+        try:
+            return Reply(worker, self._ray.get(reference))
+        except self._ray.exceptions.RayTaskError as error:
+            raise RunError(f"a worker could not try its genotypes: {error.cause}") from error
+        except self._ray.exceptions.RayError:
+            return Reply(worker, None)  # the actor or its node died
+
+    def _end(self, worker: Any) -> None:
+        self._running = {
+            reference: other for reference, other in self._running.items() if other is not worker
+        }
+        with contextlib.suppress(self._ray.exceptions.RayError):
+            self._ray.kill(worker)
+
+    def close(self) -> None:
+        """Let the actors go, and the cluster if it was started here."""
+        super().close()
+        if self._is_ours:
+            self._ray.shutdown()

@@ -1,0 +1,224 @@
+"""The run folder: what it holds, who may write it, and how it survives what may happen to a machine.
+
+    config.json     what was searched for; versions, commit and machine it began with
+    record.npz      every genotype tried and what came of it: the checkpoint
+    history.csv     one row a generation
+    champion.json   the genotype the run stands for
+
+`record.npz` is replaced as a whole after each generation; the two others are derived from it. Reading
+a folder runs none of its content.
+"""
+
+import csv
+import io
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import filelock
+import numpy as np
+
+from evolution.config import EvolutionConfig
+from evolution.errors import RunError
+from evolution.record import HISTORY, Record
+from evolution.validation import Champion
+
+CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
+LOCK = ".lock"
+PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as far as it has come.
+
+    Attributes:
+        config: what was searched for.
+        record: every genotype and what came of it.
+        champion: the genotype it stands for; None before the first generation.
+        stage_champions: one for each stage that has begun.
+        is_solved: whether a champion was confirmed.
+        folder: where it is kept, if anywhere.
+    """
+
+    config: EvolutionConfig
+    record: Record
+    champion: Champion | None
+    stage_champions: tuple[Champion, ...]
+    is_solved: bool
+    folder: Path | None = None
+
+    @property
+    def history(self) -> np.ndarray:
+        """Structured array, one row a generation; `history["best"]` and so on, see `record.HISTORY`."""
+        return self.record.history
+
+
+class RunFolder:
+    """Reads and writes the folder of a run.
+
+    Args:
+        path: of the folder.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Hold the folder, so that nobody else writes it; a lock dies with its process.
+
+        Raises:
+            RunError: another process (or thread) holds it, or the folder cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = filelock.FileLock(self.path / LOCK)
+            lock.acquire(timeout=0)
+        except filelock.Timeout as error:
+            raise RunError(
+                f"{self.path} is being written by another run; wait for it or name another folder"
+            ) from error
+        except OSError as error:
+            raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def holds_run(self) -> bool:
+        """Tell whether a run has begun here."""
+        return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
+
+    def write_config(self, config: EvolutionConfig) -> None:
+        """Write `config.json`; the versions are those that the run began with."""
+        began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else _describe_origin()
+        self._replace(CONFIG, _to_json(began | {"config": config.to_json()}))
+
+    def read_config(self) -> EvolutionConfig:
+        """Read `config.json`.
+
+        Raises:
+            RunError: there is none, or it is damaged.
+        """
+        if not (self.path / CONFIG).exists():
+            raise RunError(f"{self.path} holds no run: {CONFIG} is missing")
+        content = self._read_json(CONFIG)
+        try:
+            return EvolutionConfig.from_json(content.get("config"))
+        except RunError as error:
+            raise RunError(f"{self.path / CONFIG}: {error}") from error
+
+    def write(self, run: Run) -> None:
+        """Write the record, then what is derived from it.
+
+        Raises:
+            RunError: the disk is full or read-only; the last checkpoint survives.
+        """
+        self._replace(RECORD, run.record.to_bytes(run.config.digest()))
+        self._replace(HISTORY_FILE, format_history(run.history).encode())
+        if run.champion is not None:
+            self._replace(CHAMPION, _to_json(run.champion.as_dict()))
+
+    def read_record(self, config: EvolutionConfig) -> Record:
+        """Read `record.npz`; an empty record where the first generation was never finished.
+
+        Raises:
+            RunError: damaged, of another program, or of another configuration.
+        """
+        path = self.path / RECORD
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            return Record()
+        except OSError as error:
+            raise RunError(f"{path} cannot be read ({error})") from error
+        record, digest = Record.from_bytes(content, str(path))
+        if digest != config.digest():
+            raise RunError(
+                f"{path} belongs to another configuration than {CONFIG} beside it; "
+                "undo the change, or start anew in another folder"
+            )
+        return record
+
+    def _read_json(self, name: str) -> dict[str, Any]:
+        try:
+            content = json.loads((self.path / name).read_text())
+        except (OSError, ValueError) as error:
+            raise RunError(f"{self.path / name} cannot be read ({error}); restore it from a copy") from error
+        if not isinstance(content, dict):
+            raise RunError(f"{self.path / name} holds no run's description")
+        return content
+
+    def _replace(self, name: str, content: bytes) -> None:
+        """Write beside and rename: a reader, or a kill, meets the old file or the new one."""
+        beside = self.path / f".{name}.new"
+        try:
+            with open(beside, "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(beside, self.path / name)
+        except OSError as error:
+            beside.unlink(missing_ok=True)
+            raise RunError(
+                f"{self.path / name} cannot be written ({error}); the last checkpoint is kept, "
+                "make room and resume"
+            ) from error
+
+
+def load_champion(path: str | Path) -> Champion:
+    """Read a champion from `champion.json` or from the folder of a run.
+
+    Raises:
+        RunError: missing or damaged.
+    """
+    path = Path(path)
+    path = path / CHAMPION if path.is_dir() else path
+    try:
+        content = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise RunError(
+            f"{path} cannot be read ({error}); a run writes it after its first generation"
+        ) from error
+    if not isinstance(content, dict):
+        raise RunError(f"{path} holds no champion")
+    return Champion.from_dict(content)
+
+
+def format_history(history: np.ndarray) -> str:
+    """Return `history.csv`: numbers in their shortest exact form."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(HISTORY.names or ())
+    writer.writerows([value.item() for value in row] for row in history)
+    return buffer.getvalue()
+
+
+def _to_json(content: dict[str, Any]) -> bytes:
+    return (json.dumps(content, indent=2) + "\n").encode()
+
+
+def _describe_origin() -> dict[str, Any]:
+    versions = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return {"versions": versions, "commit": _find_commit(), "machine": platform.platform()}
+
+
+def _find_commit() -> str | None:
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None

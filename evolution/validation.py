@@ -1,0 +1,149 @@
+"""Choosing the champion: by fresh randomised trials, never by the luckiest sample.
+
+The best of many samples of two trials each is mostly luck, and trials used again and again are learned
+by heart. So genotypes that held in all their trials become candidates; each is tried under conditions
+that no genotype has met before, and those that hold are confirmed under as many fresh ones again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from evolution.errors import RunError
+from evolution.evaluation import Outcome
+from evolution.record import SAMPLE, VALIDATION, Entry, Record
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How candidates are tried.
+
+    Attributes:
+        candidates: at most so many of a generation, those of highest fitness.
+        trials: fresh trials of each, and as many again to confirm.
+        confirm: successes among the first trials that earn the second.
+        solved: successes among both that end the run.
+        start: where the fresh trials begin.
+    """
+
+    candidates: int = 3
+    trials: int = 16
+    confirm: int = 15
+    solved: int = 31
+    start: str = "pit"
+
+    def __post_init__(self) -> None:
+        if self.trials < 1 or not 0 <= self.confirm <= self.trials or self.solved > 2 * self.trials:
+            raise RunError(
+                f"confirm is {self.confirm} and solved {self.solved} with {self.trials} trials; "
+                "confirm must be at most trials, solved at most twice trials"
+            )
+
+    def choose(self, fitness: np.ndarray, outcomes: Sequence[Outcome]) -> list[int]:
+        """Return the indices of the candidates of a generation, best first."""
+        order = sorted(range(len(outcomes)), key=lambda index: (-fitness[index], index))
+        return [index for index in order if all(outcomes[index].succeeded)][: self.candidates]
+
+
+@dataclass(frozen=True)
+class Champion:
+    """The genotype that a run stands for.
+
+    Attributes:
+        genotype: one number a gene.
+        names: of the genes.
+        controller: the law that reads them.
+        modules: length of the body.
+        arena: in which it was chosen.
+        environment: further options of the environment there.
+        generation: in which it was sampled.
+        fitness: there, by few trials.
+        successes: among its fresh trials.
+        trials: number of fresh trials; 0 if no genotype earned any.
+    """
+
+    genotype: tuple[float, ...]
+    names: tuple[str, ...]
+    controller: str
+    modules: int
+    arena: str
+    generation: int
+    fitness: float
+    successes: int = 0
+    trials: int = 0
+    environment: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def score(self) -> float:
+        """Expected success rate after the fresh trials (rule of succession); 0 without any."""
+        return (self.successes + 1) / (self.trials + 2) if self.trials else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what `champion.json` holds."""
+        return asdict(self) | {"environment": dict(self.environment)}
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> "Champion":
+        """Return the champion that `as_dict` described.
+
+        Raises:
+            RunError: a field is missing, unknown or of the wrong kind.
+        """
+        try:
+            champion = cls(**content)
+            genotype = tuple(float(gene) for gene in champion.genotype)
+            names = tuple(str(name) for name in champion.names)
+            if len(names) != len(genotype) or not np.all(np.isfinite(genotype)):
+                raise ValueError(f"{len(genotype)} genes for {len(names)} names, or one is not finite")
+            options = tuple(sorted(dict(champion.environment).items()))
+            return replace(champion, genotype=genotype, names=names, environment=options)
+        except (TypeError, ValueError) as error:
+            raise RunError(f"this is not a champion: {error}") from error
+
+
+def select(record: Record, is_in_stage: Sequence[bool], shortest: bool = False) -> Entry | None:
+    """Return the entry of the champion, None before the first generation.
+
+    Args:
+        record: of the run.
+        is_in_stage: `[generation]`, which generations count.
+        shortest: among those that hold nearly always, prefer the shortest body.
+
+    Returns:
+        A pooled VALIDATION entry of the candidate with the best fresh trials; of equal ones the later
+        generation. Without validated candidates the SAMPLE entry of highest fitness.
+    """
+    counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
+    pooled: dict[tuple[int, int], Entry] = {}
+    for entry in counted:
+        if entry.kind == VALIDATION:
+            key = (entry.generation, entry.index)
+            pooled[key] = pool(pooled[key], entry) if key in pooled else entry
+    if pooled:
+        return max(pooled.values(), key=lambda entry: _rank(entry, shortest))
+    samples = [entry for entry in counted if entry.kind == SAMPLE]
+    return max(samples, key=lambda entry: entry.fitness, default=None)
+
+
+def pool(first: Entry, second: Entry) -> Entry:
+    """Return one entry for two sets of trials of the same genotype."""
+    one, two = first.outcome, second.outcome
+    share = one.trials / max(one.trials + two.trials, 1)
+    outcome = Outcome(
+        progress=share * one.progress + (1 - share) * two.progress,
+        effort=share * one.effort + (1 - share) * two.effort,
+        succeeded=one.succeeded + two.succeeded,
+        seconds=one.seconds + two.seconds,
+        diverged=one.diverged + two.diverged,
+    )
+    return first._replace(outcome=outcome)
+
+
+def _rank(entry: Entry, shortest: bool) -> tuple[float, ...]:
+    rate = (entry.outcome.successes + 1) / (entry.outcome.trials + 2)
+    if shortest:
+        holds = rate >= 0.85
+        return (float(holds), -entry.modules if holds else 0.0, rate, entry.generation)
+    return (rate, entry.generation)

@@ -1,0 +1,34 @@
+"""A worker process: reads jobs from the pipe it was given, answers with outcomes, ends with the pipe."""
+
+import sys
+from multiprocessing.connection import Connection
+
+from evolution.errors import RunError
+from evolution.evaluation import find_simulate, run_contained
+from evolution.process_backend import READY
+
+
+def main(descriptor: int, simulate_name: str) -> None:
+    """Serve until the other end closes.
+
+    Args:
+        descriptor: file descriptor of the pipe, inherited.
+        simulate_name: "module:function" that tries jobs.
+    """
+    connection = Connection(descriptor)
+    simulate = find_simulate(simulate_name)
+    try:
+        connection.send(READY)
+        while True:
+            jobs = connection.recv()
+            try:
+                reply = run_contained(simulate, jobs, 1)
+            except RunError as error:
+                reply = error
+            connection.send(reply)
+    except (EOFError, OSError, KeyboardInterrupt):
+        connection.close()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])
