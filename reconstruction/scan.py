@@ -185,6 +185,10 @@ def load_scan_log(path: str | os.PathLike[str]) -> ScanLog:
         ScanError: naming the file and the reason.
     """
     path = Path(path)
+    if path.suffix == ".3d":
+        from reconstruction.scan_3dtk import load_3dtk
+
+        return load_3dtk(path)
     arrays = read_npz(path)
     try:
         parts = {}
