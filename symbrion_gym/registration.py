@@ -1,0 +1,27 @@
+"""The names under which Gymnasium makes the environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    "symbrion_gym/SnakePit-v0": {},
+    "symbrion_gym/SnakeRamp-v0": {"arena": "truth", "pit": 0.0},
+    "symbrion_gym/SnakeStairs-v0": {"arena": "stairs"},
+    "symbrion_gym/SnakeTerrain-v0": {"arena": "gsrm"},
+}
+"""Id -> options that differ from those of `SnakePitEnv`."""
+
+
+def register() -> None:
+    """Register every environment; a second call changes nothing."""
+    for name, options in ENVIRONMENTS.items():
+        if name not in gym.registry:
+            gym.register(
+                name,
+                entry_point="symbrion_gym.snake_pit:SnakePitEnv",
+                vector_entry_point="symbrion_gym.vector:SnakePitVectorEnv",
+                kwargs=dict(options),
+            )

@@ -1,0 +1,255 @@
+"""A body in an arena, compiled: the model, what is where in it, and how a body is laid on the ground."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from symbrion_gym.arena import Arena, load_arena
+from symbrion_gym.config import SnakePitConfig
+from symbrion_gym.course import Course
+from symbrion_gym.errors import ArenaError, OrganismError
+from symbrion_gym.organism import Organism, snake
+from symbrion_gym.route import find_route
+from symbrion_gym.scout import ScoutConfig, add_accelerometers, add_touch
+
+_LIFT = 0.002
+"""Gap between the tracks and the ground at the start [m]."""
+_SAMPLES = 0.005
+"""Spacing of the heights along the start line [m]."""
+
+
+class Physics(NamedTuple):
+    """The state of N simulations, as live views or copies.
+
+    Attributes:
+        qpos: `[N, nq]`.
+        qvel: `[N, nv]`.
+        position: `[N, n, 3]` centres of the modules [m], one physics step behind qpos.
+        rotation: `[N, n, 9]` their rotation matrices, row by row, likewise.
+        sensordata: `[N, S]`, likewise.
+        actuator_force: `[N, h]` torque of the hinges [N m], likewise.
+    """
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+    sensordata: np.ndarray
+    actuator_force: np.ndarray
+
+
+class World:
+    """A compiled arena with a body in it.
+
+    Attributes:
+        config: the options.
+        arena: where.
+        organism: who.
+        route: the way to go.
+        model: the compiled model; whoever changes it takes a copy.
+        friction: sliding friction of the robot on everything.
+        bodies: ids of the modules' bodies, a slice where they follow each other.
+        hinge_qpos: addresses of the hinges in qpos, `[h]`.
+        hinge_dof: addresses of the hinges in qvel, `[h]`.
+        robot_geoms: ids of the geoms of the robot that touch.
+        track_geoms: `[n, T]` ids of the geoms that drive, per module.
+    """
+
+    def __init__(self, config: SnakePitConfig) -> None:
+        self.config = config
+        self.arena = find_arena(config)
+        self.friction = float(self.arena.friction if config.friction is None else config.friction)
+        self.organism = find_organism(config, self.friction)
+        self.route = find_route(self.arena, self.organism, config)
+        self.model = self._make_spec().compile()
+        self._find_ids()
+
+    def _make_spec(self) -> mujoco.MjSpec:
+        spec = self.arena.spec()
+        self.organism.add_to(spec, spec.worldbody)
+        for module in range(self.organism.num_modules):
+            add_accelerometers(spec, module)
+        for module in range(self.organism.num_modules):
+            add_touch(spec, module)
+        option = spec.option
+        option.timestep = self.config.timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        return spec
+
+    def _find_ids(self) -> None:
+        model, organism = self.model, self.organism
+        ids = [model.site(f"module_{i}").bodyid[0] for i in range(organism.num_modules)]
+        follow = ids == list(range(ids[0], ids[0] + len(ids)))
+        self.bodies = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
+        hinges = [model.joint(f"hinge_{i}") for i in organism.hinges]
+        self.hinge_qpos = np.array([hinge.qposadr[0] for hinge in hinges], dtype=np.int64)
+        self.hinge_dof = np.array([hinge.dofadr[0] for hinge in hinges], dtype=np.int64)
+        self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
+        names = [model.geom(int(i)).name for i in self.robot_geoms]
+        self.track_geoms = np.array(
+            [
+                [
+                    g
+                    for g, name in zip(self.robot_geoms, names, strict=True)
+                    if name.startswith(f"module_{i}_track")
+                ]
+                for i in range(organism.num_modules)
+            ]
+        )
+
+    @property
+    def num_modules(self) -> int:
+        """Number of modules."""
+        return self.organism.num_modules
+
+    @property
+    def num_hinges(self) -> int:
+        """Number of working hinges."""
+        return len(self.hinge_qpos)
+
+    def view(self, data: mujoco.MjData) -> Physics:
+        """Return a single simulation as a batch of one, without copying where the modules' bodies follow."""
+        return Physics(
+            data.qpos[None],
+            data.qvel[None],
+            data.xpos[None][:, self.bodies],
+            data.xmat[None][:, self.bodies],
+            data.sensordata[None],
+            data.actuator_force[None],
+        )
+
+    def lay_down(self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+        """Return qpos `[nq]` of a body at rest on the ground at the start, bent as the ground is.
+
+        Args:
+            offset: the start moved along the route [m].
+            lateral: and to its left [m].
+            yaw: the body turned about its head [rad].
+        """
+        route, organism = self.route, self.organism
+        poses = organism.find_poses()
+        head_x, head_y = (float(v) for v in route.place(route.start + offset, lateral))
+        heading = route.heading + yaw
+        qpos = self.model.qpos0.copy()
+        is_snake = organism == snake(organism.num_modules, organism.scout)
+        back = np.arange(-0.2, (organism.num_modules + 1) * organism.scout.pitch + 0.2, _SAMPLES)
+        x, y = head_x - np.cos(heading) * back, head_y - np.sin(heading) * back
+        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
+        if is_snake:
+            z, pitch, hinges = _follow_ground(back, heights, organism)
+            qpos[self.hinge_qpos] = hinges
+        else:
+            pitch = 0.0
+            world = [
+                (
+                    head_x + np.cos(heading) * p.x - np.sin(heading) * p.y,
+                    head_y + np.sin(heading) * p.x + np.cos(heading) * p.y,
+                )
+                for p in poses
+            ]
+            xy = np.array(world)
+            spots = np.concatenate([xy + d for d in ([0.06, 0], [-0.06, 0], [0, 0.06], [0, -0.06], [0, 0])])
+            z = (
+                float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
+                + organism.scout.size[2] / 2
+                + _LIFT
+            )
+        qpos[:3] = head_x, head_y, z
+        qpos[3:7] = _make_quaternion(heading, pitch)
+        return qpos
+
+    def _find_heights(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return ground heights; beyond the rim, the nearest known one along the line."""
+        heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
+        known = np.flatnonzero(np.isfinite(heights))
+        if not len(known):
+            raise ArenaError(
+                f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self.arena.name!r}"
+            )
+        return np.interp(np.arange(len(heights)), known, heights[known])
+
+
+def find_arena(config: SnakePitConfig) -> Arena:
+    """Return the arena of the options; `pit` resizes the arenas made in code.
+
+    Raises:
+        ArenaError: there is no such arena, or its pit cannot be resized.
+    """
+    arena = config.arena
+    if isinstance(arena, Arena):
+        if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
+            raise ArenaError(f"the pit of a ready arena cannot be set to {config.pit}; build another arena")
+        return arena
+    if not isinstance(arena, str | Path):
+        raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
+    if config.pit is None:
+        return load_arena(arena)
+    if arena in ("truth", "simple"):
+        return load_arena(arena, course=Course(pit=config.pit))
+    loaded = load_arena(arena)
+    if getattr(loaded.course, "pit", None) != config.pit:
+        raise ArenaError(
+            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with 'truth' and 'simple' only"
+        )
+    return loaded
+
+
+def find_organism(config: SnakePitConfig, friction: float) -> Organism:
+    """Return the body of the options.
+
+    Raises:
+        OrganismError: neither a number of modules nor an Organism.
+    """
+    if isinstance(config.modules, Organism):
+        return config.modules
+    if not isinstance(config.modules, int | np.integer):
+        raise OrganismError(f"modules must be a number or an Organism, got {config.modules!r}")
+    scout = ScoutConfig(
+        friction=friction,
+        hinge_torque=config.hinge_torque,
+        track_speed=config.track_speed,
+        tracks=config.tracks,
+    )
+    return snake(int(config.modules), scout)
+
+
+def _roll_over(heights: np.ndarray, radius: float) -> np.ndarray:
+    """Return how high the centre of a disc rolls over ground heights sampled every `_SAMPLES`."""
+    reach = int(radius / _SAMPLES)
+    padded = np.pad(heights, reach, mode="edge")
+    shift = np.arange(-reach, reach + 1)
+    rise = np.sqrt(np.maximum(radius**2 - (shift * _SAMPLES) ** 2, 0.0))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    return (windows + rise).max(axis=1)
+
+
+def _follow_ground(
+    back: np.ndarray, heights: np.ndarray, organism: Organism
+) -> tuple[float, float, np.ndarray]:
+    """Lay a snake on a height line, head at 0; return head height, head pitch and hinge angles."""
+    pitch, count = organism.scout.pitch, organism.num_modules
+    s, z = np.zeros(count + 1), np.zeros(count + 1)
+    z[0] = np.interp(0.0, back, heights)
+    for i in range(1, count + 1):
+        step = pitch
+        for _ in range(8):
+            z[i] = np.interp(s[i - 1] + step, back, heights)
+            step = np.sqrt(max(pitch**2 - (z[i] - z[i - 1]) ** 2, (0.2 * pitch) ** 2))
+        s[i] = s[i - 1] + step
+    nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
+    limit = organism.scout.hinge_range
+    return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
+
+
+def _make_quaternion(heading: float, nose_up: float) -> np.ndarray:
+    """Return the rotation by `heading` about z after lifting the nose by `nose_up`."""
+    ch, sh, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(nose_up / 2), -np.sin(nose_up / 2)
+    return np.array([ch * cp, -sh * sp, ch * sp, sh * cp])
