@@ -1,0 +1,206 @@
+"""From points to a surface by one call, and the surface as something that goes on learning."""
+
+import dataclasses
+import json
+import os
+import zipfile
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike
+
+from reconstruction import growing_grid, gsrm
+from reconstruction.compilation import keep_compiled_programs
+from reconstruction.errors import ReconstructionError
+from reconstruction.orientation import orient_outwards
+from reconstruction.point_check import check_number, check_points
+from reconstruction.progress import Progress, silent
+from reconstruction.quality import Quality, measure_quality
+
+FORMAT = "symbrion reconstruction"
+VERSION = 1
+METHODS: dict[str, tuple[ModuleType, Any]] = {
+    "gsrm": (gsrm, gsrm.GSRMConfig),
+    "gg": (growing_grid, growing_grid.GrowingGridConfig),
+}
+
+
+def reconstruct(
+    points: ArrayLike,
+    method: str = "gsrm",
+    units: int = 2200,
+    seed: int = 0,
+    mode: str = "batch",
+    progress: Progress = silent,
+    viewpoint: ArrayLike | None = None,
+    **options: Any,
+) -> "Reconstruction":
+    """Let a self-organising network grow over a point cloud and return its surface.
+
+    Args:
+        points: `[N, 3]` positions [m], any real number type; about 20 for each unit are good.
+        method: "gsrm" (growing self-reconstruction map: any topology) or "gg" (growing grid: one sheet).
+        units: neurons wanted, the resolution.
+        seed: equal seeds give equal meshes, byte for byte.
+        mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
+        progress: told how far it is.
+        viewpoint: `[3]` or `[K, 3]` where the scanner stood; the normals point there. Else upwards, or
+            outwards for closed surfaces.
+        options: further fields of `GSRMConfig` or `GrowingGridConfig`, such as `triangles=13860` for "gg".
+
+    Raises:
+        ReconstructionError: the points hold no surface, or an argument is out of its range.
+    """
+    cloud = check_points(points)
+    network, config_type = _find_method(method)
+    chosen = options if mode == "batch" else {"mode": mode, **options}
+    config = _make_config(config_type, {"units": units, **chosen})
+    check_number(cloud, getattr(config, "wanted_units", config.units))
+    keep_compiled_programs()
+    state = network.train(cloud, config, _check_seed(seed), progress)
+    return Reconstruction(method, config, state, cloud, _check_viewpoint(viewpoint))
+
+
+class Reconstruction:
+    """A network that has learnt a surface: its mesh, its quality, and what it takes to learn on.
+
+    Attributes:
+        method: "gsrm" or "gg".
+        config: the network's configuration.
+        state: the network itself, plain arrays.
+        points: `[N, 3]` the cloud it knows [m].
+        viewpoint: where the scanner stood, or None.
+        mesh: the surface; consistently wound, normals up, outwards or towards the scanner.
+    """
+
+    def __init__(
+        self, method: str, config: Any, state: Any, points: np.ndarray, viewpoint: np.ndarray | None
+    ):
+        """Wrap a network; `reconstruct` and `load` are the ways to get one."""
+        self.method = method
+        self.config = config
+        self.state = state
+        self.points = points
+        self.viewpoint = viewpoint
+        self.mesh = _make_mesh(state.units.reshape(-1, 3), state.faces, viewpoint)
+
+    def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
+        """Measure the mesh against its cloud, and against the true surface where it is known."""
+        return measure_quality(self.mesh, self.points, truth)
+
+    def refine(self, new_points: ArrayLike, seed: int = 0, progress: Progress = silent) -> "Reconstruction":
+        """Return the same network after it has learnt from new readings; this one stays as it is.
+
+        What has moved moves, new parts grow, parts that are no longer there go; the rest stays put.
+
+        Args:
+            new_points: `[N, 3]` readings made since [m].
+            seed: of the order of the signals.
+            progress: told how far it is.
+
+        Raises:
+            ReconstructionError: the points are no points.
+        """
+        cloud = check_points(new_points)
+        network, _ = _find_method(self.method)
+        keep_compiled_programs()
+        state, points = network.refine(
+            self.state, self.points, cloud, self.config, _check_seed(seed), progress
+        )
+        return Reconstruction(self.method, self.config, state, points, self.viewpoint)
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write the network as plain arrays (.npz, no pickle); the file appears whole or not at all."""
+        path = Path(path)
+        header = {
+            "format": FORMAT,
+            "version": VERSION,
+            "method": self.method,
+            "config": dataclasses.asdict(self.config),
+        }
+        arrays: dict[str, Any] = {
+            f"state_{name}": np.asarray(value) for name, value in self.state._asdict().items()
+        }
+        arrays["points"] = self.points
+        if self.viewpoint is not None:
+            arrays["viewpoint"] = self.viewpoint
+        beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            with beside.open("wb") as file:
+                np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+            os.replace(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> "Reconstruction":
+        """Read what `save` wrote.
+
+        Raises:
+            ReconstructionError: no such file, not such a file, or of a newer version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            header = json.loads(str(arrays.pop("header")))
+        except (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+            raise ReconstructionError(f"{path} is not a saved reconstruction: {error}") from error
+        if header.get("format") != FORMAT or header.get("version", VERSION + 1) > VERSION:
+            raise ReconstructionError(
+                f"{path} is {header.get('format')!r} of version {header.get('version')}; "
+                f"this program reads {FORMAT!r} up to version {VERSION}"
+            )
+        try:
+            network, config_type = _find_method(header["method"])
+            config = _make_config(config_type, header["config"])
+            state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
+            return cls(header["method"], config, state, arrays["points"], arrays.get("viewpoint"))
+        except (KeyError, TypeError) as error:
+            raise ReconstructionError(f"{path} lacks {error}; was it written by another version?") from error
+
+
+def _find_method(method: str) -> tuple[ModuleType, Any]:
+    if method not in METHODS:
+        raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
+    return METHODS[method]
+
+
+def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
+    """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
+    known = {field.name for field in dataclasses.fields(config_type)}
+    unknown = sorted(set(values) - known)
+    if unknown:
+        raise ReconstructionError(
+            f"unknown option {', '.join(unknown)}; there are {', '.join(sorted(known))}"
+        )
+    units = values.get("units")
+    if isinstance(units, bool) or not isinstance(units, int | np.integer):
+        raise ReconstructionError(f"units must be a whole number, got {units!r}")
+    return config_type(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+
+
+def _check_seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ReconstructionError(f"seed must be a whole number from 0 on, got {seed!r}")
+    return int(seed)
+
+
+def _check_viewpoint(viewpoint: ArrayLike | None) -> np.ndarray | None:
+    if viewpoint is None:
+        return None
+    array = np.asarray(viewpoint, dtype=np.float64)
+    if array.shape[-1:] != (3,) or array.ndim > 2 or not np.isfinite(array).all():
+        raise ReconstructionError(
+            f"viewpoint must be one or more finite positions x, y, z, got {viewpoint!r}"
+        )
+    return array
+
+
+def _make_mesh(units: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | None) -> trimesh.Trimesh:
+    """Return the oriented mesh of the units that have a face."""
+    used, flat = np.unique(faces, return_inverse=True)
+    vertices, faces = units[used], flat.reshape(-1, 3)
+    return trimesh.Trimesh(vertices, orient_outwards(vertices, faces, viewpoint), process=False)
