@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import small_gicp
+from scipy.linalg import solveh_banded
 
 from reconstruction.errors import ScanError
+from reconstruction.preprocess import find_jumps
 from reconstruction.progress import Progress, silent
 from reconstruction.scan import Array, HorizontalScans, ScanLog, make_pose, planar_pose
 
-_LAYERS = np.array([-0.06, 0.0, 0.06])
-"""A scan is drawn at three heights, so that a wall's covariance is a wall's in 3-D."""
+_LAYERS = np.array([-0.04, 0.0, 0.04])
+"""The map is drawn at three heights [m], so that a wall's normal is a wall's in 3-D as well."""
 
 
 def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
-    """Return the log with poses from scan matching, and with the errors in its report where the truth is known.
+    """Return the log with poses from scan matching, and with its errors reported where the truth is known.
 
-    Every horizontal scan is matched (GICP) to a map of earlier key scans, starting where the odometry says; then all of
-    them once more to the finished map. Three degrees of freedom, x, y and yaw, are kept.
+    Three degrees of freedom, x, y and yaw of the robot's foot, are found; levelling finds a fourth (see
+    `level_floor`).
 
     Raises:
         ScanError: the log has no horizontal scans.
@@ -26,7 +28,7 @@ def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
         raise ScanError(
             "the log has no horizontal scans to localise the robot by; give poses with the ScanLog"
         )
-    ground = (log.poses @ np.linalg.inv(log.mount))[0, 2, 3] if len(log.poses) else 0.0
+    ground = (log.poses @ np.linalg.inv(log.mount))[:, 2, 3]
     planar = match_scans(log.horizontal, progress=progress)
     robot = make_pose(*planar.T)
     robot[:, 2, 3] = ground
@@ -49,37 +51,100 @@ def judge_localisation(planar: Array, true: Array) -> dict[str, float]:
 
 
 def match_scans(
-    scans: HorizontalScans, key_distance: float = 0.4, key_angle: float = 0.35, progress: Progress = silent
+    scans: HorizontalScans,
+    *,
+    num_passes: int = 3,
+    key_distance: float = 0.4,
+    key_angle: float = 0.35,
+    progress: Progress = silent,
 ) -> Array:
-    """Match horizontal scans to a growing map, then to the finished one; returns x, y, yaw `[S, 3]` in the world."""
+    """Match horizontal scans to a map that grows with them, then to the finished map; returns `[S, 3]` x, y, yaw.
+
+    First pass: a scan starts where the odometry leads from the one before, is matched (point to plane, small_gicp) to
+    the map of the key scans so far, and becomes one where the robot has gone on by `key_distance` [m] or
+    `key_angle` [rad]. Every further pass matches all scans to the map of all key scans. After each pass the track is
+    fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does not.
+    """
     count = len(scans.ranges)
-    planar = np.empty((count, 3))
-    planar[:1] = scans.start
-    points = [_scan_points(scans, i) for i in range(count)]
-    keys = [0]
-    target = _make_map([_move(points[0], planar[0])])
+    if not count:
+        return np.empty((0, 3))
+    points = _find_wall_points(scans)
+    planar, keys = np.tile(scans.start, (count, 1)), [0]
+    target = _make_map(points, planar, keys)
     for i in range(1, count):
-        guess = _compose(planar[i - 1], _between(scans.odometry[i - 1], scans.odometry[i]))
-        planar[i] = _align(target, points[i], guess)
-        step = planar[i] - planar[keys[-1]]
-        if np.hypot(*step[:2]) > key_distance or abs(step[2]) > key_angle:
+        step = _between(scans.odometry[i - 1], scans.odometry[i])
+        planar[i] = _align(target, points[i], _compose(planar[i - 1], step), reach=0.15)
+        gone = planar[i] - planar[keys[-1]]
+        if np.hypot(*gone[:2]) > key_distance or abs(gone[2]) > key_angle:
             keys.append(i)
-            target = _make_map([_move(points[k], planar[k]) for k in keys])
+            target = _make_map(points, planar, keys)
         if i % 50 == 0:
-            progress("localising", 0.5 * i / count)
-    target = _make_map([_move(points[k], planar[k]) for k in keys])
-    for i in range(count):
-        planar[i] = _align(target, points[i], planar[i])
-        if i % 50 == 0:
-            progress("localising", 0.5 + 0.5 * i / count)
+            progress("localising", i / count / num_passes)
+    planar = _anchor(fuse_odometry(planar, scans.odometry), scans.start)
+    for k in range(1, num_passes):
+        target = _make_map(points, planar, range(0, count, max(1, count // 300)))
+        planar = np.stack(
+            [_align(target, p, guess, reach=0.06) for p, guess in zip(points, planar, strict=True)]
+        )
+        planar = _anchor(fuse_odometry(planar, scans.odometry), scans.start)
+        progress("localising", (k + 1) / num_passes)
     return planar
 
 
-def _scan_points(scans: HorizontalScans, i: int) -> Array:
-    ranges = scans.ranges[i]
-    good = np.isfinite(ranges)
-    ends = np.stack([ranges * np.cos(scans.angles), ranges * np.sin(scans.angles)], axis=1)[good]
-    return ends @ scans.mount[:2, :2].T + scans.mount[:2, 3]
+def fuse_odometry(
+    planar: Array, odometry: Array, sway: float = 0.005, yaw_noise: float = 0.001, slip: float = 0.005
+) -> Array:
+    """Smooth matched poses `[S, 3]` by the odometry's steps.
+
+    Minimises ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all
+    positions x, z the matched ones and u the steps of the wheels: a tridiagonal system, exact. Likewise for yaw.
+
+    Args:
+        planar: matched x, y, yaw.
+        odometry: x, y, yaw as the wheels count them.
+        sway: standard deviation of the scanner's sway about the foot, and the matching's error [m].
+        yaw_noise: standard deviation of the matched yaw [rad].
+        slip: standard deviation of the wheels' error after one metre [m] (and [rad]); it grows with the square root.
+    """
+    if len(planar) < 3:
+        return planar
+    step, turn = np.diff(odometry[:, :2], axis=0), np.diff(odometry[:, 2])
+    error = slip**2 * (np.hypot(*step.T) + 0.2 * np.abs(turn)) + 1e-10
+    yaw = _smooth_track(planar[:, 2:], turn[:, None], yaw_noise**2 / error)[:, 0]
+    lead = yaw[:-1] - odometry[:-1, 2]
+    c, s = np.cos(lead), np.sin(lead)
+    step = np.stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]], axis=1)
+    return np.c_[_smooth_track(planar[:, :2], step, sway**2 / error), yaw]
+
+
+def _smooth_track(measured: Array, steps: Array, weight: Array) -> Array:
+    bands = np.zeros((2, len(measured)))
+    bands[0, 1:] = -weight
+    bands[1] = 1.0
+    bands[1, 1:] += weight
+    bands[1, :-1] += weight
+    pull = np.zeros_like(measured)
+    pull[1:] += weight[:, None] * steps
+    pull[:-1] -= weight[:, None] * steps
+    return solveh_banded(bands, measured + pull)
+
+
+def _anchor(planar: Array, start: Array) -> Array:
+    """Move and turn the whole track so that it begins at the start."""
+    moved = _move(planar[:, :2] - planar[0, :2], np.array([*start[:2], start[2] - planar[0, 2]]))
+    return np.c_[moved, planar[:, 2] + start[2] - planar[0, 2]]
+
+
+def _find_wall_points(scans: HorizontalScans) -> list[Array]:
+    """End points in the robot's plane, scan by scan, without those at edges."""
+    jumps = np.pad(find_jumps(scans.ranges), ((0, 0), (1, 1)), constant_values=True)
+    good = np.isfinite(scans.ranges) & ~jumps[:, 1:] & ~jumps[:, :-1]
+    beams = np.stack([np.cos(scans.angles), np.sin(scans.angles)], axis=1)
+    found = []
+    for ranges, is_good in zip(scans.ranges, good, strict=True):
+        ends = ranges[is_good, None] * beams[is_good]
+        found.append(ends @ scans.mount[:2, :2].T + scans.mount[:2, 3])
+    return found
 
 
 def _move(points: Array, planar: Array) -> Array:
@@ -92,36 +157,39 @@ def _compose(planar: Array, step: Array) -> Array:
 
 
 def _between(a: Array, b: Array) -> Array:
+    """The step from planar pose a to b, as seen from a."""
     c, s = np.cos(a[2]), np.sin(a[2])
-    return np.array([c * (b - a)[0] + s * (b - a)[1], -s * (b - a)[0] + c * (b - a)[1], b[2] - a[2]])
+    d = b - a
+    return np.array([c * d[0] + s * d[1], -s * d[0] + c * d[1], d[2]])
 
 
-def _raise(points: Array) -> Array:
-    return np.concatenate([np.c_[points, np.full(len(points), z)] for z in _LAYERS])
-
-
-def _make_map(scans: list[Array]) -> tuple:
-    cloud = small_gicp.PointCloud(_raise(_thin(np.concatenate(scans), 0.03)))
-    tree = small_gicp.KdTree(cloud)
-    small_gicp.estimate_covariances(cloud, tree, num_neighbors=15)
-    return cloud, tree
-
-
-def _thin(points: Array, cell: float) -> Array:
+def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03) -> tuple:
+    """Lay the key scans on each other, average them in cells, and find the walls' normals."""
+    cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
+    grid = np.floor(cloud / cell).astype(np.int64)
+    grid -= grid.min(axis=0)
     _, index, counts = np.unique(
-        np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+        grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
     )
-    index = index.ravel()
-    return np.stack([np.bincount(index, points[:, k]) / counts for k in range(2)], axis=1)
+    means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
+    raised = small_gicp.PointCloud(np.concatenate([np.c_[means, np.full(len(means), z)] for z in _LAYERS]))
+    tree = small_gicp.KdTree(raised)
+    small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=15)
+    return raised, tree
 
 
-def _align(target: tuple, points: Array, guess: Array) -> Array:
-    source = small_gicp.PointCloud(_raise(points))
-    small_gicp.estimate_covariances(source, small_gicp.KdTree(source), num_neighbors=10)
+def _align(target: tuple, points: Array, guess: Array, reach: float) -> Array:
+    source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])
     result = small_gicp.align(
-        target[0], source, target[1], make_pose(*guess), max_correspondence_distance=0.15,
-        rotation_epsilon=1e-5, translation_epsilon=1e-5, max_iterations=20,
-    )  # fmt: skip
-    planar = planar_pose(result.T_target_source[None])[0]
-    planar[2] = guess[2] + (planar[2] - guess[2] + np.pi) % (2 * np.pi) - np.pi
-    return planar
+        target[0],
+        source,
+        target[1],
+        make_pose(*guess),
+        registration_type="PLANE_ICP",
+        max_correspondence_distance=reach,
+        rotation_epsilon=1e-5,
+        translation_epsilon=1e-4,
+        max_iterations=15,
+    )
+    x, y, yaw = planar_pose(result.T_target_source[None])[0]
+    return np.array([x, y, guess[2] + (yaw - guess[2] + np.pi) % (2 * np.pi) - np.pi])

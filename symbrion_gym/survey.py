@@ -34,6 +34,7 @@ class SurveyRobot:
         speed: driving speed [m/s].
         turn_rate: turning speed on the spot [rad/s].
         scan_rate: scans a second [Hz]; the LMS 200 reaches 75 Hz at one degree, 37.5 Hz at half a degree.
+        rest: standing still at the start [s]: the sway averages out of the first place.
         mast: height of the vertical scanner above the ground [m]; more over high arenas, see `survey`.
         tilt: its middle beam points to the right and this far below the horizon [rad]; at 60 degrees it sees the ground on
             both sides of the robot, which levelling needs.
@@ -46,9 +47,10 @@ class SurveyRobot:
     """
 
     scanner: LaserScanner = field(default_factory=LaserScanner)
-    speed: float = 0.3
+    speed: float = 0.25
     turn_rate: float = 1.0
-    scan_rate: float = 15.0
+    scan_rate: float = 20.0
+    rest: float = 2.0
     mast: float = 1.6
     tilt: float = np.pi / 3
     low_height: float = 0.4
@@ -171,7 +173,7 @@ def drive(waypoints: np.ndarray, robot: SurveyRobot) -> np.ndarray:
     legs = np.diff(waypoints, axis=0)
     yaws = np.arctan2(legs[:, 1], legs[:, 0])
     yaws = yaws[0] + np.concatenate([[0.0], np.cumsum((np.diff(yaws) + np.pi) % (2 * np.pi) - np.pi)])
-    times, knots = [0.0], [[*waypoints[0], yaws[0]]]
+    times, knots = [0.0, robot.rest], [[*waypoints[0], yaws[0]]] * 2
     for i, leg in enumerate(legs):
         if i:
             times.append(times[-1] + abs(yaws[i] - yaws[i - 1]) / robot.turn_rate)
