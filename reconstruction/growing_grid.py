@@ -247,7 +247,7 @@ def _nearest_shape(
 def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> tuple[np.ndarray, np.ndarray]:
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
-    units, counts = learn(points, start_grid(points), sigma=0.3, iterations=FIRST_ITERATIONS)
+    units, counts = learn(points, start_grid(points), sigma=0.3, iterations=1)
     num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
     for current in range(1, num_rounds + 1):
         progress("grow", 0.8 * current / num_rounds)
