@@ -52,7 +52,7 @@ def find_declination(log: ScanLog, max_tilt: float = np.radians(4.0), tolerance:
     """Find the declination of the floor's line in every scan, `[S]` [rad], seen along the scan's normal."""
     u, v = _plane_coordinates(log)
     slope = np.where(np.abs(u) > 0.2, v / u, np.nan)
-    weight = np.where(np.abs(slope) < np.tan(max_tilt), np.minimum(u * u, 9.0), 0.0)
+    weight = np.where(np.abs(slope) < np.tan(max_tilt), np.minimum(np.abs(u), 1.0), 0.0)
     bins = 40
     index = np.nan_to_num((slope / np.tan(max_tilt) + 1) / 2 * bins).clip(0, bins - 1).astype(np.int64)
     index += bins * np.arange(len(u))[:, None]
