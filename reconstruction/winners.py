@@ -32,12 +32,14 @@ class Tiles(NamedTuple):
         order: `[T, S]` int32 index of each slot's sample.
         is_real: `[T, S]` False in padded slots: they must not count.
         centers: `[T, 3]` middle of each tile's bounding box.
+        tree: the k-d tree of all slots that the tiles are the leaves of.
     """
 
     samples: np.ndarray
     order: np.ndarray
     is_real: np.ndarray
     centers: np.ndarray
+    tree: cKDTree
 
 
 def make_tiles(samples: np.ndarray, tile_size: int = TILE_SIZE) -> Tiles:
@@ -57,10 +59,11 @@ def make_tiles(samples: np.ndarray, tile_size: int = TILE_SIZE) -> Tiles:
     repeated = np.linspace(0, num_samples - 1, padding).astype(np.int64)
     slots = np.concatenate([np.arange(num_samples), repeated])
     # A balanced k-d tree halves at the median: its leaves, in order, are the tiles.
-    leaves = cKDTree(samples[slots], leafsize=num_slots // num_tiles).indices.reshape(num_tiles, -1)
+    tree = cKDTree(samples[slots], leafsize=num_slots // num_tiles)
+    leaves = tree.indices.reshape(num_tiles, -1)
     inside = samples[slots[leaves]]
     centers = (inside.max(axis=1) + inside.min(axis=1)) / 2
-    return Tiles(inside, slots[leaves].astype(np.int32), leaves < num_samples, centers)
+    return Tiles(inside, slots[leaves].astype(np.int32), leaves < num_samples, centers, tree)
 
 
 def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:
