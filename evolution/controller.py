@@ -70,17 +70,25 @@ class Controller:
         """Where a search begins: in the middle, a body that follows no law."""
         return (0.0,) * len(self.parameters)
 
-    def act(self, observation: np.ndarray, genotype: np.ndarray, structure: Structure) -> np.ndarray:
+    def act(
+        self,
+        observation: np.ndarray,
+        genotype: np.ndarray,
+        structure: Structure,
+        position: np.ndarray | float = 0.0,
+    ) -> np.ndarray:
         """Return actions in [-1, 1]: hinge targets as a share of the hinge's range.
 
         Args:
             observation: `[P, O]`, or `[O]`.
             genotype: `[P, G]`, or `[G]` for all.
             structure: where each quantity lies in an observation.
+            position: of the head along the course, `[P]` or a number [m]; only "travelling" reads it.
         """
         rows = np.atleast_2d(observation)
         genes = np.broadcast_to(np.atleast_2d(genotype), (len(rows), len(self.parameters)))
         sensed = {name: np.asarray(rows[:, structure[name]], dtype=float) for name in self.sensors}
+        sensed["position"] = np.broadcast_to(np.reshape(position, (-1, 1)), (len(rows), 1))
         action = np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0)
         return action if np.ndim(observation) == 2 else action[0]
 
@@ -121,7 +129,7 @@ def travelling(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
     knots along the course, joined by straight lines, 0 beyond them.
     """
     count = sensed["hinge_angle"].shape[1]
-    places = sensed["odometry"][:, :1] - (np.arange(count) + 0.5) * MODULE_PITCH
+    places = sensed["position"] - (np.arange(count) + 0.5) * MODULE_PITCH
     position = (places - KNOTS[0]) / (KNOTS[1] - KNOTS[0])
     padded = np.pad(genotype, ((0, 0), (1, 1)))
     left = np.clip(np.floor(position), -1, len(KNOTS) - 1).astype(int)
@@ -177,7 +185,7 @@ def make_controller(name: str, modules: int) -> Controller:
         return Controller(name, modules, REACTIVE, ("pitch", "contact"), reactive)
     if name == "travelling":
         knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        return Controller(name, modules, knots, ("hinge_angle", "odometry"), travelling)
+        return Controller(name, modules, knots, ("hinge_angle",), travelling)
     if name == "posture":
         hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
         return Controller(name, modules, hinges, ("hinge_angle",), posture)

@@ -114,9 +114,8 @@ class Strategy:
             self._strategy.tell(list(genotypes), costs)
             if self._noise is not None and again:
                 self._noise.fit = costs
-                self._noise.fitre = [
-                    -again[index] if index in again else cost for index, cost in enumerate(costs)
-                ]
+                again_costs = {index: -value for index, value in again.items()}
+                self._noise.fitre = [again_costs.get(index, cost) for index, cost in enumerate(costs)]
                 self._noise.idx = np.array(sorted(again))
                 self._noise.update_measure()
                 self._strategy.sigma *= self._noise.treat()
