@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import small_gicp
 from scipy.linalg import solveh_banded
+from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.preprocess import find_jumps
@@ -13,6 +14,10 @@ from reconstruction.scan import Array, HorizontalScans, ScanLog, make_pose, plan
 
 _LAYERS = np.array([-0.04, 0.0, 0.04])
 """The map is drawn at three heights [m], so that a wall's normal is a wall's in 3-D as well."""
+
+
+_LINE_REACH = 0.15
+_MIN_MAP = 20
 
 
 def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
@@ -53,17 +58,19 @@ def judge_localisation(planar: Array, true: Array) -> dict[str, float]:
 def match_scans(
     scans: HorizontalScans,
     *,
-    num_passes: int = 3,
+    num_rounds: int = 8,
     key_distance: float = 0.4,
     key_angle: float = 0.35,
     progress: Progress = silent,
 ) -> Array:
-    """Match horizontal scans to a map that grows with them, then to the finished map; returns `[S, 3]` x, y, yaw.
+    """Match horizontal scans to a map of their own making; returns x, y, yaw `[S, 3]`.
 
-    First pass: a scan starts where the odometry leads from the one before, is matched (point to plane, small_gicp) to
-    the map of the key scans so far, and becomes one where the robot has gone on by `key_distance` [m] or
-    `key_angle` [rad]. Every further pass matches all scans to the map of all key scans. After each pass the track is
-    fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does not.
+    1. A scan starts where the odometry leads from the one before, is matched (point to plane, small_gicp) to the map
+       of the key scans so far, and becomes one where the robot has gone on by `key_distance` [m] or `key_angle` [rad].
+    2. Some 400 scans are matched to the map of them all, `num_rounds` times over: the map settles, its loop closes.
+    3. Every scan is matched to the settled map.
+    4. The track is fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does not;
+       and the whole is moved so that it begins at the start.
     """
     count = len(scans.ranges)
     if not count:
@@ -79,20 +86,19 @@ def match_scans(
             keys.append(i)
             target = _make_map(points, planar, keys)
         if i % 50 == 0:
-            progress("localising", i / count / num_passes)
-    planar = _anchor(fuse_odometry(planar, scans.odometry), scans.start)
-    for k in range(1, num_passes):
-        target = _make_map(points, planar, range(0, count, max(1, count // 300)))
-        planar = np.stack(
-            [_align(target, p, guess, reach=0.06) for p, guess in zip(points, planar, strict=True)]
-        )
-        planar = _anchor(fuse_odometry(planar, scans.odometry), scans.start)
-        progress("localising", (k + 1) / num_passes)
-    return planar
+            progress("localising: first pass", 0.4 * i / count)
+    keys = list(range(0, count, max(1, count // 400)))
+    for k in range(num_rounds):
+        target = _make_map(points, planar, keys)
+        planar[keys] = [_align(target, points[i], planar[i], reach=0.06) for i in keys]
+        progress("localising: settling the map", 0.4 + 0.3 * k / num_rounds)
+    target = _make_map(points, planar, keys)
+    planar = np.stack([_align(target, p, guess, reach=0.06) for p, guess in zip(points, planar, strict=True)])
+    return _anchor(fuse_odometry(planar, scans.odometry), scans.start)
 
 
 def fuse_odometry(
-    planar: Array, odometry: Array, sway: float = 0.005, yaw_noise: float = 0.001, slip: float = 0.005
+    planar: Array, odometry: Array, sway: float = 0.004, yaw_noise: float = 0.001, slip: float = 0.005
 ) -> Array:
     """Smooth matched poses `[S, 3]` by the odometry's steps.
 
@@ -164,7 +170,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03) -> tuple:
-    """Lay the key scans on each other, average them in cells, and find the walls' normals."""
+    """Lay the key scans on each other, average them in cells, draw the cells onto the walls' lines, find normals."""
     cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
     grid = np.floor(cloud / cell).astype(np.int64)
     grid -= grid.min(axis=0)
@@ -172,10 +178,30 @@ def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell:
         grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
     )
     means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
-    raised = small_gicp.PointCloud(np.concatenate([np.c_[means, np.full(len(means), z)] for z in _LAYERS]))
+    walls = _draw_onto_lines(means, counts)
+    raised = small_gicp.PointCloud(np.concatenate([np.c_[walls, np.full(len(walls), z)] for z in _LAYERS]))
     tree = small_gicp.KdTree(raised)
     small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=15)
     return raised, tree
+
+
+def _draw_onto_lines(points: Array, weights: Array, num_neighbors: int = 12) -> Array:
+    """Move points `[N, 2]` onto the line through their neighbours, and drop those at corners.
+
+    A map as thick as the noise holds scans where they are: a point finds its own error in it.
+    """
+    num_neighbors = min(num_neighbors, len(points))
+    distance, near = cKDTree(points).query(points, num_neighbors)
+    weight = weights[near] * (distance < _LINE_REACH)
+    total = weight.sum(axis=1)
+    centre = np.einsum("nk,nki->ni", weight, points[near]) / total[:, None]
+    offset = points[near] - centre[:, None]
+    spread = np.einsum("nk,nki,nkj->nij", weight, offset, offset) / total[:, None, None]
+    values, vectors = np.linalg.eigh(spread)
+    normal = vectors[:, :, 0]
+    drawn = points - ((points - centre) * normal).sum(axis=1, keepdims=True) * normal
+    is_line = (values[:, 0] < 0.05 * values[:, 1]) & (total >= 3)
+    return drawn[is_line] if is_line.sum() >= _MIN_MAP else drawn
 
 
 def _align(target: tuple, points: Array, guess: Array, reach: float) -> Array:

@@ -50,10 +50,10 @@ class SurveyRobot:
     speed: float = 0.25
     turn_rate: float = 1.0
     scan_rate: float = 20.0
-    rest: float = 2.0
+    rest: float = 4.0
     mast: float = 1.6
     tilt: float = np.pi / 3
-    low_height: float = 0.4
+    low_height: float = 0.3
     shake: float = np.radians(0.7)
     shake_memory: float = 0.5
     distance_drift: float = 0.01
