@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +12,14 @@ import mujoco
 import numpy as np
 import trimesh
 
-from symbrion_gym.arena_quality import ArenaQuality
+from reconstruction.progress import Progress, silent
+from symbrion_gym.arena_quality import ArenaQuality, measure_arena
 from symbrion_gym.arena_spec import make_arena_spec
 from symbrion_gym.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym.elevation import Elevation
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.planes import find_planes
+from symbrion_gym.slabs import make_slabs
 
 NAMED_ARENAS = ("truth", "simple", "stairs", "gsrm", "gg")
 
@@ -70,6 +74,48 @@ class Arena:
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
         return make_arena_spec(self)
+
+
+def make_arena(
+    mesh: trimesh.Trimesh | str | Path,
+    *,
+    accuracy: float = 0.003,
+    max_pieces: int = 64,
+    kind: str = "convex",
+    course: Course | StairsCourse | None = None,
+    name: str | None = None,
+    friction: float | None = None,
+    thickness: float = 0.2,
+    progress: Progress = silent,
+) -> Arena:
+    """Make an arena of a surface: convex pieces to touch that follow it, and the surface itself to see.
+
+    Args:
+        mesh: a terrain open at its rim or a closed body, or a file of it; metres, z up.
+        accuracy: distance between pieces and surface that is good enough [m].
+        max_pieces: no more contact pieces than these.
+        kind: contact geometry.
+        course: the course that was scanned, where it is known: its pit edges, start and goal are kept.
+        name: what to call it; the file's name unless given.
+        friction: sliding friction; the course's, or 0.7, unless given.
+        thickness: how far pieces reach below the lowest ground [m].
+        progress: called with what is being done and the share done.
+
+    Raises:
+        ArenaError: the mesh cannot be used.
+    """
+    if not isinstance(mesh, trimesh.Trimesh):
+        path = Path(mesh)
+        name = name or path.stem
+        mesh = trimesh.load_mesh(path)
+    start = time.perf_counter()
+    progress("planes", 0.1)
+    pieces = make_slabs(mesh, find_planes(mesh, accuracy), accuracy, max_pieces, thickness)
+    progress("quality", 0.9)
+    quality = measure_arena(pieces, mesh, seconds=time.perf_counter() - start)
+    if friction is None:
+        friction = course.friction if course is not None else 0.7
+    return Arena(name or "arena", pieces, mesh, quality, friction, course, kind)
 
 
 def load_arena(name: str | Path, course: Course | StairsCourse | None = None) -> Arena:

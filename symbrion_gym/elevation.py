@@ -10,18 +10,20 @@ _EDGE_TOLERANCE = 1e-9
 
 
 class Elevation:
-    """The highest point of a mesh above every (x, y): a uniform grid of triangle lists, built once.
+    """The highest point of meshes above every (x, y): a uniform grid of triangle lists, built once.
 
     Vertical triangles have no area from above and are left out; where a wall stands, its upper rim answers.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
-        """Sort the triangles of `mesh` into grid cells of about one triangle each."""
-        corners = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+    def __init__(self, *meshes: trimesh.Trimesh) -> None:
+        """Sort the triangles of all meshes into grid cells of about one triangle each."""
+        triangles = [np.asarray(mesh.triangles, dtype=np.float64) for mesh in meshes]
+        corners = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
         area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
         is_seen = np.abs(area) > 1e-12
         self._corners, self._area = corners[is_seen], area[is_seen]
+        self._faces = np.flatnonzero(is_seen)
         self._make_grid()
 
     def _make_grid(self) -> None:
@@ -55,6 +57,10 @@ class Elevation:
             x: `[...]` [m]; broadcasts against `y`.
             y: `[...]` [m].
         """
+        return self.find_top(x, y)[0]
+
+    def find_top(self, x: np.ndarray | float, y: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
         heights = np.full(len(points), -np.inf)
@@ -67,7 +73,12 @@ class Elevation:
         triangle = self._triangles[self._starts[cell][point] + slot]
         z = self._height_in(triangle, points[point])
         np.maximum.at(heights, point, z)
-        return np.where(np.isneginf(heights), np.nan, heights).reshape(x.shape)
+        is_top = z == heights[point]
+        faces = np.full(len(points), -1)
+        faces[point[is_top]] = self._faces[triangle[is_top]]
+        faces[np.isneginf(heights)] = -1
+        heights[np.isneginf(heights)] = np.nan
+        return heights.reshape(x.shape), faces.reshape(x.shape)
 
     def _height_in(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Height of each triangle at its point, -inf outside of it (barycentric coordinates)."""

@@ -1,0 +1,248 @@
+"""A terrain as few convex slabs: cut where it is hollow, cap each part by a minimum of planes.
+
+Seen from above, the terrain is cut by vertical planes into convex cells (a binary space partition). In a
+cell the ground is the minimum of the planes found there, so the cell with everything beneath it is one convex
+solid. Cuts are tried along hollow creases (where two planes meet below both) and along steps, in any
+direction. Cells that one cap serves as well are joined again, also where the joint runs beneath other ground.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+
+from symbrion_gym.crease_lines import find_crease_lines
+from symbrion_gym.elevation import Elevation
+from symbrion_gym.outlines import cap_prism, find_inside, find_outline, hull_2d, outline_bounds, polygon_area
+from symbrion_gym.planes import Planes
+
+STEEP = 0.3
+"""A plane whose normal rises less than this is a wall: it bounds, but carries no samples."""
+
+
+class Ground(NamedTuple):
+    """The terrain on a grid seen from above, noise taken out.
+
+    Attributes:
+        points: `[N, 2]` (x, y) [m].
+        heights: `[N]` height of the plane there, or of the mesh where there is no plane [m].
+        levels: `[N, R]` height of every plane there [m]; +inf for walls.
+        labels: `[N]` the plane whose ground this is, -1 for none.
+        weights: `[N]` how much it counts: 0 on walls and chamfers.
+        spacing: distance of the grid's points [m].
+    """
+
+    points: np.ndarray
+    heights: np.ndarray
+    levels: np.ndarray
+    labels: np.ndarray
+    weights: np.ndarray
+    spacing: float
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A convex part of the plan and the planes that cap it.
+
+    Attributes:
+        bounds: `[B, 3]` lines (a, b, c): inside is a x + b y <= c.
+        members: `[M]` the ground's points in it.
+        planes: `[K]` the planes whose minimum is its top.
+        error: sum of the weighted distances of its points from the top [m].
+        excess: weight of its points farther than the accuracy from the top.
+    """
+
+    bounds: np.ndarray
+    members: np.ndarray
+    planes: np.ndarray
+    error: float = 0.0
+    excess: float = 0.0
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A cell with an outline of its own; slabs may run beneath one another.
+
+    Attributes:
+        outline: `[P, 2]` convex, counter-clockwise [m].
+        members: `[M]` the ground's points whose ground it is.
+        planes: `[K]` the planes whose minimum is its top.
+        error: sum of the weighted distances of its points from the top [m].
+        excess: weight of its points farther than the accuracy from the top.
+        uncovered: area of the outline without any ground [m²].
+    """
+
+    outline: np.ndarray
+    members: np.ndarray
+    planes: np.ndarray
+    error: float
+    excess: float
+    uncovered: float
+
+
+def make_ground(mesh: trimesh.Trimesh, planes: Planes, num_points: int = 30000) -> Ground:
+    """Look at the mesh from above on a grid of about `num_points`."""
+    low, high = mesh.bounds[:, :2]
+    spacing = float(np.sqrt(np.prod(high - low) / num_points))
+    axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    heights, faces = Elevation(mesh).find_top(points[:, 0], points[:, 1])
+    is_there = faces >= 0
+    points, heights, faces = points[is_there], heights[is_there], faces[is_there]
+    labels = np.asarray(planes.labels[faces])
+    is_wall = planes.normals[:, 2] < STEEP
+    rise = np.where(is_wall, 1.0, planes.normals[:, 2])
+    levels = (planes.offsets - points @ planes.normals[:, :2].T) / rise
+    levels[:, is_wall] = np.inf
+    is_ground = (labels >= 0) & ~is_wall[labels]
+    heights = np.where(is_ground, levels[np.arange(len(labels)), labels], heights)
+    weights = np.where(is_ground, 1.0, 0.0)
+    return Ground(points, heights, levels, np.where(is_ground, labels, -1), weights, spacing)
+
+
+def make_slabs(
+    mesh: trimesh.Trimesh, planes: Planes, accuracy: float, max_pieces: int, thickness: float
+) -> list[trimesh.Trimesh]:
+    """Return convex solids whose union has the terrain as its top.
+
+    Args:
+        mesh: open terrain, normals up.
+        planes: what `find_planes` found in it.
+        accuracy: distance between cap and ground that is good enough [m].
+        max_pieces: no more than these.
+        thickness: how far the solids reach below the lowest ground [m].
+    """
+    ground = make_ground(mesh, planes)
+    cells = _split(ground, find_crease_lines(mesh, planes, STEEP), accuracy, max_pieces)
+    slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
+    slabs = _merge(ground, slabs, accuracy / 2)
+    bottom = float(mesh.vertices[:, 2].min()) - thickness
+    solids = [_make_solid(planes, slab, bottom) for slab in slabs]
+    return [solid for solid in solids if solid is not None]
+
+
+def _split(ground: Ground, lines: np.ndarray, accuracy: float, max_pieces: int) -> list[Cell]:
+    """Cut the worst cell along its best line until every cap is accurate or no cut helps."""
+    above = ground.heights[:, None] > ground.levels + accuracy
+    clashes = (above * ground.weights[:, None]).astype(np.float32)
+    everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy)
+    done, open_cells = [], [everything]
+    while open_cells and len(done) + len(open_cells) < 4 * max_pieces:
+        worst = max(range(len(open_cells)), key=lambda i: open_cells[i].error)
+        cell = open_cells.pop(worst)
+        line = (
+            _find_best_line(ground, clashes, cell, lines) if cell.excess > _allow(len(cell.members)) else None
+        )
+        if line is None:
+            done.append(cell)
+            continue
+        is_left = ground.points[cell.members] @ line[:2] <= line[2]
+        for side, bound in ((is_left, line), (~is_left, -line)):
+            bounds = np.concatenate([cell.bounds, bound[None]])
+            open_cells.append(_cap(ground, bounds, cell.members[side], accuracy))
+    return done + open_cells
+
+
+def _allow(num_points: int) -> float:
+    """Weight that may lie farther off than the accuracy: a few points, or one in a thousand."""
+    return max(8.0, 1e-3 * num_points)
+
+
+def _find_best_line(ground: Ground, clashes: np.ndarray, cell: Cell, lines: np.ndarray) -> np.ndarray | None:
+    """The line that parts the most pairs of points of which one lies above the plane of the other."""
+    members = cell.members
+    points, labels, clash = ground.points[members], ground.labels[members], clashes[members]
+    count = clashes.shape[1]
+
+    def count_pairs(is_side: np.ndarray) -> float:
+        owners = labels[is_side]
+        return float(np.bincount(owners[owners >= 0], minlength=count) @ clash[is_side].sum(axis=0))
+
+    best, least = None, 0.98 * count_pairs(np.ones(len(members), dtype=bool))
+    for line in lines:
+        is_left = points @ line[:2] <= line[2]
+        if is_left.all() or not is_left.any():
+            continue
+        pairs = count_pairs(is_left) + count_pairs(~is_left)
+        if pairs < least:
+            best, least = line, pairs
+    return best
+
+
+def _cap(ground: Ground, bounds: np.ndarray, members: np.ndarray, accuracy: float) -> Cell:
+    """Choose the planes whose minimum lies closest to the ground's points."""
+    weights = ground.weights[members]
+    heights = ground.heights[members]
+    share = np.bincount(ground.labels[members][weights > 0], minlength=ground.levels.shape[1])
+    planes = np.flatnonzero(share)
+    planes = planes[np.argsort(-share[planes], kind="stable")][:24]
+    levels = ground.levels[np.ix_(members, planes)]
+    chosen = np.zeros(len(planes), dtype=bool)
+    top = np.full(len(members), np.inf)
+    error = np.inf
+    for k in range(len(planes)):
+        lower = np.minimum(top, levels[:, k])
+        lower_error = float(np.sum(weights * np.abs(lower - heights)))
+        if lower_error < error:
+            chosen[k], top, error = True, lower, lower_error
+    gap = np.abs(top - heights)
+    excess = float(weights[gap > accuracy].sum()) if chosen.any() else 0.0
+    return Cell(bounds, members, planes[chosen], error if chosen.any() else 0.0, excess)
+
+
+def _merge(ground: Ground, slabs: list[Slab], accuracy: float) -> list[Slab]:
+    """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
+    slabs = list(slabs)
+    joints: dict[tuple[int, int], Slab | None] = {}
+    alive = set(range(len(slabs)))
+    while len(alive) > 1:
+        for i in alive:
+            for j in alive:
+                if i < j and (i, j) not in joints:
+                    joints[i, j] = _join(ground, slabs[i], slabs[j], accuracy)
+        found = {pair: slab for pair, slab in joints.items() if slab is not None and alive.issuperset(pair)}
+        if not found:
+            break
+        pair = min(found, key=lambda pair: found[pair].error - sum(slabs[k].error for k in pair))
+        alive -= set(pair)
+        alive.add(len(slabs))
+        slabs.append(found[pair])
+    return [slabs[k] for k in sorted(alive)]
+
+
+def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | None:
+    outline = hull_2d(np.concatenate([first.outline, second.outline]))
+    if outline is None:
+        return None
+    members = np.union1d(first.members, second.members)
+    cell = _cap(ground, outline_bounds(outline), members, accuracy)
+    allowed = _allow(min(len(first.members), len(second.members)))
+    if cell.excess > first.excess + second.excess + allowed:
+        return None
+    inside = np.flatnonzero(find_inside(outline, ground.points))
+    uncovered = polygon_area(outline) - len(inside) * ground.spacing**2
+    if uncovered > first.uncovered + second.uncovered + 0.02 * polygon_area(outline):
+        return None
+    others = np.setdiff1d(inside, members, assume_unique=True)
+    others = others[ground.weights[others] > 0]
+    top = ground.levels[np.ix_(others, cell.planes)].min(axis=1, initial=np.inf)
+    if (top > ground.heights[others] + accuracy / 2).sum() > allowed:
+        return None
+    return Slab(outline, members, cell.planes, cell.error, cell.excess, uncovered)
+
+
+def _make_slab(mesh: trimesh.Trimesh, ground: Ground, cell: Cell) -> Slab | None:
+    outline = find_outline(mesh, cell.bounds)
+    if outline is None or not len(cell.planes):
+        return None
+    uncovered = polygon_area(outline) - find_inside(outline, ground.points).sum() * ground.spacing**2
+    return Slab(outline, cell.members, cell.planes, cell.error, cell.excess, float(uncovered))
+
+
+def _make_solid(planes: Planes, slab: Slab, bottom: float) -> trimesh.Trimesh | None:
+    """The convex solid under the slab's cap, down to the bottom."""
+    bounds = outline_bounds(slab.outline)
+    return cap_prism(bounds, planes.normals[slab.planes], planes.offsets[slab.planes], bottom)
