@@ -1,0 +1,1 @@
+"""What the benchmarks measure on and against: clouds and the authors' own program."""
