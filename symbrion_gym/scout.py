@@ -22,6 +22,8 @@ LARGEST_ACCELERATION = 4 * 9.81
 """Range of an accelerometer [m/s²] (estimate)."""
 LARGEST_TOUCH = 50.0
 """Range of the touch reading [N]."""
+ARM_RADIUS = 0.015
+"""The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)."""
 SIDES = ("front", "back", "left", "right")
 
 _GREEN, _DARK, _STEEL, _RUBBER = (
@@ -195,18 +197,17 @@ def add_chassis(
 def add_arm(body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig) -> None:
     """Add the hinged arm of one module, with the front dock, to the body that it is part of."""
     frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
-    near = config.size[0] / 2
-    length = config.arm_reach - near
-    _add_contact(
+    nose = _add_contact(
         frame,
         body,
         f"{prefix}arm",
-        mujoco.mjtGeom.mjGEOM_BOX,
-        [length / 2, 0.030, 0.030],
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        [ARM_RADIUS, ARM_RADIUS],
         config,
-        pos=[near + length / 2, 0, 0],
+        pos=[config.arm_reach - ARM_RADIUS, 0, 0],
         mass=config.arm_mass,
     )
+    nose.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
     _add_arm_visuals(frame, body, prefix, config)
     _add_dock(frame, body, prefix, "front", config)
 
