@@ -130,7 +130,9 @@ class Episodes:
         self._best_tick = np.where(moved, self.ticks, self._best_tick)
         stuck = self.ticks - self._best_tick >= self._stuck_ticks
         late = self.ticks >= self._last_tick
-        power = np.abs(physics.actuator_force * physics.qvel[:, self.world.hinge_dof])
+        power = np.abs(
+            physics.actuator_force[:, self.world.hinge_servos] * physics.qvel[:, self.world.hinge_dof]
+        )
         reward_forward = config.forward_weight * (progress - self._progress)
         reward_effort = (-config.effort_weight * config.dt) * np.add.reduce(power, axis=1)
         reward_success = config.success_bonus * verdict.success

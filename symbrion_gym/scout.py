@@ -24,6 +24,11 @@ LARGEST_TOUCH = 50.0
 """Range of the touch reading [N]."""
 ARM_RADIUS = 0.015
 """The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)."""
+_CYLINDER_RADIUS = 0.011
+_CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
+"""Half sizes of the chassis within the authors' cylinders [m] (estimate)."""
+_WHEEL_GAIN = 2.0
+"""Torque of a wheel's servo per error of its rate [N m s/rad]: stiff, so that wheels keep their speed."""
 SIDES = ("front", "back", "left", "right")
 
 _GREEN, _DARK, _STEEL, _RUBBER = (
@@ -162,7 +167,7 @@ def add_chassis(
         body,
         f"{prefix}chassis",
         mujoco.mjtGeom.mjGEOM_BOX,
-        half - [recess, recess, recess],
+        np.array(_CYLINDER_CHASSIS) if config.tracks == "cylinders" else half - recess,
         config,
         mass=config.chassis_mass,
     )
@@ -315,8 +320,59 @@ def _add_dock(frame, body, prefix, side, config):
     site.set_frame(frame)
 
 
-def _add_wheels(spec, body, prefix, pose, config):
-    raise OrganismError(f"tracks {config.tracks!r} come later; use 'spheres'")
+def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
+    """Return the centres of the driven wheels of the models with wheel joints, in the frame of the module [m].
+
+    "wheels" are the road wheels of the spheres; "cylinders" the authors' six a side [S].
+    """
+    if config.tracks == "wheels":
+        return find_road_wheels(config)
+    places = [(x, z) for z in (0.042, -0.042) for x in (0.025, -0.016)] + [
+        (-0.0425, z) for z in (0.016, -0.016)
+    ]
+    return [(x, y, z) for y in (0.0458, -0.0458) for x, z in places]
+
+
+def find_wheel_radius(config: ScoutConfig) -> float:
+    """Return the radius of what drives [m]."""
+    return _CYLINDER_RADIUS if config.tracks == "cylinders" else config.track_radius
+
+
+def _add_wheels(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig
+) -> None:
+    """Add driven wheels, each a body of its own with a joint and a velocity servo.
+
+    Wheels touch everything but other wheels, as those of a side overlap.
+    """
+    radius = find_wheel_radius(config)
+    for i, (x, y, z) in enumerate(find_driven_wheels(config)):
+        place = pose.compose(Pose(x, y))
+        wheel = body.add_body(name=f"{prefix}wheel_{i}", pos=[place.x, place.y, z], quat=pose.quaternion)
+        wheel.add_joint(
+            name=f"{prefix}wheel_{i}",
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0, 1, 0],
+            armature=1e-4,
+            limited=mujoco.mjtLimited.mjLIMITED_FALSE,
+        )
+        is_sphere = config.tracks == "wheels"
+        kind = mujoco.mjtGeom.mjGEOM_SPHERE if is_sphere else mujoco.mjtGeom.mjGEOM_CYLINDER
+        geom = _add_contact(
+            wheel.add_frame(),
+            wheel,
+            f"{prefix}track_{i}",
+            kind,
+            [radius, 0.004],
+            config,
+            mass=0.002,
+        )
+        geom.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
+        geom.conaffinity = 0
+        servo = spec.add_actuator(
+            name=f"{prefix}wheel_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{prefix}wheel_{i}"
+        )
+        servo.set_to_velocity(kv=_WHEEL_GAIN)
 
 
 def add_accelerometers(spec: mujoco.MjSpec, module: int) -> None:

@@ -13,7 +13,7 @@ from symbrion_gym.config import SnakePitConfig
 from symbrion_gym.episodes import Episodes
 from symbrion_gym.randomisation import Domain, draw_domain
 from symbrion_gym.scout import find_track_field
-from symbrion_gym.world import World
+from symbrion_gym.world import Physics, World
 
 
 class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -34,11 +34,15 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         self.world = World(self.config)
         self.model = self.world.model
         self.data = mujoco.MjData(self.model)
-        self._physics = self.world.view(self.data)
+        self._control = self.data.ctrl[None]
+        self._physics = self._view()
         self._episodes = Episodes(self.world, 1)
         self.observation_structure = self._episodes.observer.structure
         self.action_space, self.observation_space = make_spaces(self._episodes)
         self.domain = self._usual = make_usual_domain(self.world)
+
+    def _view(self) -> Physics:
+        return self.world.view(lambda name: getattr(self.data, name)[None])
 
     @property
     def dt(self) -> float:
@@ -57,8 +61,12 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         self.data.qpos[:] = self.world.lay_down(
             self.domain.start_offset, self.domain.start_lateral, self.domain.yaw
         )
-        self.data.ctrl[:] = self.data.qpos[self.world.hinge_qpos]
+        target, speed = self.data.qpos[None, self.world.hinge_qpos], np.full((1, 1), self.domain.track_speed)
+        self.world.write_control(self.data.ctrl[None], target, speed)
         mujoco.mj_forward(self.model, self.data)
+        if not self.world.is_sliced:
+            self._control = self.data.ctrl[None]
+        self._physics = self._view()
         self._episodes.begin(slice(None), self._physics, self.domain.track_speed)
         observation = self._episodes.observe(self._physics)[0]
         info = {name: value[0] for name, value in self._episodes.describe_start(self._physics).items()}
@@ -69,13 +77,15 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         actions = np.asarray(action, dtype=np.float64)
         if actions.shape != self.action_space.shape:
             raise ValueError(f"an action has shape {self.action_space.shape}, got {actions.shape}")
-        self.data.ctrl[:] = self._episodes.command(actions[None])[0]
-        if self._episodes.num_tracks:
-            speeds = self._episodes.command_tracks()
-            self.model.geom_surfacevel[self.world.track_geoms, 4] = (
-                speeds.T / self.world.organism.scout.track_radius
-            )
+        episodes, world = self._episodes, self.world
+        target = episodes.command(actions[None])
+        speed = episodes.command_tracks()
+        world.write_control(self._control, target, speed)
+        if episodes.num_tracks:
+            self.model.geom_surfacevel[world.track_geoms, 4] = speed.T / world.wheel_radius
         mujoco.mj_step(self.model, self.data, nstep=self.config.frame_skip)
+        if not world.is_sliced:
+            self._physics = self._view()
         outcome = self._episodes.finish_tick(self._physics)
         info = {name: value[0] for name, value in outcome.info.items()}
         if info["diverged"]:
@@ -114,9 +124,10 @@ def apply_domain(world: World, fields: Any, domain: Domain) -> None:
     scout = world.organism.scout
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
     torque = scout.hinge_torque * domain.torque_scale
-    fields.actuator_forcerange[:, 0] = -torque
-    fields.actuator_forcerange[:, 1] = torque
-    fields.geom_surfacevel[world.track_geoms] = find_track_field(scout, domain.track_speed)
+    fields.actuator_forcerange[world.hinge_servos, 0] = -torque
+    fields.actuator_forcerange[world.hinge_servos, 1] = torque
+    if scout.tracks == "spheres":
+        fields.geom_surfacevel[world.track_geoms] = find_track_field(scout, domain.track_speed)
 
 
 def add_noise(observation: np.ndarray, episodes: Episodes, generator: np.random.Generator) -> np.ndarray:

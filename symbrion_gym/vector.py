@@ -16,7 +16,7 @@ from symbrion_gym.config import SnakePitConfig
 from symbrion_gym.episodes import Episodes, Outcome
 from symbrion_gym.randomisation import Domain, draw_domain, split_options
 from symbrion_gym.snake_pit import SnakePitEnv, add_noise, apply_domain, make_spaces, make_usual_domain
-from symbrion_gym.world import Physics, World
+from symbrion_gym.world import World
 
 
 class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -70,14 +70,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             name: batch.expand(name) for name in ("geom_friction", "actuator_forcerange", "geom_surfacevel")
         }
         self._qpos, self._qvel, self._ctrl = batch.bind("qpos"), batch.bind("qvel"), batch.bind("ctrl")
-        self._physics = Physics(
-            self._qpos,
-            self._qvel,
-            batch.bind("xpos")[:, world.bodies],
-            batch.bind("xmat")[:, world.bodies],
-            batch.bind("sensordata"),
-            batch.bind("actuator_force"),
-        )
+        self._physics = world.view(batch.bind)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -120,9 +113,12 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             domain = draw_domain(self._usual._asdict(), wanted, self._generators[int(i)])
             apply_domain(world, _Row(self._fields, i), domain)
             self._qpos[i] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
-            self._ctrl[i] = self._qpos[i, world.hinge_qpos]
+            target, speed = self._qpos[[i]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
+            world.write_control(self._ctrl[i : i + 1], target, speed)
             domains.append(domain)
         self.batch.forward(ids)
+        if not world.is_sliced:
+            self._physics = world.view(self.batch.bind)
         self._episodes.begin(ids, self._physics, np.array([domain.track_speed for domain in domains]))
         self._is_done[ids] = False
         return domains
@@ -160,11 +156,16 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _advance(self, actions: np.ndarray, running: np.ndarray) -> Outcome:
         episodes = self._episodes
-        self._ctrl[running] = episodes.command(actions)[running]
+        target = episodes.command(actions)
+        speed = episodes.command_tracks()
+        self.world.write_control(self._ctrl, target, speed)
         if episodes.num_tracks:
-            speeds = episodes.command_tracks() / self.world.organism.scout.track_radius
-            self._fields["geom_surfacevel"][:, self.world.track_geoms, 4] = speeds[:, :, None]
+            self._fields["geom_surfacevel"][:, self.world.track_geoms, 4] = (speed / self.world.wheel_radius)[
+                :, :, None
+            ]
         self.batch.step(running, nstep=self.config.frame_skip)
+        if not self.world.is_sliced:
+            self._physics = self.world.view(self.batch.bind)
         is_running = ~self._is_done
         outcome = episodes.finish_tick(self._physics, is_running)
         if self._is_done.any():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ from symbrion_gym.course import Course
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.organism import Organism, snake
 from symbrion_gym.route import find_route
-from symbrion_gym.scout import ScoutConfig, add_accelerometers, add_touch
+from symbrion_gym.scout import ScoutConfig, add_accelerometers, add_touch, find_wheel_radius
 
 _LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]."""
@@ -52,10 +53,15 @@ class World:
         route: the way to go.
         model: the compiled model; whoever changes it takes a copy.
         friction: sliding friction of the robot on everything.
-        bodies: ids of the modules' bodies, a slice where they follow each other.
+        modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
+        is_by_site: whether the modules are found by their sites, as some share a body.
         hinge_qpos: addresses of the hinges in qpos, `[h]`.
         hinge_dof: addresses of the hinges in qvel, `[h]`.
+        is_sliced: whether `modules` is a slice, so that a view stays live.
+        wheel_radius: of what drives [m].
         robot_geoms: ids of the geoms of the robot that touch.
+        hinge_servos: ids of the hinges' actuators, `[h]`.
+        wheel_servos: ids of the wheels' actuators, module by module; none with sphere tracks.
         track_geoms: `[n, T]` ids of the geoms that drive, per module.
     """
 
@@ -86,12 +92,22 @@ class World:
 
     def _find_ids(self) -> None:
         model, organism = self.model, self.organism
-        ids = [model.site(f"module_{i}").bodyid[0] for i in range(organism.num_modules)]
+        sites = [model.site(f"module_{i}") for i in range(organism.num_modules)]
+        self.is_by_site = any(np.abs(site.pos).max() > 1e-9 or abs(site.quat[3]) > 1e-9 for site in sites)
+        ids = [site.id if self.is_by_site else site.bodyid[0] for site in sites]
         follow = ids == list(range(ids[0], ids[0] + len(ids)))
-        self.bodies = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
+        self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
+        self.is_sliced = follow
+        self.wheel_radius = find_wheel_radius(organism.scout)
         hinges = [model.joint(f"hinge_{i}") for i in organism.hinges]
         self.hinge_qpos = np.array([hinge.qposadr[0] for hinge in hinges], dtype=np.int64)
         self.hinge_dof = np.array([hinge.dofadr[0] for hinge in hinges], dtype=np.int64)
+        self.hinge_servos = np.array(
+            [model.actuator(f"hinge_{i}").id for i in organism.hinges], dtype=np.int64
+        )
+        self.wheel_servos = np.array(
+            [i for i in range(model.nu) if "_wheel_" in model.actuator(i).name], dtype=np.int64
+        )
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
         names = [model.geom(int(i)).name for i in self.robot_geoms]
         self.track_geoms = np.array(
@@ -115,16 +131,31 @@ class World:
         """Number of working hinges."""
         return len(self.hinge_qpos)
 
-    def view(self, data: mujoco.MjData) -> Physics:
-        """Return a single simulation as a batch of one, without copying where the modules' bodies follow."""
-        return Physics(
-            data.qpos[None],
-            data.qvel[None],
-            data.xpos[None][:, self.bodies],
-            data.xmat[None][:, self.bodies],
-            data.sensordata[None],
-            data.actuator_force[None],
-        )
+    def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
+        """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
+
+        Args:
+            fields: from the name of a field of `MjData` to its values in every simulation.
+        """
+        places = ("site_xpos", "site_xmat") if self.is_by_site else ("xpos", "xmat")
+        position, rotation = (fields(name)[:, self.modules] for name in places)
+        qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
+        return Physics(qpos, qvel, position, rotation, sensordata, force)
+
+    def write_control(self, control: np.ndarray, target: np.ndarray, track_speed: np.ndarray) -> None:
+        """Write the servos' controls.
+
+        Args:
+            control: `[N, nu]`, written in place.
+            target: `[N, h]` of the hinges [rad].
+            track_speed: `[N, 1 or n]` [m/s]; only wheels with joints read it here.
+        """
+        control[:, self.hinge_servos] = target
+        if len(self.wheel_servos):
+            rate = np.broadcast_to(track_speed, (len(control), self.num_modules)) / self.wheel_radius
+            control[:, self.wheel_servos] = np.repeat(
+                rate, len(self.wheel_servos) // self.num_modules, axis=1
+            )
 
     def lay_down(self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0) -> np.ndarray:
         """Return qpos `[nq]` of a body at rest on the ground at the start, bent as the ground is.
