@@ -35,16 +35,19 @@ def cell_normals(units: np.ndarray) -> np.ndarray:
     return total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-30)
 
 
-def unfold(units: np.ndarray, iterations: int = 10) -> np.ndarray:
+def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: int = 10) -> np.ndarray:
     """Move interior units whose cells turn over to the mean of their four neighbours, until none does.
 
     Args:
         units: `[R, C, 3]`.
+        is_movable: `[R, C]` which units may move; all if absent.
         iterations: at most so often.
     """
     units = units.copy()
     for _ in range(iterations):
         is_folded = find_folded(units)[1:-1, 1:-1]
+        if is_movable is not None:
+            is_folded &= is_movable[1:-1, 1:-1]
         if not is_folded.any():
             break
         mean = (units[:-2, 1:-1] + units[2:, 1:-1] + units[1:-1, :-2] + units[1:-1, 2:]) / 4
