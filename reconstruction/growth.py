@@ -17,10 +17,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from reconstruction.density import Density
+from reconstruction.padding import padded_length
 from reconstruction.winners import Tiles, choose_num_candidates, find_candidates, search_tiles
 
 _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
+_MAX_ROUNDS = 100
+"""A map that has not grown to its size by then cannot: there are too few distinct samples."""
+_SPLIT_RADIUS = 1.05
+"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole: units of a
+hexagonal map are 2.7 times as far apart as this radius, and halving a cell brings them to twice the spacing."""
 
 
 class Tally(NamedTuple):
@@ -31,52 +38,62 @@ class Tally(NamedTuple):
         counts: `[U]` samples won.
         errors: `[U]` sum of squared distances to them.
         worst_neighbors: `[U]` the neighbour with the largest error; the unit of largest error where none.
+        spacings: `[U]` mean distance between the samples won.
     """
 
     means: np.ndarray
     counts: np.ndarray
     errors: np.ndarray
     worst_neighbors: np.ndarray
+    spacings: np.ndarray
 
 
 class Level(NamedTuple):
     """Samples of one density.
 
     Attributes:
-        samples: `[T, S, 3]`.
-        weights: `[T, S]` 0 for slots that do not count.
-        tiles: the same as tiles, for the candidates.
+        tiles: their places.
+        weights: `[T, S]` area every slot stands for; 0 for slots that do not count.
+        spacings: `[T, S]` distance between samples round every slot.
     """
 
     tiles: Tiles
     weights: np.ndarray
+    spacings: np.ndarray
 
 
-def choose_level(tiles: Tiles, weights: np.ndarray, wanted: int, rng: np.random.Generator) -> Level:
+def make_level(tiles: Tiles, density: Density) -> Level:
+    """Give every slot of the tiles its sample's weight and spacing."""
+    weights = np.where(tiles.is_real, density.weights[tiles.order], 0).astype(np.float32)
+    return Level(tiles, weights, density.spacing[tiles.order].astype(np.float32))
+
+
+def thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
     """Thin the samples evenly, to a quarter as often as at least `wanted` stay.
 
     Args:
-        tiles: all samples.
-        weights: `[T, S]` weight of every slot.
+        level: all samples.
         wanted: how many samples are enough.
         rng: draws which sample of every few stays.
     """
+    tiles = level.tiles
     num_tiles, size = tiles.order.shape
     merged = 1
     while num_tiles // merged >= 4 and num_tiles // (4 * merged) * size >= wanted:
         merged *= 4
     if merged == 1:
-        return Level(tiles, weights)
+        return level
     rows = num_tiles // merged
     pick = rng.integers(0, merged, size=size) + merged * np.arange(size)
-    thin = [a.reshape(rows, size * merged, *a.shape[2:])[:, pick] for a in (*tiles[:3], weights)]
-    centers = (thin[0].max(axis=1) + thin[0].min(axis=1)) / 2
-    return Level(Tiles(*thin[:3], centers, tiles.tree), thin[3])
+    samples, order, is_real, weights, spacings = (
+        a.reshape(rows, size * merged, *a.shape[2:])[:, pick] for a in (*tiles[:3], *level[1:])
+    )
+    centers = (samples.max(axis=1) + samples.min(axis=1)) / 2
+    return Level(Tiles(samples, order, is_real, centers, tiles.tree), weights, spacings)
 
 
 def grow(
-    tiles: Tiles,
-    weights: np.ndarray,
+    level: Level,
     units: np.ndarray,
     capacity: int,
     *,
@@ -88,8 +105,7 @@ def grow(
     """Grow a map from some units to `capacity`, then let it settle.
 
     Args:
-        tiles: the samples.
-        weights: `[T, S]` weight of every slot.
+        level: all samples.
         units: `[U, 3]` float32, where to start.
         capacity: how many units are wanted, at least U.
         growth: by what factor one round makes the map larger.
@@ -98,25 +114,29 @@ def grow(
         rng: draws the samples of the rounds.
 
     Returns:
-        `[capacity, 3]` float32 units.
+        `[U', 3]` float32 units; fewer than `capacity` where the samples are too sparse to carry more.
     """
-    num_units = len(units)
-    slots = np.full((capacity, 3), _NOWHERE, dtype=np.float32)
-    slots[:, 0] *= 1 + np.arange(capacity, dtype=np.float32) / capacity
+    num_units, num_slots = len(units), padded_length(capacity)
+    slots = np.full((num_slots, 3), _NOWHERE, dtype=np.float32)
+    slots[:, 0] *= 1 + np.arange(num_slots, dtype=np.float32) / num_slots
     slots[:num_units] = units
-    level = choose_level(tiles, weights, samples_per_unit * capacity * 2 // 3, rng)
-    while num_units < capacity:
-        tally = tally_units(level, slots)
+    thinned = thin_level(level, samples_per_unit * capacity * 2 // 3, rng)
+    for _ in range(_MAX_ROUNDS):
+        if num_units == capacity:
+            break
+        tally = tally_units(thinned, slots)
         slots[:num_units] = tally.means[:num_units]
         wanted = min(capacity, max(num_units + 1, int(growth * num_units)))
-        num_units = _insert(slots, tally, num_units, wanted)
-    level = choose_level(tiles, weights, 2 * samples_per_unit * capacity, rng)
+        before, num_units = num_units, _insert(slots, tally, num_units, wanted)
+        if num_units == before:
+            break
+    thinned = thin_level(level, 2 * samples_per_unit * capacity, rng)
     for remaining in reversed(range(settle_passes)):
-        tally = tally_units(level, slots)
+        tally = tally_units(thinned, slots)
         slots = tally.means
         if remaining:
-            _insert(slots, tally, capacity, capacity)
-    return slots
+            _insert(slots, tally, num_units, num_units)
+    return slots[:num_units]
 
 
 def tally_units(level: Level, units: np.ndarray) -> Tally:
@@ -124,13 +144,13 @@ def tally_units(level: Level, units: np.ndarray) -> Tally:
     num_samples, capacity = level.tiles.order.size, len(units)
     num_candidates = min(max(2, choose_num_candidates(num_samples, capacity, 2)), capacity)
     candidates, _ = find_candidates(level.tiles, units, num_candidates)
-    tally = _tally(level.tiles.samples, level.weights, units, candidates)
+    tally = _tally(level.tiles.samples, level.weights, level.spacings, units, candidates)
     return Tally(*(np.array(a) for a in tally))
 
 
 @jax.jit
 def _tally(
-    samples: jax.Array, weights: jax.Array, units: jax.Array, candidates: jax.Array
+    samples: jax.Array, weights: jax.Array, spacings: jax.Array, units: jax.Array, candidates: jax.Array
 ) -> tuple[jax.Array, ...]:
     capacity = len(units)
     winners, squared = search_tiles(samples, units, candidates, 2)
@@ -139,31 +159,43 @@ def _tally(
     columns = [
         weight,
         weight * squared[..., 0].ravel(),
+        weight * spacings.ravel(),
         *(weight * samples[..., k].ravel() for k in range(3)),
     ]
-    sums = jnp.zeros((capacity, 5)).at[first].add(jnp.stack(columns, axis=-1))
+    sums = jnp.zeros((capacity, 6)).at[first].add(jnp.stack(columns, axis=-1))
     counts, errors = sums[:, 0], sums[:, 1]
-    means = jnp.where(counts[:, None] > 0, sums[:, 2:] / jnp.maximum(counts, 1e-9)[:, None], units)
+    share = 1 / jnp.maximum(counts, 1e-9)
+    means = jnp.where(counts[:, None] > 0, sums[:, 3:] * share[:, None], units)
     by_error = jnp.argsort(errors)
     rank = jnp.zeros(capacity, jnp.int32).at[by_error].set(jnp.arange(capacity, dtype=jnp.int32))
     worst = jnp.full(capacity, capacity - 1).at[first].min(0)
     worst = worst.at[first].max(jnp.where(weight > 0, rank[second], 0))
-    return means, counts, errors, by_error[worst]
+    return means, counts, errors, by_error[worst], sums[:, 2] * share
 
 
 def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int:
-    """Put new units between those of largest error and their worst neighbours; units that won nothing move there.
+    """Put new units between those of largest error and their worst neighbours.
+
+    Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so that
+    it wins samples even where the worst neighbour lies beyond a gap.
 
     Returns:
         How many units there are now; at most `wanted`, fewer where two would come to lie in one place.
     """
-    capacity = len(slots)
-    free = np.concatenate([np.flatnonzero(tally.counts[:num_units] == 0), np.arange(num_units, wanted)])
+    idle = np.flatnonzero(tally.counts[:num_units] == 0)
+    free = np.concatenate([np.arange(num_units, wanted), idle])
     if len(free) == 0:
         return num_units
-    chosen = np.argsort(-tally.errors[:num_units], kind="stable")[: len(free)]
-    pairs = np.sort(np.stack([chosen, tally.worst_neighbors[chosen]], axis=1), axis=1)
-    _, first = np.unique(pairs @ np.array([capacity, 1]), return_index=True)
-    pairs = pairs[np.sort(first)]
-    slots[free[: len(pairs)]] = (tally.means[pairs[:, 0]] + tally.means[pairs[:, 1]]) / 2
-    return max(num_units, int(free[: len(pairs)].max()) + 1)
+    errors, counts = tally.errors[:num_units], tally.counts[:num_units]
+    is_splittable = errors >= counts * (_SPLIT_RADIUS * tally.spacings[:num_units]) ** 2
+    is_splittable &= errors > 0
+    chosen = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]
+    chosen = chosen[is_splittable[chosen]]
+    pairs = np.stack([chosen, tally.worst_neighbors[chosen]], axis=1)
+    _, first = np.unique(np.sort(pairs, axis=1) @ np.array([len(slots), 1]), return_index=True)
+    worst, neighbor = pairs[np.sort(first)].T
+    offset = tally.means[neighbor] - tally.means[worst]
+    radius = np.sqrt(tally.errors[worst] / tally.counts[worst])
+    share = np.minimum(0.5, radius / np.maximum(np.linalg.norm(offset, axis=1), 1e-30))
+    slots[free[: len(worst)]] = tally.means[worst] + share[:, None] * offset
+    return num_units + min(len(worst), wanted - num_units)

@@ -5,8 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reconstruction.growth import grow
+from reconstruction.density import study_density
+from reconstruction.growth import grow, make_level
 from reconstruction.progress import Progress, silent
+from reconstruction.support import make_support
 from reconstruction.surface_fit import fit_surface
 from reconstruction.topology import learn_faces
 from reconstruction.winners import make_tiles, search_all
@@ -39,11 +41,13 @@ def train(points, config=GSRMConfig(), seed=0, progress: Progress = silent) -> S
     scale = np.sqrt(((points - center) ** 2).sum(axis=1).mean())
     scaled = ((points - center) / scale).astype(np.float32)
     tiles = make_tiles(scaled)
-    start = scaled[rng.choice(len(scaled), max(3, int(config.start_fraction * config.units)), replace=False)]
-    weights = tiles.is_real.astype(np.float32)
+    density = study_density(scaled, tiles.tree, rng)
+    level = make_level(tiles, density)
+    usable = np.flatnonzero(density.weights)
+    num_start = max(3, int(config.start_fraction * config.units))
+    start = scaled[rng.choice(usable, num_start, replace=False)]
     units = grow(
-        tiles,
-        weights,
+        level,
         start,
         config.units,
         growth=config.growth,
@@ -51,26 +55,23 @@ def train(points, config=GSRMConfig(), seed=0, progress: Progress = silent) -> S
         settle_passes=config.settle_passes,
         rng=rng,
     )
-    winners = search_all(tiles, units, 3)[tiles.is_real]
+    is_used = level.weights > 0
+    winners = search_all(tiles, units, 3)[is_used]
 
-    def has_samples(places):
-        d, near = tiles.tree.query(places)
-        dk, _ = tiles.tree.query(tiles.tree.data[near], k=9)
-        return d <= 4 * dk[:, -1] / 1.6
-
-    faces = learn_faces(units, winners, has_samples)
+    faces = learn_faces(units, winners, make_support(level))
     used, faces = np.unique(faces, return_inverse=True)
     units, faces = units[used], faces.reshape(-1, 3)
     if config.fit_iterations:
-        place = np.empty((len(scaled), 1), np.int32)
-        where = np.full(config.units, -1, np.int32)
-        where[used] = np.arange(len(used))
-        first = where[winners[:, 0]]
+        place = np.full(config.units, -1, dtype=np.int32)
+        place[used] = np.arange(len(used))
+        first = place[winners[:, 0]]
+        is_covered = first >= 0
         units = fit_surface(
             units,
             faces,
-            tiles.samples[tiles.is_real],
+            tiles.samples[is_used][is_covered],
             iterations=config.fit_iterations,
-            winners=first if (first >= 0).all() else None,
+            winners=first[is_covered],
+            weights=level.weights[is_used][is_covered],
         )
     return State(units * scale + center, faces)

@@ -7,21 +7,15 @@ References:
     pinch a vertex nor use an edge twice.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from reconstruction.manifold import find_normals, group_sides
+from reconstruction.support import MAX_VOID, Support
 
 MAX_HOLE_EDGES = 24
 """Longer loops are taken for the true rim."""
-MIN_SUPPORT = 0.5
-"""Share of a patch's area that must have samples near."""
 _AGAINST = 10.0
 """Cost of a face that lies against the surface round it; well-shaped faces cost 0.5, slivers 1."""
-
-Support = Callable[[np.ndarray], np.ndarray]
-"""Given `[Q, 3]` places, whether samples lie near each: `[Q]`."""
 
 
 def find_loops(faces: np.ndarray, num_units: int) -> list[list[int]]:
@@ -47,14 +41,14 @@ def find_loops(faces: np.ndarray, num_units: int) -> list[list[int]]:
 
 
 def patch_holes(
-    units: np.ndarray, faces: np.ndarray, has_samples: Support, max_edges: int = MAX_HOLE_EDGES
+    units: np.ndarray, faces: np.ndarray, support: Support, max_edges: int = MAX_HOLE_EDGES
 ) -> tuple[np.ndarray, np.ndarray]:
     """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples.
 
     Args:
         units: `[U, 3]`.
         faces: `[F, 3]` of an oriented two-manifold.
-        has_samples: tells whether samples lie near a place.
+        support: tells whether samples lie on a face.
         max_edges: longer loops stay open.
 
     Returns:
@@ -70,7 +64,7 @@ def patch_holes(
     closed = [np.array(patch) for _, patch in patches if patch]
     blocked = [loop for loop, patch in patches if not patch]
     if closed:
-        is_supported = _find_supported(units, closed, has_samples)
+        is_supported = _find_supported(units, closed, support)
         patched = np.concatenate(
             [faces, *(patch for patch, is_kept in zip(closed, is_supported, strict=True) if is_kept)]
         )
@@ -79,14 +73,11 @@ def patch_holes(
     return patched, _find_obstacles(faces, blocked)
 
 
-def _find_supported(units: np.ndarray, patches: list[np.ndarray], has_samples: Support) -> np.ndarray:
-    """Return which patches have samples near enough of their area: `[P]`."""
+def _find_supported(units: np.ndarray, patches: list[np.ndarray], support: Support) -> np.ndarray:
+    """Return which patches lie on samples: `[P]`."""
     faces = np.concatenate(patches)
     owner = np.repeat(np.arange(len(patches)), [len(patch) for patch in patches])
-    corners = units[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    supported = np.bincount(owner, areas * has_samples(corners.mean(axis=1)))
-    return supported >= MIN_SUPPORT * np.bincount(owner, areas)
+    return np.bincount(owner, support.measure_void(units[faces])) <= MAX_VOID
 
 
 def _find_obstacles(faces: np.ndarray, loops: list[list[int]]) -> np.ndarray:

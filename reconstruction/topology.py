@@ -11,31 +11,46 @@ References:
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from reconstruction.hole_patching import Support, patch_holes
+from reconstruction.hole_patching import patch_holes
 from reconstruction.manifold import make_manifold
+from reconstruction.support import MAX_VOID, Support
 
 MIN_COMPONENT_FACES = 4
 """Smaller parts are debris, unless there is nothing bigger."""
+FEW_SAMPLES = 16
+"""Units that win fewer samples are joined by the places between them as well: too few samples see an edge."""
+NUM_NEIGHBORS = 6
 MAX_REPAIRS = 6
 """How often faces round a hole that cannot be closed are taken away to close a larger one."""
 _EMPTINESS_SLACK = 1e-5
 
 
-def learn_faces(units: np.ndarray, winners: np.ndarray, has_samples: Support) -> np.ndarray:
+def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.ndarray:
     """Return the faces `[F, 3]` of an oriented two-manifold between the units.
 
     Args:
-        units: `[U, 3]`.
+        units: `[U, 3]`, at least three.
         winners: `[N, 3]` the three units nearest to each sample.
-        has_samples: tells whether samples lie near a place; holes elsewhere stay open.
+        support: tells whether samples lie on a face; holes elsewhere stay open.
     """
     units = np.asarray(units, dtype=np.float64)
-    edges, cliques = find_cliques(winners, len(units))
+    triples = find_triples(winners, len(units))
+    sparse = np.flatnonzero(np.bincount(winners[:, 0], minlength=len(units)) < FEW_SAMPLES)
+    if len(sparse):
+        midpoints = find_midpoints(units, sparse)
+        added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
+        triples = _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
+    edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
-    faces = make_manifold(units, cliques[empty], margin)
+    faces = cliques[empty]
+    is_doubtful = ~_is_in(_key(faces, len(units)), triples)
+    is_kept = ~is_doubtful
+    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
+    faces = make_manifold(units, faces[is_kept], margin[is_kept])
     for _ in range(MAX_REPAIRS):
-        faces, obstacles = patch_holes(units, faces, has_samples)
+        faces, obstacles = patch_holes(units, faces, support)
         if len(obstacles) == 0:
             break
         faces = np.delete(faces, obstacles, axis=0)
@@ -43,10 +58,20 @@ def learn_faces(units: np.ndarray, winners: np.ndarray, has_samples: Support) ->
     return faces
 
 
-def find_cliques(winners: np.ndarray, num_units: int) -> tuple[np.ndarray, np.ndarray]:
+def find_midpoints(units: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return the places halfway between each chosen unit and its nearest ones: `[6 C, 3]`."""
+    num_neighbors = min(NUM_NEIGHBORS, len(units) - 1)
+    _, neighbors = cKDTree(units).query(units[chosen], k=num_neighbors + 1)
+    return ((units[chosen][:, None] + units[neighbors[:, 1:]]) / 2).reshape(-1, 3)
+
+
+def find_triples(winners: np.ndarray, num_units: int) -> np.ndarray:
+    """Return the keys `[K]` of the witnessed triples, ascending: what three units win together."""
+    return _sorted_unique(_key(winners.astype(np.int64), num_units))
+
+
+def find_cliques(triples: np.ndarray, num_units: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the witnessed edges `[E, 2]` and all triangles of them `[F, 3]`, both in ascending order."""
-    a, b, c = _sort_columns(*(winners[:, k].astype(np.int64) for k in range(3)))
-    triples = _sorted_unique((a * num_units + b) * num_units + c)
     c = triples % num_units
     a, b = np.divmod(triples // num_units, num_units)
     keys = _sorted_unique(np.concatenate([a * num_units + b, a * num_units + c, b * num_units + c]))
@@ -58,7 +83,7 @@ def find_cliques(winners: np.ndarray, num_units: int) -> tuple[np.ndarray, np.nd
     first = np.repeat(place, num_later)
     later = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(num_later) - num_later, num_later)
     wanted = edges[first, 1] * num_units + edges[later, 1]
-    found = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
+    found = _is_in(wanted, keys)
     first, later = first[found], later[found]
     return edges, np.stack([edges[first, 0], edges[first, 1], edges[later, 1]], axis=1)
 
@@ -125,9 +150,19 @@ def _tabulate_neighbors(edges: np.ndarray, num_units: int) -> np.ndarray:
     return table
 
 
-def _sort_columns(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _key(triples: np.ndarray, num_units: int) -> np.ndarray:
+    """Return one number for every three units, whatever their order."""
+    a, b, c = triples.T
     low, high = np.minimum(a, b), np.maximum(a, b)
-    return np.minimum(low, c), np.maximum(low, np.minimum(high, c)), np.maximum(high, c)
+    middle = np.maximum(low, np.minimum(high, c))
+    return (np.minimum(low, c) * num_units + middle) * num_units + np.maximum(high, c)
+
+
+def _is_in(wanted: np.ndarray, keys: np.ndarray) -> np.ndarray:
+    """Return which of the wanted numbers are among ascending keys."""
+    if len(keys) == 0:
+        return np.zeros(len(wanted), dtype=bool)
+    return keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
 
 
 def _sorted_unique(keys: np.ndarray) -> np.ndarray:
