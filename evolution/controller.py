@@ -1,13 +1,14 @@
 """Controllers: from what the robot senses to the angles of its hinges, by the numbers of a genotype.
 
-Each law is a plain function of sensed quantities and genotypes, without a memory: a population steps
-as arrays, and what one genotype does never depends on the others beside it (element-wise arithmetic
-only, to the bit). Hinge i joins module i, counted from the head, to module i + 1 behind it; a positive
-angle lifts the part ahead of it.
+Each law is a plain function of sensed quantities and genotypes: a population steps as arrays, and what
+one genotype does never depends on the others beside it (element-wise arithmetic only, to the bit).
+The one memory is how long ago each module last touched ground, because touch flickers. Hinge i joins
+module i, counted from the head, to module i + 1 behind it; a positive angle lifts the part ahead of it.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,13 +17,17 @@ from evolution.errors import RunError
 Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as `SnakePitEnv.observation_structure` tells."""
 Sensed = Mapping[str, np.ndarray]
-"""Quantities by name, each `[P, n]`, columns from head to tail."""
+"""Quantities by name, each `[P, n]`, columns from head to tail; "airborne" is 1 or 0, "position" `[P, 1]`."""
 Law = Callable[[Sensed, np.ndarray], np.ndarray]
 """From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
 
+SENSORS = ("hinge_angle", "pitch", "contact")
+"""What the laws read of an observation."""
+PATIENCE = 15
+"""Ticks without touch after which a module counts as airborne (0.3 s)."""
 HINGE_RANGE = np.pi / 2
 BOUND = 1.5
-KNOTS = np.linspace(-0.55, 1.10, 12)
+KNOTS = np.linspace(-0.55, 0.55, 12)
 """Where the travelling posture has its knots, along the course from the middle of the pit [m]."""
 MODULE_PITCH = 0.1254
 """Distance between the modules of a snake [m] (Scout robots, docked)."""
@@ -30,7 +35,17 @@ HIDDEN = 4
 _INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind", "angle", "place", "head_pitch")
 
 REACTIVE = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
-REACTIVE += ("air_ahead", "air_behind", "head_pitch")
+REACTIVE += ("front_air", "rear_air", "head_pitch")
+
+
+class State(NamedTuple):
+    """What a controller remembers.
+
+    Attributes:
+        silence: `[P, n]` ticks since each module last touched something.
+    """
+
+    silence: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -41,17 +56,14 @@ class Controller:
         name: of the law.
         modules: length of the longest body it is for.
         parameters: name of each gene.
-        lower: smallest value of each gene.
-        upper: largest value of each gene.
-        initial: where a search begins.
-        sensors: names of the quantities that the law reads.
+
         law: the function.
+        bound: largest absolute value of a gene.
     """
 
     name: str
     modules: int
     parameters: tuple[str, ...]
-    sensors: tuple[str, ...]
     law: Law
     bound: float = BOUND
 
@@ -70,27 +82,34 @@ class Controller:
         """Where a search begins: in the middle, a body that follows no law."""
         return (0.0,) * len(self.parameters)
 
+    def begin(self, count: int) -> State:
+        """Return the state of `count` controllers before their first observation."""
+        return State(np.zeros((count, self.modules), dtype=np.int64))
+
     def act(
         self,
         observation: np.ndarray,
         genotype: np.ndarray,
         structure: Structure,
+        state: State,
         position: np.ndarray | float = 0.0,
-    ) -> np.ndarray:
-        """Return actions in [-1, 1]: hinge targets as a share of the hinge's range.
+    ) -> tuple[np.ndarray, State]:
+        """Return actions in [-1, 1], hinge targets as a share of the hinge's range, and the new state.
 
         Args:
-            observation: `[P, O]`, or `[O]`.
+            observation: `[P, O]`.
             genotype: `[P, G]`, or `[G]` for all.
             structure: where each quantity lies in an observation.
+            state: as `begin` or the call before returned it.
             position: of the head along the course, `[P]` or a number [m]; only "travelling" reads it.
         """
-        rows = np.atleast_2d(observation)
-        genes = np.broadcast_to(np.atleast_2d(genotype), (len(rows), len(self.parameters)))
-        sensed = {name: np.asarray(rows[:, structure[name]], dtype=float) for name in self.sensors}
-        sensed["position"] = np.broadcast_to(np.reshape(position, (-1, 1)), (len(rows), 1))
-        action = np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0)
-        return action if np.ndim(observation) == 2 else action[0]
+        count = len(observation)
+        genes = np.broadcast_to(genotype, (count, len(self.parameters)))
+        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in SENSORS}
+        state = State(np.where(sensed["contact"] > 0, 0, state.silence + 1))
+        sensed["airborne"] = (state.silence > PATIENCE).astype(float)
+        sensed["position"] = np.broadcast_to(np.reshape(position, (-1, 1)), (count, 1))
+        return np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0), state
 
     def check(self, genotypes: np.ndarray) -> None:
         """Refuse genotypes that are not this controller's.
@@ -108,15 +127,19 @@ class Controller:
 
 
 def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Bend each hinge by the attitude of the two modules it joins, and by whether they hang in the air.
+    """Bend each hinge by the pitch of the modules it joins, and the ends of the body that are in the air.
 
     Eight numbers whatever the length of the body: a bias for all hinges and one more for the first and
-    the last, gains on the pitch ahead and behind, postures in the air, and the head's pitch to its hinge.
+    the last, gains on the pitch ahead and behind, a posture for the modules between the head and the
+    first that touches ground and one for those behind the last that does, and the head's pitch to its
+    hinge.
     """
-    bias, head_bias, tail_bias, ahead, behind, air_ahead, air_behind, head_pitch = genotype.T[:, :, None]
-    pitch, is_airborne = sensed["pitch"], _is_airborne(sensed)
+    bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
+    pitch, airborne = sensed["pitch"], sensed["airborne"]
+    front = np.multiply.accumulate(airborne, axis=1)
+    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1]
     target = bias + ahead * pitch[:, :-1] + behind * pitch[:, 1:]
-    target = target + air_ahead * is_airborne[:, :-1] + air_behind * is_airborne[:, 1:]
+    target = target + front_air * front[:, :-1] + rear_air * rear[:, 1:]
     target[:, :1] += head_bias + head_pitch * pitch[:, :1]
     target[:, -1:] += tail_bias
     return target
@@ -128,8 +151,7 @@ def travelling(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
     What the head does at a place, every hinge behind it does there later (follow the leader). Twelve
     knots along the course, joined by straight lines, 0 beyond them.
     """
-    count = sensed["hinge_angle"].shape[1]
-    places = sensed["position"] - (np.arange(count) + 0.5) * MODULE_PITCH
+    places = sensed["position"] - np.cumsum(MODULE_PITCH * np.cos(sensed["pitch"][:, :-1]), axis=1)
     position = (places - KNOTS[0]) / (KNOTS[1] - KNOTS[0])
     padded = np.pad(genotype, ((0, 0), (1, 1)))
     left = np.clip(np.floor(position), -1, len(KNOTS) - 1).astype(int)
@@ -149,10 +171,10 @@ def posture(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
 
 def network(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
     """Let a small network with one hidden layer, the same at every hinge, choose the angle."""
-    angle, pitch, is_airborne = sensed["hinge_angle"], sensed["pitch"], _is_airborne(sensed)
+    angle, pitch, airborne = sensed["hinge_angle"], sensed["pitch"], sensed["airborne"]
     count = angle.shape[1]
     ones = np.ones_like(angle)
-    inputs = (ones, pitch[:, :-1], pitch[:, 1:], is_airborne[:, :-1], is_airborne[:, 1:], angle)
+    inputs = (ones, pitch[:, :-1], pitch[:, 1:], airborne[:, :-1], airborne[:, 1:], angle)
     inputs += (ones * np.linspace(-1.0, 1.0, count), ones * pitch[:, :1])
     weights = genotype.T[:, :, None]
     target = weights[-1] * ones
@@ -163,10 +185,6 @@ def network(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
             activation = activation + weights[first + offset] * inputs[offset]
         target = target + weights[HIDDEN * len(_INPUTS) + unit] * np.tanh(activation)
     return target
-
-
-def _is_airborne(sensed: Sensed) -> np.ndarray:
-    return (sensed["contact"] <= 0).astype(float)
 
 
 def make_controller(name: str, modules: int) -> Controller:
@@ -182,17 +200,17 @@ def make_controller(name: str, modules: int) -> Controller:
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
     if name == "reactive":
-        return Controller(name, modules, REACTIVE, ("pitch", "contact"), reactive)
+        return Controller(name, modules, REACTIVE, reactive)
     if name == "travelling":
         knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        return Controller(name, modules, knots, ("hinge_angle",), travelling)
+        return Controller(name, modules, knots, travelling)
     if name == "posture":
         hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
-        return Controller(name, modules, hinges, ("hinge_angle",), posture)
+        return Controller(name, modules, hinges, posture)
     if name == "network":
         weights = tuple(f"hidden_{unit}_{name}" for unit in range(HIDDEN) for name in _INPUTS)
         weights += (*(f"output_{unit}" for unit in range(HIDDEN)), "output_bias")
-        return Controller(name, modules, weights, ("hinge_angle", "pitch", "contact"), network, bound=4.0)
+        return Controller(name, modules, weights, network, bound=4.0)
     raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
 
 

@@ -121,7 +121,7 @@ class Scoring:
     """
 
     success: float = 1.0
-    effort: float = 1.0
+    effort: float = 0.2
     module: float = 0.05
 
     def score(self, outcome: Outcome, modules: int) -> float:

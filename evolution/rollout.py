@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from evolution.controller import Controller, make_controller
+from evolution.controller import SENSORS, Controller, make_controller
 from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
 from symbrion_gym.vector import SnakePitVectorEnv
 
-SENSORS = ("hinge_angle", "pitch", "contact")
-STUCK_TIME = 5.0
+STUCK_TIME = 3.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
 LANES = (8, 16, 32)
@@ -124,14 +123,16 @@ def _run_lanes(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], Ending]:
     lanes = environment.num_envs
+    structure = environment.observation_structure
     waiting = deque(trials)
     running: list[Trial | None] = [None] * lanes
     genotypes = np.zeros((lanes, len(controller.parameters)))
     effort = np.zeros(lanes)
+    state = controller.begin(lanes)
     endings: dict[tuple[int, int], Ending] = {}
     observation, position = _take_up(environment, waiting, running, genotypes, effort, range(lanes))
     while len(endings) < len(trials):
-        actions = controller.act(observation, genotypes, environment.observation_structure, position)
+        actions, state = controller.act(observation, genotypes, structure, state, position)
         observation, _, terminated, truncated, info = environment.step(actions)
         position = info["x_position"]
         effort -= info["reward_effort"]
@@ -148,6 +149,7 @@ def _run_lanes(
                 )
                 running[lane] = None
         if len(ended) and waiting:
+            state.silence[ended] = 0
             observation, position = _take_up(environment, waiting, running, genotypes, effort, ended)
     return endings
 
@@ -169,7 +171,7 @@ def _take_up(
         if not waiting:
             break
         trial = running[lane] = waiting.popleft()
-        mask[lane], genotypes[lane], effort[lane] = True, trial.genotype, 0.0
+        mask[lane], genotypes[lane], effort[lane] = True, trial.genotype[: genotypes.shape[1]], 0.0
         seeds[lane] = trial.seed
         for name in names:
             options[name][lane] = trial.conditions[name]
