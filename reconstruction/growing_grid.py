@@ -26,6 +26,7 @@ from reconstruction.grid_growth import (
 )
 from reconstruction.grid_learning import find_capacity, fit_grid, learn
 from reconstruction.grid_mesh import triangulate
+from reconstruction.grid_refinement import refine_sheet
 from reconstruction.progress import Progress, silent
 from reconstruction.winners import MAX_CANDIDATES
 
@@ -88,12 +89,10 @@ class State(NamedTuple):
 
     Attributes:
         units: `[R, C, 3]` reference vectors [m].
-        evidence: `[R, C]` samples that each unit won.
         has_face: `[R - 1, C - 1]` whether the cell between four units belongs to the surface.
     """
 
     units: np.ndarray
-    evidence: np.ndarray
     has_face: np.ndarray
 
     @property
@@ -127,7 +126,6 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
     rows, columns = counts.shape
     return State(
         units.astype(np.float64) * scale + center,
-        counts.astype(np.float64),
         np.ones((rows - 1, columns - 1), dtype=bool),
     )
 
@@ -157,3 +155,39 @@ def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> 
             goal=goal,
         )
     return units, counts
+
+
+def refine(
+    state: State,
+    points: np.ndarray,
+    new_points: np.ndarray,
+    config: GrowingGridConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> tuple[State, np.ndarray]:
+    """Let the same grid learn from new readings.
+
+    Args:
+        state: the grid.
+        points: `[N, 3]` what it has learnt from [m].
+        new_points: `[M, 3]` what was read since [m].
+        config: as it was grown with.
+        seed: of the order of the readings.
+        progress: told how far it is.
+
+    Returns:
+        The new grid, and the points that are still true with the new ones.
+    """
+    progress("refine", 0.0)
+    units, has_face, known = refine_sheet(
+        state.units,
+        state.faces,
+        state.has_face,
+        points,
+        new_points,
+        config.fit_sigmas,
+        config.stiffness,
+        np.random.default_rng(seed),
+    )
+    progress("refine", 1.0)
+    return State(units, has_face), known
