@@ -34,7 +34,7 @@ class Docking:
 class Organism:
     """A tree of modules.
 
-    The main hinge of a module works where its front dock is used; a free arm is held straight.
+    The main hinge of a module works where its front dock is used; a free arm is folded up, out of the way.
 
     Attributes:
         num_modules: how many.
@@ -105,7 +105,8 @@ class Organism:
             if kind == "chassis":
                 add_chassis(spec, body, f"module_{module}_", pose, self.scout)
             else:
-                add_arm(body, f"module_{module}_", pose, self.scout)
+                is_folded = module not in self.hinges
+                add_arm(body, f"module_{module}_", pose, self.scout, is_folded)
         for kind, module in sorted(group, key=_sort_key):
             other = ("arm" if kind == "chassis" else "chassis", module)
             if groups[other] in done:

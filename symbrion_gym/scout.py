@@ -199,9 +199,22 @@ def add_chassis(
     zone.set_frame(frame)
 
 
-def add_arm(body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig) -> None:
-    """Add the hinged arm of one module, with the front dock, to the body that it is part of."""
-    frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
+def add_arm(
+    body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig, is_folded: bool = False
+) -> None:
+    """Add the hinged arm of one module, with the front dock, to the body that it is part of.
+
+    Args:
+        body: what carries the arm.
+        prefix: put before every name.
+        pose: the module in the frame of the body.
+        config: constants.
+        is_folded: a free arm is held up, out of the way of the tracks.
+    """
+    lift = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0] if is_folded else [1.0, 0.0, 0.0, 0.0]
+    quaternion = np.empty(4)
+    mujoco.mju_mulQuat(quaternion, np.array(pose.quaternion), np.array(lift))
+    frame = body.add_frame(pos=pose.position, quat=quaternion)
     nose = _add_contact(
         frame,
         body,
