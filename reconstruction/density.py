@@ -1,7 +1,7 @@
 """How densely a cloud samples its surface, place by place, and which samples belong to no surface.
 
-An even cloud is recognised by a few probes and costs next to nothing. An uneven one (scan lines, a scanner's near
-and far field, outliers) is studied sample by sample.
+An even cloud is recognised by a few probes and costs next to nothing. An uneven one (scan lines, a
+scanner's near and far field, outliers) is studied sample by sample.
 """
 
 from typing import NamedTuple
@@ -16,6 +16,9 @@ _UNEVEN = 3.0
 """An even cloud's probes differ by less: 95th over 5th percentile of the distance to the tenth neighbour."""
 _LINEAR = 0.08
 """Below this ratio of variances a neighbourhood is one scan line, not a surface."""
+_EQUALITY = 0.75
+"""Exponent of the area a sample stands for in its weight: 0 puts the units where the samples are, 1 evenly on
+the surface. Sparse samples have noise of their own, so neither."""
 _LONELY = 3.0
 """An outlier is so many times farther from its neighbours than they are from theirs."""
 
@@ -25,7 +28,7 @@ class Density(NamedTuple):
 
     Attributes:
         spacing: `[N]` distance between samples, in the direction in which it is larger.
-        weights: `[N]` area a sample stands for, 1 on average; 0 for outliers.
+        weights: `[N]` what a sample counts, 1 on average: more where samples are sparse; 0 for outliers.
     """
 
     spacing: np.ndarray
@@ -69,13 +72,12 @@ def _study_all(samples: np.ndarray) -> Density:
         chosen = todo[is_surface | (k == wide)]
         spacing[chosen] = distances[chosen, k] * np.sqrt(np.pi / k)
     spacing = np.maximum(spacing, 1e-6 * np.median(spacing))
-    area = np.minimum(spacing, 4 * np.median(spacing)) ** 2
-    weights = np.where(is_outlier, 0, np.sqrt(area))
+    weights = np.where(is_outlier, 0, (spacing**2) ** _EQUALITY)
     return Density(spacing, weights / weights.mean())
 
 
 def _find_spread(neighborhoods: np.ndarray) -> np.ndarray:
-    """Return the variances of neighbourhoods `[M, K, 3]` along their axes over the largest: `[M, 3]`, descending."""
+    """Return the variances of neighbourhoods `[M, K, 3]` along their axes, largest first and 1: `[M, 3]`."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
     variances = np.linalg.eigvalsh(np.einsum("mki,mkj->mij", offset, offset))[:, ::-1]
     return variances / np.maximum(variances[:, :1], 1e-300)

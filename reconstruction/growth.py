@@ -25,9 +25,9 @@ _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
 _MAX_ROUNDS = 100
 """A map that has not grown to its size by then cannot: there are too few distinct samples."""
-_SPLIT_RADIUS = 1.05
-"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole: units of a
-hexagonal map are 2.7 times as far apart as this radius, and halving a cell brings them to twice the spacing."""
+SPLIT_RADIUS = 1.05
+"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole: units
+of a hexagonal map are 2.7 times as far apart as this radius; halving a cell brings them to twice the spacing."""
 
 
 class Tally(NamedTuple):
@@ -176,8 +176,8 @@ def _tally(
 def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int:
     """Put new units between those of largest error and their worst neighbours.
 
-    Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so that
-    it wins samples even where the worst neighbour lies beyond a gap.
+    Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so
+    that it wins samples even where the worst neighbour lies beyond a gap.
 
     Returns:
         How many units there are now; at most `wanted`, fewer where two would come to lie in one place.
@@ -187,7 +187,7 @@ def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int
     if len(free) == 0:
         return num_units
     errors, counts = tally.errors[:num_units], tally.counts[:num_units]
-    is_splittable = errors >= counts * (_SPLIT_RADIUS * tally.spacings[:num_units]) ** 2
+    is_splittable = errors >= counts * (SPLIT_RADIUS * tally.spacings[:num_units]) ** 2
     is_splittable &= errors > 0
     chosen = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]
     chosen = chosen[is_splittable[chosen]]

@@ -101,7 +101,7 @@ def find_folds(units: np.ndarray, faces: np.ndarray, hinges: Hinges, quality: np
 
 
 def find_minor_fans(faces: np.ndarray, hinges: Hinges, quality: np.ndarray, num_units: int) -> np.ndarray:
-    """Return the faces `[D]` outside the largest fan of any of their corners: a pinched vertex has several."""
+    """Return the faces `[D]` outside the largest fan of a corner: a pinched vertex has several fans."""
     corner = 3 * hinges.faces + hinges.sides
     following = 3 * hinges.faces + (hinges.sides + 1) % 3
     swap = hinges.is_consistent
@@ -209,3 +209,11 @@ def make_manifold(units: np.ndarray, faces: np.ndarray, quality: np.ndarray) -> 
         is_kept[dropped] = False
         faces, quality = faces[is_kept], quality[is_kept]
     return faces
+
+
+def make_winding(units: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the faces wound alike as far as that is possible: along the flattest edges, none dropped."""
+    if len(faces) == 0:
+        return faces
+    hinges = find_hinges(faces, group_sides(faces, len(units)))
+    return orient_faces(units, faces, hinges, np.ones(len(faces)))[0]

@@ -6,11 +6,14 @@ from scipy.spatial import cKDTree
 from reconstruction.growth import Level
 
 GAP = 2.0
-"""A place farther than this many sample spacings from all samples is void: a hole wider than four spacings."""
+"""A place farther than so many sample spacings from all samples is void: a hole wider than four of them."""
 MAX_VOID = 6.0
-"""A patch whose void covers more squared sample spacings (half a disc of that radius) spans a hole in the data."""
+"""A patch whose void is larger, in squared sample spacings (half a disc of `GAP`), spans a hole in the data."""
 MIN_COVER = 0.2
 """A face over which this share of the expected samples lies cuts a corner of the surface, and has no void."""
+FEW_SAMPLES = 16
+NUM_NEIGHBORS = 6
+"""How many neighbours a unit has in a regular map."""
 _INNER = np.array(
     [[4, 4, 4], [8, 2, 2], [2, 8, 2], [2, 2, 8], [2, 5, 5], [5, 2, 5], [5, 5, 2]], dtype=np.float64
 )
@@ -61,9 +64,31 @@ class Support:
         return int(((share >= 0).all(axis=0) & (share.sum(axis=0) <= 1)).sum())
 
 
-def make_support(level: Level) -> Support:
-    """Make the samples of a level ready; outliers carry nothing."""
-    spacings = np.empty(level.tiles.tree.n)
-    is_used = (level.weights > 0) | ~level.tiles.is_real
-    spacings[level.tiles.tree.indices] = np.where(is_used, level.spacings, 0).ravel()
-    return Support(level.tiles.tree, spacings)
+def make_support(level: Level, units: np.ndarray, winners: np.ndarray) -> Support:
+    """Make the samples of a level ready; outliers carry nothing.
+
+    Where units win few samples each, the scan lines are about as far apart as the units: there a gap of two
+    units' spacing is no hole yet.
+
+    Args:
+        level: all samples.
+        units: `[U, 3]`.
+        winners: `[T, S]` the unit nearest to every slot.
+    """
+    is_used = level.weights > 0
+    spacings = np.where(is_used | ~level.tiles.is_real, level.spacings, 0)
+    sparse = find_sparse(winners[is_used], len(units))
+    if len(sparse):
+        distances, _ = cKDTree(units).query(units[sparse], k=min(NUM_NEIGHBORS, len(units) - 1) + 1)
+        widest = np.zeros(len(units))
+        widest[sparse] = np.median(distances[:, 1:], axis=1) / 2
+        spacings = np.where(is_used, np.maximum(spacings, widest[winners]), spacings)
+    by_tree = np.empty(level.tiles.tree.n)
+    by_tree[level.tiles.tree.indices] = spacings.ravel()
+    return Support(level.tiles.tree, by_tree)
+
+
+def find_sparse(winners: np.ndarray, num_units: int) -> np.ndarray:
+    """Return the units `[C]` that win too few samples to see all their edges."""
+    counts = np.bincount(winners, minlength=num_units)
+    return np.flatnonzero((counts > 0) & (counts < FEW_SAMPLES))

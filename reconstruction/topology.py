@@ -15,13 +15,10 @@ from scipy.spatial import cKDTree
 
 from reconstruction.hole_patching import patch_holes
 from reconstruction.manifold import make_manifold
-from reconstruction.support import MAX_VOID, Support
+from reconstruction.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 
 MIN_COMPONENT_FACES = 4
 """Smaller parts are debris, unless there is nothing bigger."""
-FEW_SAMPLES = 16
-"""Units that win fewer samples are joined by the places between them as well: too few samples see an edge."""
-NUM_NEIGHBORS = 6
 MAX_REPAIRS = 6
 """How often faces round a hole that cannot be closed are taken away to close a larger one."""
 _EMPTINESS_SLACK = 1e-5
@@ -36,8 +33,17 @@ def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.
         support: tells whether samples lie on a face; holes elsewhere stay open.
     """
     units = np.asarray(units, dtype=np.float64)
+    faces, margin = propose_faces(units, winners, support)
+    return finish_faces(units, faces, margin, support)
+
+
+def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> tuple[np.ndarray, np.ndarray]:
+    """Return the faces that the samples witness, `[F, 3]`, and how empty their balls are, `[F]`.
+
+    Arguments as of `learn_faces`. The faces are not a manifold yet.
+    """
     triples = find_triples(winners, len(units))
-    sparse = np.flatnonzero(np.bincount(winners[:, 0], minlength=len(units)) < FEW_SAMPLES)
+    sparse = find_sparse(winners[:, 0], len(units))
     if len(sparse):
         midpoints = find_midpoints(units, sparse)
         added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
@@ -48,7 +54,19 @@ def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.
     is_doubtful = ~_is_in(_key(faces, len(units)), triples)
     is_kept = ~is_doubtful
     is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
-    faces = make_manifold(units, faces[is_kept], margin[is_kept])
+    return faces[is_kept], margin[is_kept]
+
+
+def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, support: Support) -> np.ndarray:
+    """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched.
+
+    Args:
+        units: `[U, 3]`.
+        faces: `[F, 3]` proposed ones.
+        quality: `[F]` the larger the better.
+        support: tells whether samples lie on a patch.
+    """
+    faces = make_manifold(units, faces, quality)
     for _ in range(MAX_REPAIRS):
         faces, obstacles = patch_holes(units, faces, support)
         if len(obstacles) == 0:
@@ -92,8 +110,8 @@ def find_empty(units: np.ndarray, faces: np.ndarray, edges: np.ndarray) -> tuple
     """Find the faces whose circumscribed ball holds no neighbour of a corner.
 
     Returns:
-        Which faces, `[E]`, and how empty each ball is, `[E]`: squared distance of the nearest neighbour to the
-        centre over the squared radius, at least 1.
+        Which faces, `[E]`, and how empty each ball is, `[E]`: squared distance of the nearest neighbour to
+        the centre over the squared radius, at least 1.
     """
     table = _tabulate_neighbors(edges, len(units))
     neighbors = units[table].astype(np.float32)

@@ -1,0 +1,147 @@
+"""Let a grown map learn on: what new readings contradict moves, grows or goes, the rest stays put."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from reconstruction.density import Density
+from reconstruction.evidence import weigh_evidence
+from reconstruction.growth import SPLIT_RADIUS, grow, make_level
+from reconstruction.hole_patching import find_vertex_normals
+from reconstruction.manifold import group_sides
+from reconstruction.padding import padded_length
+from reconstruction.support import Support
+from reconstruction.surface_fit import fit_surface, mean_edge_length
+from reconstruction.topology import finish_faces, propose_faces
+from reconstruction.winners import make_tiles
+
+RINGS = 2
+"""So many rings of units round a contradicted one learn anew with it."""
+WIDEST_CELL = 0.46
+"""Cells are halved above this root mean square radius, in mean edges; regular ones have 0.37."""
+STEEPNESS = 0.5
+"""Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
+FEWEST = 16
+"""Fewer samples than this carry no part of a surface."""
+
+
+def refine_map(
+    units: np.ndarray,
+    faces: np.ndarray,
+    old_points: np.ndarray,
+    new_points: np.ndarray,
+    fit_iterations: int,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return units, faces and points after new readings.
+
+    Args:
+        units: `[U, 3]` [m], each with a face.
+        faces: `[F, 3]`.
+        old_points: `[N, 3]` what the map has learnt from.
+        new_points: `[M, 3]` what was read since.
+        fit_iterations: of the final fit.
+        rng: draws the samples of the rounds.
+    """
+    edge = mean_edge_length(units, faces)
+    evidence = weigh_evidence(units, faces, old_points, new_points, edge)
+    is_doubtful = evidence.is_moved | evidence.is_gone
+    if not is_doubtful.any():
+        return units, faces, np.concatenate([old_points, new_points])
+    tree = cKDTree(units)
+    distant = new_points[evidence.distance > evidence.tolerance]
+    is_refuted = is_doubtful & ~_find_extended(units, faces, tree, distant)
+    old_winners, new_winners = tree.query(old_points)[1], tree.query(new_points)[1]
+    is_true = ~is_refuted[old_winners]
+    points = np.concatenate([old_points[is_true], new_points])
+    winners = np.concatenate([old_winners[is_true], new_winners])
+    is_active = _widen(faces, is_doubtful, RINGS)
+    grown = _grow_locally(points[is_active[winners]], units[is_active & ~is_refuted], edge, rng)
+    num_kept = len(units) - int(is_active.sum())
+    merged = np.concatenate([units[~is_active], grown])
+    place = np.cumsum(~is_active) - 1
+    kept_faces = place[faces[~is_active[faces].any(axis=1)]]
+    near = points[_widen(faces, is_active, RINGS)[winners]]
+    joined = _join(merged, num_kept, kept_faces, near)
+    merged = _fit_locally(merged, joined, num_kept, near, fit_iterations)
+    used, flat = np.unique(joined, return_inverse=True)
+    return merged[used], flat.reshape(-1, 3), points
+
+
+def _find_extended(units: np.ndarray, faces: np.ndarray, tree: cKDTree, distant: np.ndarray) -> np.ndarray:
+    """Return the units `[U]` at the rim beyond which the surface goes on: old readings stay true there."""
+    if len(distant) == 0:
+        return np.zeros(len(units), dtype=bool)
+    sides = group_sides(faces, len(units))
+    slots = sides.slots[sides.starts[sides.counts == 1]]
+    is_rim = np.zeros(len(units), dtype=bool)
+    is_rim[faces.ravel()[slots]] = True
+    normals = find_vertex_normals(units, faces)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    winner = tree.query(distant)[1]
+    offset = distant - units[winner]
+    rise = np.abs((offset * normals[winner]).sum(axis=1)) / np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
+    count = np.bincount(winner, minlength=len(units))
+    flat = np.bincount(winner, rise < STEEPNESS, minlength=len(units))
+    return is_rim & (flat > count / 2)
+
+
+def _widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
+    """Return the chosen units and so many rings of neighbours: `[U]`."""
+    is_chosen = is_chosen.copy()
+    for _ in range(rings):
+        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
+    return is_chosen
+
+
+def _grow_locally(points: np.ndarray, start: np.ndarray, edge: float, rng: np.random.Generator) -> np.ndarray:
+    """Return `[G, 3]` units that cover the points as densely as the map covers the rest."""
+    if len(points) < FEWEST:
+        return np.empty((0, 3))
+    center = points.mean(axis=0)
+    missing = padded_length(len(points), 1024) - len(points)
+    drawn = np.concatenate([np.arange(len(points)), rng.integers(len(points), size=missing)])
+    samples = ((points[drawn] - center) / edge).astype(np.float32)
+    density = Density(np.full(len(samples), WIDEST_CELL / SPLIT_RADIUS), np.ones(len(samples)))
+    if len(start) < 3:
+        start = np.concatenate([start, points[rng.choice(len(points), 3, replace=False)]])
+    grown = grow(
+        make_level(make_tiles(samples), density),
+        ((start - center) / edge).astype(np.float32),
+        max(len(start), len(points) // 4),
+        growth=1.5,
+        samples_per_unit=8,
+        settle_passes=3,
+        rng=rng,
+    )
+    return grown.astype(np.float64) * edge + center
+
+
+def _join(units: np.ndarray, num_kept: int, kept_faces: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the kept faces and those at new units as one surface."""
+    if num_kept == len(units) or len(points) < FEWEST:
+        return kept_faces
+    winners = cKDTree(units).query(points, k=3)[1]
+    tree = cKDTree(points)
+    near = min(10, len(points) - 1)
+    reach = tree.query(points, k=near + 1)[0][:, -1]
+    support = Support(tree, reach * np.sqrt(np.pi / near))
+    proposed, margin = propose_faces(units, winners, support)
+    is_new = (proposed >= num_kept).any(axis=1)
+    faces = np.concatenate([kept_faces, proposed[is_new]])
+    quality = np.concatenate([np.full(len(kept_faces), np.inf), margin[is_new]])
+    return finish_faces(units, faces, quality, support)
+
+
+def _fit_locally(
+    units: np.ndarray, faces: np.ndarray, num_kept: int, points: np.ndarray, iterations: int
+) -> np.ndarray:
+    """Return the units with the new ones fitted to the points; the kept ones stay where they are."""
+    near = faces[_widen(faces, np.arange(len(units)) >= num_kept, 1)[faces].any(axis=1)]
+    if len(near) == 0 or len(points) == 0:
+        return units
+    used, flat = np.unique(near, return_inverse=True)
+    fitted = fit_surface(units[used], flat.reshape(-1, 3), points, iterations=iterations)
+    moved = units.copy()
+    moved[used] = fitted
+    moved[:num_kept] = units[:num_kept]
+    return moved
