@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,13 +12,17 @@ import numpy as np
 import trimesh
 
 from reconstruction.progress import Progress, silent
-from symbrion_gym.arena_quality import ArenaQuality, measure_arena
+from symbrion_gym.arena_cache import find_versions, get_or_make
+from symbrion_gym.arena_folder import load_arena_folder, save_arena
+from symbrion_gym.arena_quality import ArenaQuality
 from symbrion_gym.arena_spec import make_arena_spec
+from symbrion_gym.assets import find_assets
+from symbrion_gym.contact_builder import Contact, ContactOptions, make_contact
+from symbrion_gym.contact_kinds import HeightField
 from symbrion_gym.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym.elevation import Elevation
 from symbrion_gym.errors import ArenaError
-from symbrion_gym.planes import find_planes
-from symbrion_gym.slabs import make_slabs
+from symbrion_gym.mesh_repair import load_surface, repair_mesh
 
 NAMED_ARENAS = ("truth", "simple", "stairs", "gsrm", "gg")
 
@@ -36,6 +39,7 @@ class Arena:
         friction: sliding friction of the ground.
         course: the exact course behind it, where there is one: pit edges, start and goal.
         kind: the kind of contact geometry.
+        height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
     """
 
@@ -46,6 +50,7 @@ class Arena:
     friction: float = 0.7
     course: Course | StairsCourse | None = None
     kind: str = "convex"
+    height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -75,6 +80,23 @@ class Arena:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
         return make_arena_spec(self)
 
+    def save(self, folder: str | Path) -> None:
+        """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
+
+        Raises:
+            ArenaError: the folder holds something else.
+        """
+        save_arena(self, folder)
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Arena:
+        """Read what `save` wrote.
+
+        Raises:
+            ArenaError: the folder holds no arena, or a damaged one.
+        """
+        return cls(**load_arena_folder(folder))
+
 
 def make_arena(
     mesh: trimesh.Trimesh | str | Path,
@@ -86,62 +108,102 @@ def make_arena(
     name: str | None = None,
     friction: float | None = None,
     thickness: float = 0.2,
+    seed: int = 0,
+    time_limit: float = 120.0,
+    cache: bool | str | Path = True,
     progress: Progress = silent,
 ) -> Arena:
     """Make an arena of a surface: convex pieces to touch that follow it, and the surface itself to see.
 
+    A terrain is cut into convex slabs under the planes found in it, any other shape goes to coacd. What was
+    reached stands in `Arena.quality`; how, in `Arena.provenance`.
+
     Args:
-        mesh: a terrain open at its rim or a closed body, or a file of it; metres, z up.
+        mesh: a terrain open at its rim, or any other surface or body, or a file of it; metres, z up.
         accuracy: distance between pieces and surface that is good enough [m].
-        max_pieces: no more contact pieces than these.
-        kind: contact geometry.
+        max_pieces: no more convex pieces than these, where that can be had.
+        kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
         course: the course that was scanned, where it is known: its pit edges, start and goal are kept.
         name: what to call it; the file's name unless given.
         friction: sliding friction; the course's, or 0.7, unless given.
         thickness: how far pieces reach below the lowest ground [m].
+        seed: of coacd's search.
+        time_limit: building ends by then, with what there is or an error [s].
+        cache: whether to keep pieces in the user's cache, or the folder to keep them in.
         progress: called with what is being done and the share done.
 
     Raises:
-        ArenaError: the mesh cannot be used.
+        ArenaError: the mesh cannot be used, or an option is out of range.
     """
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit)
+    source = "mesh"
     if not isinstance(mesh, trimesh.Trimesh):
-        path = Path(mesh)
-        name = name or path.stem
-        mesh = trimesh.load_mesh(path)
-    start = time.perf_counter()
-    progress("planes", 0.1)
-    pieces = make_slabs(mesh, find_planes(mesh, accuracy), accuracy, max_pieces, thickness)
-    progress("quality", 0.9)
-    quality = measure_arena(pieces, mesh, seconds=time.perf_counter() - start)
+        source = Path(mesh).name
+        name = name or Path(mesh).stem
+        mesh = load_surface(mesh)
+    progress("repairing the mesh", 0.0)
+    num_faces = len(mesh.faces)
+    mesh = repair_mesh(mesh)
+
+    def make() -> Contact:
+        return make_contact(mesh, options, progress)
+
+    folder = Path(cache) if isinstance(cache, str | Path) else None
+    contact = make() if cache is False else get_or_make(mesh, options, make, folder)
+    progress("done", 1.0)
     if friction is None:
         friction = course.friction if course is not None else 0.7
-    return Arena(name or "arena", pieces, mesh, quality, friction, course, kind)
+    about = {
+        "source": source,
+        "num_faces": num_faces,
+        "options": options.as_dict(),
+        "versions": find_versions(),
+        **contact.notes,
+    }
+    return Arena(
+        name or "arena",
+        contact.pieces,
+        mesh,
+        contact.quality,
+        friction,
+        course,
+        kind,
+        contact.height_field,
+        about,
+    )
 
 
-def load_arena(name: str | Path, course: Course | StairsCourse | None = None) -> Arena:
-    """Return a named arena, or one from a folder.
+def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **options: Any) -> Arena:
+    """Return a named arena, or one from a folder or a mesh file.
 
     Args:
-        name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package.
-        course: sizes other than the usual ones, for the arenas made in code.
+        name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
+            else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`.
+        course: other sizes, for the arenas made in code; what was scanned, for a mesh file.
+        options: of `make_arena`, for a mesh file.
 
     Raises:
         ArenaError: there is no such arena.
     """
-    if name == "truth":
-        return Arena.from_course(course or Course(), "truth")
-    if name == "stairs":
-        return Arena.from_course(course or StairsCourse(), "stairs")
-    if name == "simple":
-        course = course or Course()
-        exact = Arena.from_course(course, "simple")
-        return Arena(
-            name="simple",
-            pieces=exact.pieces,
-            surface=make_simple_surface(course),
-            quality=exact.quality,
-            friction=course.friction,
-            course=course,
-            provenance=exact.provenance,
+    if name in ("truth", "simple", "stairs"):
+        return _make_exact(str(name), course)
+    path = Path(name)
+    if str(name) in NAMED_ARENAS and not path.exists():
+        path = find_assets() / "arenas" / str(name)
+    if path.is_dir():
+        return Arena.load(path)
+    if path.is_file():
+        return (
+            Arena.load(path.parent)
+            if path.name == "arena.json"
+            else make_arena(path, course=course, **options)
         )
-    raise ArenaError(f"no arena {str(name)!r}; there are: {', '.join(NAMED_ARENAS)}")
+    raise ArenaError(
+        f"no arena {str(name)!r}: neither a folder nor a mesh file, nor one of {', '.join(NAMED_ARENAS)}"
+    )
+
+
+def _make_exact(name: str, course: Course | StairsCourse | None) -> Arena:
+    course = course or (StairsCourse() if name == "stairs" else Course())
+    exact = Arena.from_course(course, name)
+    return replace(exact, surface=make_simple_surface(course)) if name == "simple" else exact

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from symbrion_gym.elevation import Elevation
 
@@ -62,14 +63,12 @@ def measure_arena(
     low, high = (region or surface).bounds[:, :2]
     spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
     axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
-    x, y = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
-    elevation = Elevation(surface)
-    is_there = np.isfinite(elevation.height(x, y))
+    x, y = np.meshgrid(*axes, indexing="ij")
+    wanted = Elevation(surface).height(x, y)
+    is_there = np.isfinite(wanted)
     if region is not None:
         is_there &= np.isfinite(Elevation(region).height(x, y))
-    x, y = x[is_there], y[is_there]
-    wanted = elevation.height(x, y)
-    is_open = find_relief(elevation, x, y, margin) < 2.0 * margin
+    is_open = is_there & (_find_relief(wanted, margin / spacing) < 2.0 * margin)
     touched = Elevation(*pieces).height(x, y)
     is_touched = np.isfinite(touched)
     gap = (touched - wanted)[is_open & is_touched]
@@ -80,17 +79,18 @@ def measure_arena(
         p95=float(np.percentile(np.abs(gap), 95)),
         max=float(np.abs(gap).max()),
         bias=float(gap.mean()),
-        uncovered=float(1.0 - is_touched.mean()),
+        uncovered=float(1.0 - is_touched[is_there].mean()),
         num_pieces=len(pieces),
         seconds=seconds,
     )
 
 
-def find_relief(elevation: Elevation, x: np.ndarray, y: np.ndarray, radius: float) -> np.ndarray:
-    """Return the difference of the highest and lowest point within a radius of each (x, y) [m]."""
-    center = elevation.height(x, y)
-    highest, lowest = center.copy(), center.copy()
-    for angle in np.arange(16) * np.pi / 8:
-        around = elevation.height(x + radius * np.cos(angle), y + radius * np.sin(angle))
-        highest, lowest = np.fmax(highest, around), np.fmin(lowest, around)
+def _find_relief(heights: np.ndarray, radius: float) -> np.ndarray:
+    """Difference of the highest and lowest point within a radius (in cells) on a grid with gaps (NaN)."""
+    reach = max(int(np.ceil(radius - 1e-6)), 1)
+    steps = np.arange(-reach, reach + 1)
+    disc = np.hypot(*np.meshgrid(steps, steps)) <= max(radius, 1.0) + 1e-6
+    is_gap = np.isnan(heights)
+    highest = maximum_filter(np.where(is_gap, -np.inf, heights), footprint=disc, mode="nearest")
+    lowest = minimum_filter(np.where(is_gap, np.inf, heights), footprint=disc, mode="nearest")
     return highest - lowest

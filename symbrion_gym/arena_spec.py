@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 import trimesh
 
+from symbrion_gym.contact_kinds import HeightField
+
 if TYPE_CHECKING:
     from symbrion_gym.arena import Arena
 
@@ -16,13 +18,17 @@ SURFACE_GROUP = 2
 CONTACT_GROUP = 3
 """Geom group of the contact pieces: touched, not drawn unless asked for."""
 
+_ROLLING_FRICTION = (0.005, 0.0001)
+"""Torsional [m] and rolling [m] friction: MuJoCo's defaults."""
 _SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
 
 
-def make_arena_spec(arena: Arena) -> mujoco.MjSpec:
-    """Return a spec with the arena and lights, nothing else; it compiles without any file.
+def make_arena_spec(arena: Arena, use_files: bool = False) -> mujoco.MjSpec:
+    """Return a spec with the arena and lights, nothing else.
 
-    The meshes travel as user vertices. Physics options are left to the caller: `implicitfast`, the Newton
+    It compiles without any file, unless `use_files`: then meshes are named as in a saved arena's folder.
+
+    Physics options are left to the caller: `implicitfast`, the Newton
     solver, a dense Jacobian and a step of 5 ms are what the arenas were measured with.
     """
     spec = mujoco.MjSpec()
@@ -39,8 +45,11 @@ def make_arena_spec(arena: Arena) -> mujoco.MjSpec:
         )
     colors = make_piece_colors(len(arena.pieces))
     for i, piece in enumerate(arena.pieces):
-        _add_piece(spec, f"arena_piece_{i}", piece, arena.friction, colors[i])
-    _add_mesh(spec, "arena_surface", arena.surface)
+        file = f"pieces/{i:03d}.obj" if use_files else ""
+        _add_piece(spec, f"arena_piece_{i}", piece, arena.friction, colors[i], file)
+    if arena.height_field is not None:
+        _add_height_field(spec, arena.height_field, arena.friction)
+    _add_mesh(spec, "arena_surface", arena.surface, "surface.obj" if use_files else "")
     spec.worldbody.add_geom(
         name="arena_surface",
         type=mujoco.mjtGeom.mjGEOM_MESH,
@@ -73,7 +82,7 @@ def find_box(piece: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray
     edges = edges[np.argsort(np.linalg.norm(edges, axis=1))]
     axes = [edges[0]]
     for edge in edges[1:]:
-        if len(axes) < 3 and all(abs(edge @ axis) <= 1e-6 * np.linalg.norm(edge) for axis in axes):
+        if len(axes) < 3 and all(abs(edge @ axis) <= 1e-5 * np.linalg.norm(edge) for axis in axes):
             axes.append(edge)
     if len(axes) < 3:
         return None
@@ -81,20 +90,20 @@ def find_box(piece: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray, np.ndarray
     frame = (np.array(axes) / sizes[:, None]).T
     if np.linalg.det(frame) < 0:
         frame[:, 2] *= -1.0
-    if not np.allclose(np.abs((corners - center) @ frame), sizes / 2, atol=1e-6):
+    if not np.allclose(np.abs((corners - center) @ frame), sizes / 2, atol=5e-6):
         return None
     return center, sizes / 2, frame
 
 
 def _add_piece(
-    spec: mujoco.MjSpec, name: str, piece: trimesh.Trimesh, friction: float, rgba: np.ndarray
+    spec: mujoco.MjSpec, name: str, piece: trimesh.Trimesh, friction: float, rgba: np.ndarray, file: str
 ) -> None:
     box = find_box(piece)
     geom = spec.worldbody.add_geom(
-        name=name, group=CONTACT_GROUP, rgba=rgba, friction=[friction, 0.005, 0.0001]
+        name=name, group=CONTACT_GROUP, rgba=rgba, friction=[friction, *_ROLLING_FRICTION]
     )
     if box is None:
-        _add_mesh(spec, name, piece)
+        _add_mesh(spec, name, piece, file)
         geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, name
         return
     center, half_sizes, frame = box
@@ -103,7 +112,31 @@ def _add_piece(
     geom.type, geom.pos, geom.size, geom.quat = mujoco.mjtGeom.mjGEOM_BOX, center, half_sizes, quaternion
 
 
-def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh) -> None:
+def _add_height_field(spec: mujoco.MjSpec, field: HeightField, friction: float) -> None:
+    lowest, highest = float(field.heights.min()), float(field.heights.max())
+    rise = max(highest - lowest, 1e-3)
+    rows, columns = field.heights.shape
+    spec.add_hfield(
+        name="arena_height_field",
+        nrow=rows,
+        ncol=columns,
+        size=[*((field.high - field.low) / 2), rise, 0.2],
+        userdata=((field.heights - lowest) / rise).ravel(),
+    )
+    spec.worldbody.add_geom(
+        name="arena_height_field",
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="arena_height_field",
+        pos=[*((field.high + field.low) / 2), lowest],
+        group=CONTACT_GROUP,
+        friction=[friction, *_ROLLING_FRICTION],
+    )
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, mesh: trimesh.Trimesh, file: str) -> None:
+    if file:
+        spec.add_mesh(name=name, file=file, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        return
     spec.add_mesh(
         name=name,
         uservert=np.asarray(mesh.vertices, dtype=np.float64).ravel(),

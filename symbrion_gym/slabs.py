@@ -8,6 +8,7 @@ direction. Cells that one cap serves as well are joined again, also where the jo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -104,7 +105,12 @@ def make_ground(mesh: trimesh.Trimesh, planes: Planes, num_points: int = 30000) 
 
 
 def make_slabs(
-    mesh: trimesh.Trimesh, planes: Planes, accuracy: float, max_pieces: int, thickness: float
+    mesh: trimesh.Trimesh,
+    planes: Planes,
+    accuracy: float,
+    max_pieces: int,
+    thickness: float,
+    is_late: Callable[[], bool] = lambda: False,
 ) -> list[trimesh.Trimesh]:
     """Return convex solids whose union has the terrain as its top.
 
@@ -114,23 +120,26 @@ def make_slabs(
         accuracy: distance between cap and ground that is good enough [m].
         max_pieces: no more than these.
         thickness: how far the solids reach below the lowest ground [m].
+        is_late: asked now and then; once true, cutting and joining end where they are.
     """
     ground = make_ground(mesh, planes)
-    cells = _split(ground, find_crease_lines(mesh, planes, STEEP), accuracy, max_pieces)
+    cells = _split(ground, find_crease_lines(mesh, planes, STEEP), accuracy, max_pieces, is_late)
     slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
-    slabs = _merge(ground, slabs, accuracy / 2)
+    slabs = _merge(ground, slabs, accuracy / 2, is_late)
     bottom = float(mesh.vertices[:, 2].min()) - thickness
     solids = [_make_solid(planes, slab, bottom) for slab in slabs]
     return [solid for solid in solids if solid is not None]
 
 
-def _split(ground: Ground, lines: np.ndarray, accuracy: float, max_pieces: int) -> list[Cell]:
+def _split(
+    ground: Ground, lines: np.ndarray, accuracy: float, max_pieces: int, is_late: Callable[[], bool]
+) -> list[Cell]:
     """Cut the worst cell along its best line until every cap is accurate or no cut helps."""
     above = ground.heights[:, None] > ground.levels + accuracy
     clashes = (above * ground.weights[:, None]).astype(np.float32)
     everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy)
     done, open_cells = [], [everything]
-    while open_cells and len(done) + len(open_cells) < 4 * max_pieces:
+    while open_cells and len(done) + len(open_cells) < 4 * max_pieces and not is_late():
         worst = max(range(len(open_cells)), key=lambda i: open_cells[i].error)
         cell = open_cells.pop(worst)
         line = (
@@ -193,7 +202,7 @@ def _cap(ground: Ground, bounds: np.ndarray, members: np.ndarray, accuracy: floa
     return Cell(bounds, members, planes[chosen], error if chosen.any() else 0.0, excess)
 
 
-def _merge(ground: Ground, slabs: list[Slab], accuracy: float) -> list[Slab]:
+def _merge(ground: Ground, slabs: list[Slab], accuracy: float, is_late: Callable[[], bool]) -> list[Slab]:
     """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
     slabs = list(slabs)
     joints: dict[tuple[int, int], Slab | None] = {}
@@ -201,7 +210,7 @@ def _merge(ground: Ground, slabs: list[Slab], accuracy: float) -> list[Slab]:
     while len(alive) > 1:
         for i in alive:
             for j in alive:
-                if i < j and (i, j) not in joints:
+                if i < j and (i, j) not in joints and not is_late():
                     joints[i, j] = _join(ground, slabs[i], slabs[j], accuracy)
         found = {pair: slab for pair, slab in joints.items() if slab is not None and alive.issuperset(pair)}
         if not found:

@@ -1,0 +1,220 @@
+"""From a repaired surface to contact geometry that meets an accuracy within a time."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import trimesh
+
+from reconstruction.progress import Progress, silent
+from symbrion_gym.arena_quality import ArenaQuality, measure_arena
+from symbrion_gym.contact_kinds import (
+    CONTACT_KINDS,
+    HeightField,
+    find_uncovered,
+    make_boxes,
+    make_height_field,
+    make_prisms,
+)
+from symbrion_gym.decomposition import decompose
+from symbrion_gym.errors import ArenaError
+from symbrion_gym.planes import find_planes
+from symbrion_gym.slabs import make_slabs
+from symbrion_gym.solid import close_downwards, find_shape, simplify_solid, take_top, thicken
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """What contact geometry is wanted.
+
+    Attributes:
+        accuracy: distance between contact and surface that is good enough [m].
+        max_pieces: no more convex pieces than these.
+        kind: one of `CONTACT_KINDS`.
+        thickness: how far pieces reach below the lowest ground, or inwards from an overhang [m].
+        seed: of coacd's search.
+        time_limit: building ends by then, with what there is or an error [s].
+    """
+
+    accuracy: float = 0.003
+    max_pieces: int = 64
+    kind: str = "convex"
+    thickness: float = 0.2
+    seed: int = 0
+    time_limit: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in CONTACT_KINDS:
+            raise ArenaError(f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        for name in ("accuracy", "thickness", "time_limit"):
+            if not 0.0 < getattr(self, name) < float("inf"):
+                raise ArenaError(f"{name} must be above 0, got {getattr(self, name)}")
+        if self.max_pieces < 1:
+            raise ArenaError(f"max_pieces must be 1 or more, got {self.max_pieces}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What is touched, and how well it follows the surface.
+
+    Attributes:
+        pieces: convex solids.
+        height_field: in place of pieces, for the kind "hfield".
+        quality: distances from the surface.
+        notes: how it came about, for JSON.
+    """
+
+    pieces: list[trimesh.Trimesh]
+    quality: ArenaQuality
+    height_field: HeightField | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+class Watch:
+    """A time limit that long work looks at."""
+
+    def __init__(self, limit: float) -> None:
+        self._end = time.perf_counter() + limit
+        self._start = time.perf_counter()
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start [s]."""
+        return time.perf_counter() - self._start
+
+    def left(self) -> float:
+        """Time until the limit, not below 0 [s]."""
+        return max(self._end - time.perf_counter(), 0.0)
+
+    def is_late(self, share: float = 1.0) -> bool:
+        """Whether this share of the time is used up."""
+        return self.elapsed >= share * (self._end - self._start)
+
+
+def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progress = silent) -> Contact:
+    """Make contact geometry of a repaired surface.
+
+    Raises:
+        ArenaError: no geometry of this kind can be made of this surface in time.
+    """
+    watch = Watch(options.time_limit)
+    if options.kind == "prisms":
+        return _measure(make_prisms(mesh), mesh, watch, {"way": "prisms"})
+    if options.kind == "hfield":
+        heights = make_height_field(mesh)
+        quality = measure_arena([heights.as_mesh()], mesh, seconds=watch.elapsed)
+        return Contact([], quality, heights, {"way": "height field"})
+    shape = find_shape(mesh)
+    progress(f"the surface is a {shape}", 0.05)
+    if shape == "terrain":
+        return _follow_terrain(take_top(mesh), mesh, options, watch, progress)
+    solid = mesh if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
+    return _decompose_solid(solid, mesh, options, watch, progress, {"shape": shape})
+
+
+def _follow_terrain(
+    top: trimesh.Trimesh, mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
+) -> Contact:
+    """Slabs under planes, the finest that keep to the number of pieces."""
+    best: Contact | None = None
+    for step, scale in enumerate((1.0, 2.0, 4.0, 8.0)):
+        progress("planes and slabs", 0.1 + 0.2 * step)
+        tolerance = scale * options.accuracy
+        planes = find_planes(top, tolerance)
+        late = (0.25 + 0.15 * step) * options.time_limit
+        pieces = make_slabs(
+            top,
+            planes,
+            tolerance,
+            options.max_pieces,
+            options.thickness,
+            lambda late=late: watch.elapsed > late,
+        )
+        if options.kind == "primitives":
+            boxes = make_boxes(top, planes, tolerance)
+            pieces = boxes + find_uncovered(pieces, boxes, tolerance)
+        notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
+        if pieces:
+            best = _choose(best, _measure(pieces, mesh, watch, notes), options.max_pieces)
+        is_enough = best is not None and len(best.pieces) <= options.max_pieces
+        if (is_enough and step > 0) or watch.is_late(0.7):
+            break
+        if best is not None and is_enough and best.quality.mean <= max(options.accuracy, 1.5 * planes.noise):
+            break
+    if (
+        best is not None
+        and len(best.pieces) <= options.max_pieces
+        and best.quality.mean < 3 * options.accuracy
+    ):
+        return best
+    try:
+        solid = simplify_solid(close_downwards(top, options.thickness))
+        other = _decompose_solid(solid, mesh, options, watch, progress, {"shape": "terrain"})
+    except ArenaError as error:
+        if best is None:
+            raise
+        _logger.info("coacd gave nothing better: %s", error)
+        return best
+    return _choose(best, other, options.max_pieces)
+
+
+def _decompose_solid(
+    solid: trimesh.Trimesh,
+    mesh: trimesh.Trimesh,
+    options: ContactOptions,
+    watch: Watch,
+    progress: Progress,
+    notes: dict[str, Any],
+) -> Contact:
+    """coacd with finer and finer thresholds, until the accuracy is met or pieces or time run out."""
+    best: Contact | None = None
+    failure: ArenaError | None = None
+    for step, threshold in enumerate((0.05, 0.02, 0.01)):
+        progress(f"coacd at threshold {threshold}", 0.4 + 0.15 * step)
+        if step and (watch.left() < 3.0 * watch.elapsed or watch.is_late(0.5)):
+            break
+        try:
+            pieces = decompose(solid, threshold, options.seed, max(watch.left(), 1.0), max_convex_hull=-1)
+        except ArenaError as error:
+            failure = error
+            break
+        made = _measure(pieces, mesh, watch, {**notes, "way": "coacd", "threshold": threshold})
+        best = _choose(best, made, options.max_pieces)
+        if len(pieces) > options.max_pieces or made.quality.mean <= options.accuracy:
+            break
+    if best is None:
+        raise failure or ArenaError("no convex pieces were found")
+    return best
+
+
+def _measure(
+    pieces: list[trimesh.Trimesh], mesh: trimesh.Trimesh, watch: Watch, notes: dict[str, Any]
+) -> Contact:
+    seconds = watch.elapsed
+    return Contact(pieces, measure_arena(pieces, mesh, seconds=seconds), None, notes)
+
+
+def _choose(first: Contact | None, second: Contact, max_pieces: int) -> Contact:
+    """The one that keeps to the number of pieces; of two, the more accurate."""
+    if first is None:
+        return second
+
+    def rank(contact: Contact) -> tuple[int, float]:
+        too_many = max(len(contact.pieces) - max_pieces, 0)
+        return too_many, contact.quality.mean + contact.quality.uncovered
+
+    return min(first, second, key=rank)
+
+
+def _limit_thickness(mesh: trimesh.Trimesh, thickness: float) -> float:
+    """A shell no thicker than a tenth of the extent: small things stay hollow where they were."""
+    return min(thickness, 0.1 * float(mesh.extents.max()))
