@@ -15,7 +15,7 @@ from evolution.commands.reconstruct import format_value
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arena(Command):
-    """Decompose a surface into convex pieces for contact, keep it exactly for rays, and write an arena folder.
+    """Decompose a surface into convex pieces for contact, keep it exactly for rays; write a folder.
 
     Example: symbrion arena surface.npz --out arenas/pit
     """
@@ -45,7 +45,8 @@ class Arena(Command):
             arena.save(self.out)
         quality = dataclasses.asdict(arena.quality)
         console.say(
-            f"{len(arena.pieces)} pieces in {self.out}; look at it: python -m mujoco.viewer --mjcf={self.out}/arena.xml"
+            f"{len(arena.pieces)} pieces in {self.out}; "
+            f"look at it: python -m mujoco.viewer --mjcf={self.out}/arena.xml"
         )
         console.show_table(
             "Contact surface against the mesh",

@@ -8,10 +8,10 @@ from evolution.commands.command import UsageError
 
 def check_arena(arena: str) -> None:
     """Refuse an arena that is neither a name we know nor a file or folder."""
-    if arena in sg.ARENA_NAMES or Path(arena).exists():
+    if arena in sg.NAMED_ARENAS or Path(arena).exists():
         return
     raise UsageError(
-        f"no arena '{arena}'; there are {', '.join(sg.ARENA_NAMES)}, or give an arena folder or a mesh file"
+        f"no arena '{arena}'; there are {', '.join(sg.NAMED_ARENAS)}, or give an arena folder or a mesh file"
     )
 
 

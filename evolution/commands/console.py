@@ -60,7 +60,7 @@ class Console:
 
 
 class Step:
-    """One step of work: its `progress` is what long functions call. Without a terminal it prints lines instead.
+    """One step of work: long functions call its `progress`. Without a terminal it prints lines instead.
 
     Args:
         title: what the step does.

@@ -1,6 +1,7 @@
 """`symbrion reconstruct`: turn points or a scan log into a surface."""
 
 import dataclasses
+import zipfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,10 +25,10 @@ class Reconstruct(Command):
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
-    """A scan log of `symbrion survey` (.npz), or points: .xyz .txt .csv .npy .npz .ply .pcd .vtk .obj, the text
-    ones also as .gz and .bz2."""
+    """A scan log of `symbrion survey` (.npz), or points: .xyz .txt .csv .npy .npz .ply .pcd .vtk .obj .3d,
+    also as .gz and .bz2."""
     out: Path = Path("surface.npz")
-    """Where the result goes: .npz keeps the network (it can learn on), .ply .obj .stl .off .glb the mesh alone."""
+    """Where the result goes: .npz keeps the network (it can learn on), .ply .obj .stl .off .glb the mesh."""
     method: Literal["gsrm", "gg"] = "gsrm"
     """gsrm: growing self-reconstruction map, for any surface; gg: growing grid, for one sheet of terrain."""
     units: int = 2200
@@ -76,13 +77,25 @@ class Reconstruct(Command):
         return {"mesh": self.out, "points": len(points), "seconds": step.seconds, "quality": quality}
 
     def _read_points(self) -> np.ndarray:
-        log = rc.load_scan_log(self.source) if rc.is_scan_log(self.source) else None
-        points = rc.load_points(self.source, unit=self.unit) if log is None else log.points()
-        if not self.raw:
-            points = rc.preprocess(points if log is None else log)
+        source = rc.load_scan_log(self.source) if is_scan_log(self.source) else self.source
+        if isinstance(source, rc.ScanLog):
+            points = source.points() if self.raw else rc.preprocess(source)
+        else:
+            points = rc.load_points(source, unit=self.unit)
+            points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
         return points if self.thin is None else rc.thin(points, self.thin)
+
+
+def is_scan_log(path: Path) -> bool:
+    """Tell whether a file holds scans with their poses, rather than points."""
+    if path.suffix == ".3d":
+        return True
+    if path.suffix != ".npz" or not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return "ranges.npy" in archive.namelist()
 
 
 def export_mesh(mesh: Any, path: Path) -> None:

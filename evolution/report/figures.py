@@ -109,13 +109,12 @@ def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.nd
     return _to_png(figure)
 
 
-def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, title: str, snapshots: int = 7) -> bytes:
+def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int = 7) -> bytes:
     """Draw the body from the side at several moments, over the ground it drives on.
 
     Args:
         positions: `[T, M, 3]` centres of the modules over time [m].
         surface: the arena's surface.
-        title: stands above it.
         snapshots: moments drawn, from blue (early) to yellow (late).
     """
     figure = Figure(figsize=(10, 3.0), dpi=DPI)
@@ -129,7 +128,6 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, title: str, sna
         axes.plot(body[:, 0], body[:, 2], "-o", color=colour, ms=4, lw=1.2)
     low, high = positions[..., 0].min(), positions[..., 0].max()
     axes.set(xlim=(low - 0.2, high + 0.2), ylim=(-0.06, 0.75), aspect="equal", xlabel="x [m]", ylabel="z [m]")
-    axes.set_title(title, fontsize=10)
     _soften(axes)
     return _to_png(figure)
 
@@ -146,7 +144,7 @@ def _make_scene(figure: Figure, points: np.ndarray) -> Axes:
 
 
 def _is_hidden(centres: np.ndarray, index: int, pieces: Sequence[trimesh.Trimesh]) -> np.ndarray:
-    """Tell which faces of piece `index` lie in another piece; of two that coincide the later one is hidden."""
+    """Tell which faces of piece `index` lie in another one; of two that coincide the later is hidden."""
     hidden = np.zeros(len(centres), dtype=bool)
     for other, piece in enumerate(pieces):
         if other != index:

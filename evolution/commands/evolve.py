@@ -1,0 +1,135 @@
+"""`symbrion evolve` and `symbrion resume`: search for a controller that crosses."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+import evolution as ev
+from evolution.commands.arguments import check_arena, check_modules
+from evolution.commands.command import Command, UsageError, require_writable_folder
+from evolution.commands.console import Console
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Evolve(Command):
+    """Evolve the controller of a snake of docked robots with CMA-ES, in a run folder that can be resumed.
+
+    Examples: symbrion evolve --arena gsrm --folder runs/a
+    symbrion evolve --stages gsrm gg --folder runs/coarse-to-fine
+    """
+
+    folder: Path = Path("runs/latest")
+    """The run folder: config, history.csv, every genotype, champion. Must not hold a run yet."""
+    arena: str = "gsrm"
+    """A named arena (truth, simple, gsrm, gg), an arena folder, or a mesh file."""
+    modules: int = 8
+    """Modules in the snake."""
+    generations: int = 50
+    """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
+    workers: int = os.cpu_count() or 1
+    """Threads or processes; the results do not depend on their number."""
+    backend: Literal["batch", "processes", "ray"] = "batch"
+    """Who simulates: threads, processes, or a Ray cluster."""
+    address: str | None = None
+    """Address of an existing Ray cluster."""
+    controller: Literal["reactive", "travelling", "posture", "network"] = "reactive"
+    """The law that turns a genotype into hinge angles."""
+    population: int = 12
+    """Genotypes in a generation."""
+    sigma: float = 0.3
+    """First step size of CMA-ES."""
+    trials: int = 2
+    """Randomised trials of each genotype."""
+    start: Literal["pit", "floor"] = "pit"
+    """Where a trial starts: close before the pit (fast), or on the floor before the first ramp."""
+    stages: tuple[str, ...] = ()
+    """Arenas one after the other, coarse to fine; replaces --arena."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for arena in self.stages or (self.arena,):
+            check_arena(arena)
+        check_modules(self.modules)
+        for option in ("generations", "workers", "population", "trials"):
+            if getattr(self, option) < 1:
+                raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
+        require_writable_folder(self.folder, "--folder")
+
+    def run(self, console: Console) -> dict[str, Any]:
+        config = ev.EvolutionConfig(
+            arena=self.arena,
+            modules=self.modules,
+            seed=self.seed,
+            generations=self.generations,
+            folder=str(self.folder),
+            workers=self.workers,
+            backend=self.backend,
+            address=self.address,
+            controller=self.controller,
+            population_size=self.population,
+            sigma=self.sigma,
+            trials=self.trials,
+            start=self.start,
+            stages=tuple(ev.Stage(arena) for arena in self.stages),
+        )
+        with console.track(f"Evolution, {self.modules} modules") as step:
+            run = ev.evolve(config, progress=step.progress)
+        return report_run(run, console)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Resume(Command):
+    """Go on with a run as if it had never stopped: the history is the same to the bit.
+
+    Example: symbrion resume runs/a --generations 100
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
+    """The run folder."""
+    generations: int | None = None
+    """A new limit of generations; the recorded one otherwise."""
+    workers: int = os.cpu_count() or 1
+    """Threads or processes; the results do not depend on their number."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_run(self.folder)
+        if self.workers < 1:
+            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+
+    def run(self, console: Console) -> dict[str, Any]:
+        changes: dict[str, Any] = {"workers": self.workers}
+        if self.generations is not None:
+            changes["generations"] = self.generations
+        with console.track(f"Evolution in {self.folder}") as step:
+            run = ev.resume(self.folder, progress=step.progress, **changes)
+        return report_run(run, console)
+
+
+def require_run(folder: Path) -> None:
+    """Refuse a folder that holds no run."""
+    if not (folder / "config.json").is_file():
+        raise UsageError(f"{folder} holds no run; `symbrion evolve --folder {folder}` begins one")
+
+
+def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
+    """Print what a run came to; return its summary."""
+    last = run.history[-1] if len(run.history) else None
+    summary: dict[str, Any] = {
+        "folder": run.folder,
+        "generations": len(run.history),
+        "evaluations": int(last["evaluations"]) if last is not None else 0,
+        "solved": run.is_solved,
+        "champion": run.champion.as_dict() if run.champion else None,
+    }
+    console.say(f"{summary['generations']} generations, {summary['evaluations']} genotypes in {run.folder}")
+    if run.champion and run.champion.trials:
+        rate = f"{run.champion.successes} of {run.champion.trials}"
+        console.say(f"champion: crossed in {rate} fresh trials in {run.champion.arena}")
+        console.say(f"next: symbrion replay {run.folder} --arena truth --video champion.mp4")
+    else:
+        console.say("no genotype held in all its trials yet; `symbrion resume` with more --generations")
+    return summary

@@ -1,0 +1,34 @@
+"""Robots and worlds in MuJoCo: arenas from scans, Scout modules, and Gymnasium environments.
+
+Importing this package registers the environments `symbrion_gym/SnakePit-v0` and its siblings.
+"""
+
+from symbrion_gym.arena import NAMED_ARENAS, Arena, load_arena, make_arena
+from symbrion_gym.course import Course, StairsCourse
+from symbrion_gym.errors import ArenaError, OrganismError
+from symbrion_gym.organism import Organism, snake
+from symbrion_gym.registration import register
+from symbrion_gym.scout import ScoutConfig, make_scout
+from symbrion_gym.snake_pit import SnakePitEnv
+from symbrion_gym.survey import survey
+from symbrion_gym.vector import SnakePitVectorEnv
+
+register()
+
+__all__ = [
+    "NAMED_ARENAS",
+    "Arena",
+    "ArenaError",
+    "Course",
+    "Organism",
+    "OrganismError",
+    "ScoutConfig",
+    "SnakePitEnv",
+    "SnakePitVectorEnv",
+    "StairsCourse",
+    "load_arena",
+    "make_arena",
+    "make_scout",
+    "snake",
+    "survey",
+]
