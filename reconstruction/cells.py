@@ -1,0 +1,130 @@
+"""Points in cells of space: cropping, thinning, and the histogram that finds stray ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reconstruction.errors import ScanError
+from reconstruction.scan import Array
+
+_NEIGHBORS = 12
+"""Points a cell of the histogram should hold, in the middle."""
+_SAMPLE = 40_000
+_SEARCH_STEPS = 24
+
+
+def as_points(points: ArrayLike) -> Array:
+    """Check that these are points `[N, 3]`, and drop rows that are not finite.
+
+    Raises:
+        ScanError: another shape, or no numbers.
+    """
+    try:
+        array = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ScanError(f"points must be numbers: {error}") from error
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ScanError(f"points must have shape [N, 3], not {array.shape}")
+    finite = np.isfinite(array).all(axis=1)
+    return array if finite.all() else array[finite]
+
+
+def crop(points: ArrayLike, box: ArrayLike, margin: float = 0.05) -> Array:
+    """Keep the points in a box.
+
+    Args:
+        points: `[N, 3]` [m].
+        box: `[[x, y, z lowest], [x, y, z highest]]` [m].
+        margin: spared below and above; the sides are cut sharply [m].
+
+    Raises:
+        ScanError: the box is none.
+    """
+    points, box = as_points(points), np.asarray(box, dtype=np.float64)
+    if box.shape != (2, 3) or not (box[0] <= box[1]).all():
+        raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {box.tolist()}")
+    spare = np.array([0.0, 0.0, margin])
+    return points[((points >= box[0] - spare) & (points <= box[1] + spare)).all(axis=1)]
+
+
+def thin(points: ArrayLike, voxel: float) -> Array:
+    """Replace the points of every cube by their mean; the cubes' edges are `voxel` [m] long.
+
+    Raises:
+        ScanError: `voxel` is not above 0, or so small that the cubes cannot be counted.
+    """
+    points = as_points(points)
+    if not 0 < voxel < np.inf:
+        raise ScanError(f"voxel must be above 0, got {voxel}")
+    if not len(points):
+        return points
+    keys = _cell_keys(points, voxel, 0.0)
+    _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    return np.stack([np.bincount(index.ravel(), points[:, k]) / counts for k in range(3)], axis=1)
+
+
+def find_sparse_points(
+    points: ArrayLike, cell: float | None = None, threshold: int | None = None, max_share: float = 0.03
+) -> NDArray[np.bool_]:
+    """Find the points whose cell of a 3-D histogram holds fewer than `threshold` points, `[N]`.
+
+    A point's count is the higher one of two histograms, shifted against each other by half a cell.
+
+    Args:
+        points: `[N, 3]` [m].
+        cell: edge of the cells [m]. Default: the middle point has 12 in its cell, or more, so that at most
+            `max_share` of the points lie below the threshold.
+        threshold: default: 3.
+        max_share: see `cell`; 0 finds nothing.
+    """
+    points = as_points(points)
+    threshold = 3 if threshold is None else threshold
+    if len(points) < 4 * _NEIGHBORS or not np.ptp(points, axis=0).any():
+        return np.zeros(len(points), bool)
+    if cell is not None:
+        return _count_in_cells(points, cell) < threshold
+    cell = _find_cell(points)
+    for _ in range(_SEARCH_STEPS):
+        is_sparse = _count_in_cells(points, cell) < threshold
+        if is_sparse.mean() <= max_share:
+            return is_sparse
+        cell *= 1.5
+    return np.zeros(len(points), bool)
+
+
+def _find_cell(points: Array) -> float:
+    """Edge at which a point shares its cell with 11 others on average, found on every n-th point."""
+    high = float(np.ptp(points, axis=0).max())
+    low = high / 2.0**14
+    blocks = max(1, len(points) // _SAMPLE)
+    for _ in range(14):
+        cell = float(np.sqrt(low * high))
+        keys = _cell_keys(points, cell, 0.0) if blocks == 1 else _cell_keys(points[::blocks], cell, 0.0)
+        _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
+        middle = (float(np.mean(counts[index.ravel()])) - 1) * blocks + 1
+        low, high = (cell, high) if middle < _NEIGHBORS else (low, cell)
+    return high
+
+
+def _count_in_cells(points: Array, cell: float) -> NDArray[np.int64]:
+    counts = np.zeros(len(points), np.int64)
+    for shift in (0.0, 0.5):
+        _, index, found = np.unique(_cell_keys(points, cell, shift), return_inverse=True, return_counts=True)
+        np.maximum(counts, found[index.ravel()], out=counts)
+    return counts
+
+
+def _cell_keys(points: Array, cell: float, shift: float) -> NDArray[np.int64]:
+    """One number a cell."""
+    low = points.min(axis=0)
+    size = np.floor((points.max(axis=0) - low) / cell + shift) + 1
+    if size.prod() > 2.0**62:
+        raise ScanError(
+            f"cells of {cell:g} m are too small for an extent of {np.ptp(points, axis=0).max():g} m"
+        )
+    keys = np.zeros(len(points), np.int64)
+    for k in range(3):
+        keys *= int(size[k])
+        keys += ((points[:, k] - low[k]) / cell + shift).astype(np.int64)
+    return keys
