@@ -33,19 +33,19 @@ _MIN_POINTS = 3
 
 
 def load_points(path: str | os.PathLike[str], unit: str = "m") -> Array:
-    """Read the points of a file, `[N, 3]` [m]; rows that are not finite are dropped, and their number is logged.
+    """Read the points of a file, `[N, 3]` [m]; rows that are not finite are dropped, their number logged.
 
-    Of a text file the columns named x, y, z count, or the first three; of a mesh the vertices; of an .npz the array
-    ``points``, or the only one, or the points of a scan log; of a 3DTK scan (.3d) its right-handed form with z up
-    (it is always in centimetres, so `unit` is not asked).
+    Of a text file the columns named x, y, z count, or the first three; of a mesh the vertices; of an .npz the
+    array ``points``, or the only one, or the points of a scan log; of a 3DTK scan (.3d) its right-handed form
+    with z up (it is always in centimetres, so `unit` is not asked).
 
     Args:
         path: .xyz .txt .csv .dat .npy .npz .ply .pcd .vtk .obj .3d, each also with .gz or .bz2 behind it.
         unit: "m", "cm" or "mm"; "auto" takes the one that makes a scene of 2 to 100 m, if only one does.
 
     Raises:
-        ScanError: the file is absent, broken, of another kind, or holds fewer than three points; the message names
-            the file and the reason.
+        ScanError: the file is absent, broken, of another kind, or holds fewer than three points; the message
+            names the file and the reason.
     """
     points, num_dropped = read_points(path, unit)
     if num_dropped:
@@ -69,7 +69,7 @@ def read_points(path: str | os.PathLike[str], unit: str = "m") -> tuple[Array, i
         raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
     if points.ndim != 2 or points.shape[1] != 3:
         raise ScanError(f"{path}: holds an array of shape {points.shape}, not [N, 3] points")
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.asarray(np.isfinite(points).all(axis=1))
     if finite.sum() < _MIN_POINTS:
         raise ScanError(
             f"{path}: {len(points)} points, {finite.sum()} of them finite; at least {_MIN_POINTS} are needed"
@@ -198,7 +198,7 @@ def _read_3dtk(data: bytes) -> Array:
 
 
 def _write_ply(file: io.BufferedWriter, points: Array) -> None:
-    rows = np.rec.fromarrays(points.T, names=["x", "y", "z"])
+    rows = np.rec.fromarrays(points.T, names="x,y,z")  # pyright: ignore[reportArgumentType]
     PlyData([PlyElement.describe(np.asarray(rows), "vertex")]).write(file)
 
 

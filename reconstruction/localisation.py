@@ -8,7 +8,8 @@ from scipy.linalg import solveh_banded
 from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
-from reconstruction.preprocess import find_jumps
+from reconstruction.levelling import find_lean
+from reconstruction.mixed_pixels import find_jumps
 from reconstruction.progress import Progress, silent
 from reconstruction.scan import Array, HorizontalScans, ScanLog, make_pose, planar_pose
 
@@ -17,6 +18,12 @@ _LAYERS = np.array([-0.04, 0.0, 0.04])
 
 
 _LINE_REACH = 0.15
+_PLANAR = [3, 4, 2]
+"""x, y and the turn about z among the six parameters of a match (turns first)."""
+_MATCH_SIGMA = 0.05
+"""What a reading is worth in a match [m]; more than its noise, for neighbours err together."""
+_GUESS_INFORMATION = np.diag([1 / 0.01**2, 1 / 0.01**2, 1 / 0.02**2])
+"""Of a guess: 1 cm, 1 cm, 0.02 rad."""
 _MIN_MAP = 20
 
 
@@ -34,7 +41,9 @@ def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
             "the log has no horizontal scans to localise the robot by; give poses with the ScanLog"
         )
     ground = (log.poses @ np.linalg.inv(log.mount))[:, 2, 3]
-    planar = match_scans(log.horizontal, progress=progress)
+    place = log.horizontal.mount[:3, 3]
+    sway = (find_lean(log)[:, :3, :3] @ place - place)[:, :2]
+    planar = match_scans(log.horizontal, sway, progress=progress)
     robot = make_pose(*planar.T)
     robot[:, 2, 3] = ground
     report = dict(log.report)
@@ -57,6 +66,7 @@ def judge_localisation(planar: Array, true: Array) -> dict[str, float]:
 
 def match_scans(
     scans: HorizontalScans,
+    sway: Array | None = None,
     *,
     num_rounds: int = 8,
     key_distance: float = 0.4,
@@ -65,12 +75,22 @@ def match_scans(
 ) -> Array:
     """Match horizontal scans to a map of their own making; returns x, y, yaw `[S, 3]`.
 
-    1. A scan starts where the odometry leads from the one before, is matched (point to plane, small_gicp) to the map
-       of the key scans so far, and becomes one where the robot has gone on by `key_distance` [m] or `key_angle` [rad].
-    2. Some 400 scans are matched to the map of them all, `num_rounds` times over: the map settles, its loop closes.
+    1. A scan starts where the odometry leads from the one before, is matched (point to plane, small_gicp) to
+       the map of the key scans so far, and becomes one where the robot has gone on by `key_distance` [m] or
+       `key_angle` [rad].
+    2. Some 400 scans are matched to the map of them all, `num_rounds` times over: the map settles, its loop
+       closes.
     3. Every scan is matched to the settled map.
-    4. The track is fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does not;
-       and the whole is moved so that it begins at the start.
+    4. The track is fused with the odometry (`fuse_odometry`): the scanner sways with the robot, its foot does
+       not. The whole is moved so that it begins at the start.
+
+    Args:
+        scans: the horizontal scans.
+        sway: `[S, 2]` where levelling found the scanner off its place, in the robot [m].
+        num_rounds: see 2.
+        key_distance: see 1 [m].
+        key_angle: see 1 [rad].
+        progress: called with what is being done.
     """
     count = len(scans.ranges)
     if not count:
@@ -94,6 +114,8 @@ def match_scans(
         progress("localising: settling the map", 0.4 + 0.3 * k / num_rounds)
     target = _make_map(points, planar, keys)
     planar = np.stack([_align(target, p, guess, reach=0.06) for p, guess in zip(points, planar, strict=True)])
+    if sway is not None:
+        planar[:, :2] -= _turn(sway, planar[:, 2])
     return _anchor(fuse_odometry(planar, scans.odometry), scans.start)
 
 
@@ -103,14 +125,16 @@ def fuse_odometry(
     """Smooth matched poses `[S, 3]` by the odometry's steps.
 
     Minimises ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all
-    positions x, z the matched ones and u the steps of the wheels: a tridiagonal system, exact. Likewise for yaw.
+    positions x, z the matched ones and u the steps of the wheels: a tridiagonal system, exact. Likewise for
+        yaw.
 
     Args:
         planar: matched x, y, yaw.
         odometry: x, y, yaw as the wheels count them.
         sway: standard deviation of the scanner's sway about the foot, and the matching's error [m].
         yaw_noise: standard deviation of the matched yaw [rad].
-        slip: standard deviation of the wheels' error after one metre [m] (and [rad]); it grows with the square root.
+        slip: standard deviation of the wheels' error after one metre [m] (and [rad]); it grows with the
+            square root.
     """
     if len(planar) < 3:
         return planar
@@ -118,9 +142,13 @@ def fuse_odometry(
     error = slip**2 * (np.hypot(*step.T) + 0.2 * np.abs(turn)) + 1e-10
     yaw = _smooth_track(planar[:, 2:], turn[:, None], yaw_noise**2 / error)[:, 0]
     lead = yaw[:-1] - odometry[:-1, 2]
-    c, s = np.cos(lead), np.sin(lead)
-    step = np.stack([c * step[:, 0] - s * step[:, 1], s * step[:, 0] + c * step[:, 1]], axis=1)
-    return np.c_[_smooth_track(planar[:, :2], step, sway**2 / error), yaw]
+    return np.c_[_smooth_track(planar[:, :2], _turn(step, lead), sway**2 / error), yaw]
+
+
+def _turn(vectors: Array, angles: Array) -> Array:
+    """Turn vectors `[S, 2]` by angles `[S]`."""
+    c, s = np.cos(angles), np.sin(angles)
+    return np.stack([c * vectors[:, 0] - s * vectors[:, 1], s * vectors[:, 0] + c * vectors[:, 1]], axis=1)
 
 
 def _smooth_track(measured: Array, steps: Array, weight: Array) -> Array:
@@ -170,7 +198,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03) -> tuple:
-    """Lay the key scans on each other, average them in cells, draw the cells onto the walls' lines, find normals."""
+    """Lay the key scans on each other, average them in cells, draw those onto lines, find their normals."""
     cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
     grid = np.floor(cloud / cell).astype(np.int64)
     grid -= grid.min(axis=0)
@@ -178,7 +206,7 @@ def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell:
         grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
     )
     means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
-    walls = _draw_onto_lines(means, counts)
+    walls = _draw_onto_lines(means, counts.astype(float))
     raised = small_gicp.PointCloud(np.concatenate([np.c_[walls, np.full(len(walls), z)] for z in _LAYERS]))
     tree = small_gicp.KdTree(raised)
     small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=15)
@@ -205,6 +233,11 @@ def _draw_onto_lines(points: Array, weights: Array, num_neighbors: int = 12) -> 
 
 
 def _align(target: tuple, points: Array, guess: Array, reach: float) -> Array:
+    """Match points to the map from a guess, which holds where the walls in view leave a direction open.
+
+    With d the step from guess to match and H the match's information (per variance of a reading), the pose is
+    ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
+    """
     source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])
     result = small_gicp.align(
         target[0],
@@ -217,5 +250,8 @@ def _align(target: tuple, points: Array, guess: Array, reach: float) -> Array:
         translation_epsilon=1e-4,
         max_iterations=15,
     )
-    x, y, yaw = planar_pose(result.T_target_source[None])[0]
-    return np.array([x, y, guess[2] + (yaw - guess[2] + np.pi) % (2 * np.pi) - np.pi])
+    step = _between(guess, planar_pose(result.T_target_source[None])[0])
+    step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
+    information = result.H[np.ix_(_PLANAR, _PLANAR)] / _MATCH_SIGMA**2
+    step = np.linalg.solve(information + _GUESS_INFORMATION, information @ step)
+    return _compose(guess, step)

@@ -27,9 +27,8 @@ def find_mixed_beams(
     1. *Veils*: ``|r_i - r_(i-1)| > step`` and ``|r_(i+1) - r_i| > step`` with the same sign. The beam hangs
        between two surfaces, or meets one so aslant that its place is uncertain.
     2. *Flanks*: a beam on either side of a jump (`find_jumps`). A mixture of much of one surface and little
-       of the
-       other cannot be told from the better of the two by its range: where there is a jump, there is doubt, as
-       high as the jumps [m].
+       of the other cannot be told from the better of the two by its range: where there is a jump, there is
+       doubt, as high as the jumps [m].
     3. *Frays*: every beam that has four of 1 and 2 among the nine around it; an edge along the scan plane.
 
     In a cluttered scene 2 and 3 would cost a tenth of the beams: the most doubtful ones go, to at most
@@ -92,7 +91,7 @@ def find_jumps(ranges: Array, jump: float = 0.03, jump_per_metre: float = 0.004)
 
 
 def _bridge_gaps(ranges: Array) -> Array:
-    """Fill single beams without return by the mean of 1/r beside them: planes and jumps stay what they are."""
+    """Fill single beams without return by the mean of 1/r beside them: planes stay planes, jumps stay jumps."""
     inverse = 1.0 / ranges
     gap = np.isnan(inverse[:, 1:-1]) & np.isfinite(inverse[:, 2:]) & np.isfinite(inverse[:, :-2])
     bridged = ranges.copy()

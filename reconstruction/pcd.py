@@ -6,7 +6,7 @@ import io
 import struct
 
 import numpy as np
-from pypcd4 import PointCloud
+from pypcd4.pypcd4 import PointCloud
 
 from reconstruction.errors import ScanError
 from reconstruction.scan import Array

@@ -20,7 +20,7 @@ _POSE_TOLERANCE = 1e-6
 def make_pose(
     x: ArrayLike, y: ArrayLike, yaw: ArrayLike, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0
 ) -> Array:
-    """Make poses `[..., 4, 4]` on the plane z = 0 from position [m] and angles [rad], R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Make poses `[..., 4, 4]` on the plane z = 0 from [m] and [rad], R = Rz(yaw) Ry(pitch) Rx(roll)."""
     x, y, yaw, roll, pitch = np.broadcast_arrays(*(np.asarray(v, float) for v in (x, y, yaw, roll, pitch)))
     cy, sy, cp, sp, cr, sr = (
         np.cos(yaw),
@@ -179,7 +179,7 @@ class ScanLog:
 
 
 def load_scan_log(path: str | os.PathLike[str]) -> ScanLog:
-    """Read a log that `ScanLog.save` wrote, or a raw ordered log in the 3DTK form (`scan000.3d` with `scan000.pose`).
+    """Read a log that `ScanLog.save` wrote, or a raw one in the 3DTK form (`scan000.3d` with `scan000.pose`).
 
     Raises:
         ScanError: naming the file and the reason.

@@ -1,6 +1,7 @@
 """Raw ordered scans in the form of 3DTK: `scan000.3d` (points) beside `scan000.pose` (where from).
 
-3DTK counts in centimetres, left-handed, x to the right, y up, z ahead; here x is ahead, y to the left, z up, in metres.
+3DTK counts in centimetres, left-handed, x to the right, y up, z ahead; here x is ahead, y to the left, z up,
+in metres.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ def to_right_handed(points: ArrayLike) -> Array:
 def load_3dtk(path: Path, min_range: float = 0.2, max_range: float = 32.0) -> ScanLog:
     """Read a tilting planar scanner's raw scan as a log: one scan a sweep.
 
-    Beams nearer than `min_range` hit the robot itself, beams beyond `max_range` did not return [m]; both become nan.
+    Beams nearer than `min_range` hit the robot itself, beams beyond `max_range` did not return [m]; both
+    become nan.
 
     Raises:
         ScanError: a file is absent or broken, or the points are not ordered in sweeps of equal length.

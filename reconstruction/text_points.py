@@ -22,7 +22,7 @@ _VTK_POINTS = re.compile(rb"^\s*POINTS\s+(\S+)\s+(\S+)[ \t]*\r?\n", re.MULTILINE
 
 
 def read_text(data: bytes) -> Array:
-    """Read columns parted by blanks, commas or semicolons; `#` begins a comment, one line of names may come first."""
+    """Read columns parted by blanks, commas or semicolons; `#` begins a comment, names may stand first."""
     text = decode(data)
     lines = text.splitlines()
     first = next((i for i, line in enumerate(lines) if line.split("#")[0].strip()), None)

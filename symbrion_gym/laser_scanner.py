@@ -20,8 +20,9 @@ _SPOT = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 class LaserScanner:
     """A planar laser scanner; the defaults are the LMS 200 at half a degree.
 
-    A beam lights a spot of ``spot + divergence * r``. Where the spot meets an edge (its rim is off the plane through its
-    middle by more than ``edge_step``) the reading is a mix, near + w (far - near), w uniform in 0..1.
+    A beam lights a spot of ``spot + divergence * r``. Where the spot meets an edge (its rim is off the plane
+    through its middle by more than ``edge_step``) the reading is a mix, near + w (far - near), w uniform in
+    0..1.
 
     Attributes:
         num_beams: beams a scan.
@@ -67,7 +68,7 @@ class LaserScanner:
         return self.noise + self.noise_per_metre * ranges
 
     def scan(self, cast: Cast, pose: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Take one scan; returns the readings `[B]` [m], nan for no return, and which beams mix two surfaces `[B]`.
+        """Take one scan; returns the readings `[B]` [m] (nan: no return) and which mix two surfaces `[B]`.
 
         Args:
             cast: gives the exact distances.

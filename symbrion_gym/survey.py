@@ -1,13 +1,13 @@
-"""A virtual robot with two laser scanners drives around an arena (paper, section II-A) and brings home a scan log."""
+"""A virtual robot with two laser scanners drives around an arena and logs it (paper, section II-A)."""
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-import mujoco
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
@@ -17,17 +17,12 @@ from reconstruction.progress import Progress, silent
 from reconstruction.scan import HorizontalScans, ScanLog, ScanTruth, make_pose
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.laser_scanner import LaserScanner
-
-_SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
-"""Geom groups: what the vertical scanner reads, ground beside it, black skirting, and what the horizontal scanner reads."""
-_GAP = 0.10
-_ALL_GROUPS_BUT_WALLS = np.array([1, 1, 1, 1, 0, 0], np.uint8)
-_WALLS_ONLY = np.array([0, 0, 0, 0, 1, 0], np.uint8)
+from symbrion_gym.survey_world import SurveyWorld
 
 
 @dataclass(frozen=True)
 class SurveyRobot:
-    """A differential-drive robot with a mast: speeds, where its scanners sit, how it shakes and how its wheels err.
+    """A differential-drive robot with a mast: speeds, places of its scanners, its shaking, the wheels' errors
 
     Attributes:
         scanner: both scanners' model.
@@ -36,13 +31,13 @@ class SurveyRobot:
         scan_rate: scans a second [Hz]; the LMS 200 reaches 75 Hz at one degree, 37.5 Hz at half a degree.
         rest: standing still at the start [s]: the sway averages out of the first place.
         mast: height of the vertical scanner above the ground [m]; more over high arenas, see `survey`.
-        tilt: its middle beam points to the right and this far below the horizon [rad]; at 60 degrees it sees the ground on
-            both sides of the robot, which levelling needs.
+        tilt: its middle beam points to the right and this far below the horizon [rad]; at 60 degrees it sees
+            the ground on both sides of the robot, which levelling needs.
         low_height: height of the horizontal scanner above the ground [m].
         shake: standard deviation of roll and pitch [rad], about the point of contact with the ground.
         shake_memory: correlation of the shaking from one scan to the next.
-        distance_drift, turn_drift: relative error of the wheels in distance and turning, drawn once a survey (standard
-            deviations).
+        distance_drift, turn_drift: relative error of the wheels in distance and turning, drawn once a survey
+            (standard deviations).
         step_noise: random error of the wheels, per square root of a metre [m] (and [rad]).
     """
 
@@ -51,7 +46,7 @@ class SurveyRobot:
     turn_rate: float = 1.0
     scan_rate: float = 20.0
     rest: float = 4.0
-    mast: float = 1.6
+    mast: float = 2.2
     tilt: float = np.pi / 3
     low_height: float = 0.3
     shake: float = np.radians(0.7)
@@ -62,7 +57,7 @@ class SurveyRobot:
 
     @property
     def vertical_mount(self) -> np.ndarray:
-        """Pose of the vertical scanner in the robot, `[4, 4]`: its plane is the robot's y-z plane, its middle beam to the right."""
+        """Pose of the vertical scanner in the robot, `[4, 4]`; its plane is the robot's y-z plane."""
         c, s = np.cos(self.tilt), np.sin(self.tilt)
         mount = np.eye(4)
         mount[:3, :3] = np.array([[0, -c, -s], [0, -s, c], [-1, 0, 0]]).T
@@ -86,20 +81,22 @@ def survey(
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localised.
 
-    The robot drives on the level ground around the arena (the height of the arena's lowest point), its vertical scanner on a
-    mast of 1.6 m, or 1 m above the arena's highest point. The ground begins 0.1 m off the arena's bounding box; the open sides of the arena are
-    hung with black skirting that returns nothing. A room with pilasters stands around; only the horizontal scanner sees it.
+    The robot drives on the level ground around the arena (the height of the arena's lowest point), its
+    vertical scanner on a mast of 2.2 m, or 1 m above the arena's highest point. The ground begins 0.1 m off
+    the arena's bounding box; the open sides of the arena are hung with black skirting that returns nothing. A
+    room with pilasters stands around; only the horizontal scanner sees it.
 
     Args:
         arena: a name, an `Arena`, a trimesh, or a mesh file.
-        path: `[W, 2]` waypoints [m] on the ground; straight legs, turns on the spot. Default: see `make_path`.
+        path: `[W, 2]` waypoints [m] on the ground; straight legs, turns on the spot. Default: see
+            `make_path`.
         sensor: robot, or scanner on the default robot.
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
 
     Returns:
-        Poses come from localisation. `truth` holds the true poses and mixed beams, for judging; `report` the localisation's
-        errors against them.
+        Poses come from localisation. `truth` holds the true poses and mixed beams, for judging; `report` the
+        localisation's errors against them.
 
     Raises:
         ArenaError: the arena is unknown or empty, or the path unusable.
@@ -108,68 +105,72 @@ def survey(
     surface = _find_surface(arena)
     bounds = np.asarray(surface.bounds, float)
     if bounds[1, 2] - bounds[0, 2] + 1.0 > robot.mast:
-        robot = SurveyRobot(**{**vars(robot), "mast": float(bounds[1, 2] - bounds[0, 2] + 1.0)})
+        robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + 1.0))
     waypoints = make_path(bounds) if path is None else _check_path(path)
     rng = np.random.default_rng(seed)
     true_planar = drive(waypoints, robot)
     odometry = _count_wheels(true_planar, robot, rng)
     roll, pitch = _shake(len(true_planar), robot, rng)
-    robot_poses = make_pose(*true_planar.T, roll, pitch)
+    robot_poses = make_pose(*true_planar.T, roll=roll, pitch=pitch)
     robot_poses[:, 2, 3] = bounds[0, 2]
-    caster = _SurveyCaster(surface, waypoints)
-    rows = [], [], []
+    caster = SurveyWorld(surface, waypoints)
+    vertical, mixed, low = [], [], []
     for i, pose in enumerate(robot_poses):
         ranges, is_mixed = robot.scanner.scan(caster.see_arena, pose @ robot.vertical_mount, rng)
-        low, _ = robot.scanner.scan(caster.see_walls, pose @ robot.horizontal_mount, rng)
-        for row, value in zip(rows, (ranges, is_mixed, low), strict=True):
-            row.append(value)
+        vertical.append(ranges)
+        mixed.append(is_mixed)
+        low.append(robot.scanner.scan(caster.see_walls, pose @ robot.horizontal_mount, rng)[0])
         if i % 100 == 0:
             progress("scanning", i / len(robot_poses))
     horizontal = HorizontalScans(
-        np.stack(rows[2]), robot.scanner.angles, robot.horizontal_mount, odometry, true_planar[0]
+        np.stack(low), robot.scanner.angles, robot.horizontal_mount, odometry, true_planar[0]
     )
     flat = make_pose(*odometry.T)
     flat[:, 2, 3] = bounds[0, 2]
     log = ScanLog(
-        np.stack(rows[0]),
+        np.stack(vertical),
         robot.scanner.angles,
         flat @ robot.vertical_mount,
         mount=robot.vertical_mount,
         box=bounds,
         horizontal=horizontal,
-        truth=ScanTruth(robot_poses, np.stack(rows[1])),
+        truth=ScanTruth(robot_poses, np.stack(mixed)),
         report={"seed": float(seed)},
     )
     return localise(log, progress=progress)
 
 
-def make_path(bounds: np.ndarray, clearance: float = 0.5, stride: float = 1.0) -> np.ndarray:
-    """Make the default path, `[W, 2]`: once around the arena clockwise, the long sides in zigzag.
+def make_path(bounds: np.ndarray, clearance: float = 0.4, stride: float = 1.2) -> np.ndarray:
+    """Make the default path, `[W, 2]`: once around the arena, clockwise, in zigzag.
 
-    The legs run at about 45 degrees to the sides, so the vertical scanner, which looks to the robot's right, sweeps
-    every place in two diagonal directions from either side: walls that face any way are seen, pits to their ground.
+    The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
+    right, sweeps
+    every place in two diagonal directions from either side: walls that face any way are seen, and pits to
+    their ground, but nothing is looked at along its whole length.
 
     Args:
         bounds: `[2, 3]` the arena's bounding box [m].
-        clearance: distance of the nearest waypoints from the arena [m].
-        stride: depth of the zigzag, and length of a leg along the side [m].
+        clearance: distance of the nearest waypoints from the box [m].
+        stride: depth of the zigzag, and length of a leg along the side, about [m].
     """
     (x0, y0), (x1, y1) = bounds[0, :2] - clearance, bounds[1, :2] + clearance
-    if x1 - x0 < y1 - y0:
-        turned = make_path(
-            np.array([[bounds[0, 1], -bounds[1, 0], 0], [bounds[1, 1], -bounds[0, 0], 0]]), clearance, stride
-        )
-        return turned @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    start, stop = x0 - stride / 2, x1 + stride / 2
-    num_legs = 2 * max(1, int(np.ceil((stop - start) / stride / 2)))
-    x = np.linspace(start, stop, num_legs + 1)
-    out = np.where(np.arange(num_legs + 1) % 2, stride, 0.0)
-    far_side, near_side = np.stack([x, y1 + out], axis=1), np.stack([x[::-1], y0 - out], axis=1)
-    return np.concatenate([far_side, near_side, far_side[:1]])
+    corners = np.array([(x0, y1), (x1, y1), (x1, y0), (x0, y0), (x0, y1)])
+    sides = [_zigzag(a, b, stride) for a, b in itertools.pairwise(corners)]
+    return np.concatenate([*sides, corners[:1]])
+
+
+def _zigzag(start: np.ndarray, stop: np.ndarray, stride: float) -> np.ndarray:
+    """Go from start towards stop (left out), every other waypoint as far to the left as the legs are long."""
+    along = stop - start
+    length = float(np.hypot(*along))
+    num_legs = 2 * max(1, round(length / stride / 2))
+    left = np.array([-along[1], along[0]]) / num_legs
+    i = np.arange(num_legs)[:, None]
+    return start + i / num_legs * along + (i % 2) * left
 
 
 def drive(waypoints: np.ndarray, robot: SurveyRobot) -> np.ndarray:
-    """Follow the waypoints at constant speed, turning on the spot; returns x, y, yaw at every scan, `[S, 3]`."""
+    """Follow the waypoints at constant speed, turn on the spot; returns x, y, yaw at every scan, `[S, 3]`."""
     legs = np.diff(waypoints, axis=0)
     yaws = np.arctan2(legs[:, 1], legs[:, 0])
     yaws = yaws[0] + np.concatenate([[0.0], np.cumsum((np.diff(yaws) + np.pi) % (2 * np.pi) - np.pi)])
@@ -210,125 +211,13 @@ def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarr
     return robot.shake * shake.T
 
 
-class _SurveyCaster:
-    """Casts rays on an arena in its room."""
-
-    def __init__(self, surface: trimesh.Trimesh, waypoints: np.ndarray) -> None:
-        spec = mujoco.MjSpec()
-        bounds = np.asarray(surface.bounds, float)
-        ground = bounds[0, 2]
-        _add_mesh(spec, "surface", surface.vertices, surface.faces, _SURFACE)
-        skirt = _make_skirt(surface, ground - 0.02)
-        if skirt is not None:
-            _add_mesh(spec, "skirt", *skirt, _SKIRT)
-        low = np.minimum(waypoints.min(0), bounds[0, :2]) - 1.2
-        high = np.maximum(waypoints.max(0), bounds[1, :2]) + 1.2
-        for a, b in _frame(low, high, bounds[0, :2] - _GAP, bounds[1, :2] + _GAP):
-            _add_box(spec, a, b, ground - 0.1, ground, _FLOOR)
-        for a, b in _make_walls(low, high):
-            _add_box(spec, a, b, ground - 0.5, ground + 3.0, _WALLS)
-        self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
-        mujoco.mj_forward(self._model, self._data)
-        self._is_black = self._model.geom_group == _SKIRT
-
-    def see_arena(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        return self._cast(origin, directions, _ALL_GROUPS_BUT_WALLS)
-
-    def see_walls(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        return self._cast(origin, directions, _WALLS_ONLY)
-
-    def _cast(self, origin: np.ndarray, directions: np.ndarray, groups: np.ndarray) -> np.ndarray:
-        count = len(directions)
-        geoms, distances = np.empty(count, np.int32), np.empty(count)
-        mujoco.mj_multiRay(
-            self._model, self._data, origin, np.ascontiguousarray(directions).ravel(), groups, True, -1, geoms, distances,
-            None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
-        distances[(geoms < 0) | self._is_black[geoms]] = np.inf
-        return distances
-
-
-def _add_mesh(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray, group: int) -> None:
-    mesh = spec.add_mesh(name=name)
-    mesh.uservert = np.asarray(vertices, np.float32).ravel()
-    mesh.userface = np.asarray(faces, np.int32).ravel()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=group, contype=0, conaffinity=0, mass=0
-    )
-
-
-def _add_box(
-    spec: mujoco.MjSpec, low: np.ndarray, high: np.ndarray, bottom: float, top: float, group: int
-) -> None:
-    corners = np.array([[*low, bottom], [*high, top]])
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, pos=corners.mean(0), size=np.diff(corners, axis=0)[0] / 2, group=group,
-        contype=0, conaffinity=0,
-    )  # fmt: skip
-
-
-def _frame(low: np.ndarray, high: np.ndarray, inner_low: np.ndarray, inner_high: np.ndarray) -> list[tuple]:
-    """Cut the ground around the arena into four rectangles."""
-    (x0, y0), (x1, y1), (a0, b0), (a1, b1) = low, high, inner_low, inner_high
-    return [
-        (np.array(a), np.array(b))
-        for a, b in (((x0, y0), (a0, y1)), ((a1, y0), (x1, y1)), ((a0, y0), (a1, b0)), ((a0, b1), (a1, y1)))
-    ]
-
-
-def _make_walls(low: np.ndarray, high: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Make the room: four walls and unevenly spaced pilasters, so that every view has corners."""
-    (x0, y0), (x1, y1) = low, high
-    t = 0.2
-    boxes = [
-        ((x0 - t, y0 - t), (x1 + t, y0)),
-        ((x0 - t, y1), (x1 + t, y1 + t)),
-        ((x0 - t, y0), (x0, y1)),
-        ((x1, y0), (x1 + t, y1)),
-    ]
-    rng = np.random.default_rng(1)
-    for axis in (0, 1):
-        for side in (0, 1):
-            at = low[axis] + rng.uniform(0.4, 1.0)
-            while at < high[axis] - 0.6:
-                width, depth = rng.uniform(0.25, 0.6), rng.uniform(0.15, 0.4)
-                wall = (low, high)[side][1 - axis]
-                span = sorted((wall, wall + (depth if side == 0 else -depth)))
-                a, b = [0.0, 0.0], [0.0, 0.0]
-                a[axis], b[axis], a[1 - axis], b[1 - axis] = at, at + width, *span
-                boxes.append((tuple(a), tuple(b)))
-                at += width + rng.uniform(0.6, 1.6)
-    return [(np.array(a), np.array(b)) for a, b in boxes]
-
-
-def _make_skirt(surface: trimesh.Trimesh, bottom: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """Hang the boundary edges down to the ground; None for a closed surface."""
-    surface = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    surface.merge_vertices()
-    edges, counts = np.unique(surface.edges_sorted, axis=0, return_counts=True)
-    rim = edges[counts == 1]
-    if not len(rim):
-        return None
-    upper = surface.vertices[rim].reshape(-1, 3)
-    lower = upper.copy()
-    lower[:, 2] = bottom
-    count = len(upper)
-    i = np.arange(0, count, 2)
-    faces = np.concatenate(
-        [np.stack([i, i + 1, count + i], 1), np.stack([i + 1, count + i + 1, count + i], 1)]
-    )
-    return np.concatenate([upper, lower]), faces
-
-
 def _find_surface(arena: Any) -> trimesh.Trimesh:
     surface = arena
     if isinstance(arena, (str, os.PathLike)):
         from symbrion_gym.arena import NAMED_ARENAS, load_arena
 
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
-            surface = load_arena(arena)
+            surface = load_arena(str(arena))
         else:
             try:
                 surface = trimesh.load_mesh(arena)
