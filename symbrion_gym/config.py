@@ -20,6 +20,7 @@ SENSORS = (
     "contact",
     "previous_action",
     "hinge_target",
+    "dock_force",
     "odometry",
     "laser",
 )

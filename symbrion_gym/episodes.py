@@ -1,177 +1,198 @@
 """Episodes of N simulations: commands in, verdicts and rewards out. Single and vector environment share it.
 
-Every row is computed alike whatever N is, so that N simulations at once give the numbers of one to the bit.
+What is wide is done for all simulations at once; what is narrow, one by one in plain Python, which is faster
+than small arrays. Every row comes out alike whatever N is, to the bit.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 
-from symbrion_gym.judge import SPEED_SLACK, STUCK_PROGRESS, Judge
+from symbrion_gym.judge import ROLLED_OVER, SPEED_SLACK, Judge
 from symbrion_gym.observation import Observer
-from symbrion_gym.world import Physics, World
+from symbrion_gym.world import Physics, World, make_slice
+
+STUCK_PROGRESS = 0.02
+"""Progress that counts as moving on [m]."""
+NUMBERS = (
+    "x_position",
+    "progress",
+    "time",
+    "reward_forward",
+    "reward_success",
+    "reward_effort",
+    "lowest_module",
+    "least_upright",
+)
+"""The numbers of `info`, in the order of `Tick.numbers`."""
+FLAGS = ("success", "diverged", "rolled_over", "fell", "touched_pit", "stuck")
+"""The flags of `info`, in the order of `Tick.flags`."""
 
 
-class Outcome(NamedTuple):
-    """What a tick came to.
+class Tick(NamedTuple):
+    """What a tick came to in one simulation."""
+
+    reward: float
+    terminated: bool
+    truncated: bool
+    numbers: tuple[float, ...]
+    flags: tuple[bool, ...]
+
+
+@dataclass(slots=True)
+class Episode:
+    """The memory of one episode beside the physics.
 
     Attributes:
-        observation: `[N, O]`.
-        reward: `[N]`.
-        terminated: `[N]`.
-        truncated: `[N]`.
-        info: name -> `[N, ...]`.
+        track_speed: [m/s].
+        start: mean place of the modules at the start, along the route [m].
+        start_progress: progress at the start [m].
+        progress: progress at the last tick [m].
+        best: progress at which the body last moved on [m].
+        best_tick: when that was.
+        ticks: since the start.
+        held: ticks for which the body has arrived.
     """
 
-    observation: np.ndarray
-    reward: np.ndarray
-    terminated: np.ndarray
-    truncated: np.ndarray
-    info: dict[str, Any]
+    track_speed: float = 0.0
+    start: float = 0.0
+    start_progress: float = 0.0
+    progress: float = 0.0
+    best: float = 0.0
+    best_tick: int = 0
+    ticks: int = 0
+    held: int = 0
 
 
 class Episodes:
-    """The memory of N episodes beside the physics.
+    """The memory of N episodes, and how a tick changes it.
 
     Attributes:
         target: `[N, h]` where the servos are told to go [rad].
         action: `[N, A]` the last action as it was used.
-        ticks: `[N]` ticks since the start.
+        num_tracks: how many numbers of an action are track speeds.
     """
 
     def __init__(self, world: World, num: int) -> None:
-        self.world, self.num = world, num
-        config, h = world.config, world.num_hinges
+        self.world = world
+        config, hinges = world.config, world.num_hinges
         self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
-        self.num_actions = h + self.num_tracks
+        self.num_actions = hinges + self.num_tracks
         self.judge = Judge(world)
         self.observer = Observer(world, self.num_actions)
-        self.target = np.zeros((num, h))
+        self.target = np.zeros((num, hinges))
         self.action = np.zeros((num, self.num_actions))
-        self.ticks = np.zeros(num, dtype=np.int64)
-        self.track_speed = np.full(num, config.track_speed)
+        self._episodes = [Episode() for _ in range(num)]
+        self._start_head = np.zeros(num)
+        self._speed = np.zeros((num, 1))
         self._range = world.organism.scout.hinge_range
         self._largest_turn = world.organism.scout.hinge_speed * config.dt
-        self._held = np.zeros(num, dtype=np.int64)
-        self._start = np.zeros(num)
-        self._start_head = np.zeros(num)
-        self._start_progress = np.zeros(num)
-        self._progress = np.zeros(num)
-        self._best = np.zeros(num)
-        self._best_tick = np.zeros(num, dtype=np.int64)
+        self._dt = config.dt
+        self._num_hinges = hinges
         self._last_tick = round(config.duration / config.dt)
         self._stuck_ticks = round(config.stuck_time / config.dt)
+        self._weights = (config.forward_weight, config.success_bonus, -config.effort_weight * config.dt)
+        servos, dofs = world.hinge_servos, world.hinge_dof
+        self._servos, self._dofs = make_slice(servos), make_slice(dofs)
 
-    def begin(self, rows: Any, physics: Physics, track_speed: Any) -> None:
-        """Start episodes in the given rows (a slice, a mask or indices) from the present physics."""
-        distance = self.judge.find_distance(physics.position)[rows]
-        self.target[rows] = physics.qpos[rows][:, self.world.hinge_qpos]
-        self.action[rows] = 0.0
-        self.action[rows, : self.world.num_hinges] = np.clip(self.target[rows] / self._range, -1.0, 1.0)
-        self.action[rows, self.world.num_hinges :] = 1.0
-        self.ticks[rows] = 0
-        self.track_speed[rows] = track_speed
-        self._held[rows] = 0
-        self._start[rows] = np.add.reduce(distance, axis=1) / distance.shape[1]
-        self._start_head[rows] = distance[:, 0]
-        progress = self._measure(distance)
-        self._start_progress[rows] = progress
-        self._progress[rows] = progress
-        self._best[rows] = progress
-        self._best_tick[rows] = 0
+    def begin(self, rows: Iterable[int], physics: Physics, track_speeds: Iterable[float]) -> None:
+        """Start episodes in the given rows from the present physics."""
+        hinges = self.world.num_hinges
+        for row, speed in zip(rows, track_speeds, strict=True):
+            self.target[row] = physics.qpos[row, self.world.hinge_qpos]
+            self.action[row, :hinges] = np.clip(self.target[row] / self._range, -1.0, 1.0)
+            self.action[row, hinges:] = 1.0
+            measured = self.judge.measure(physics, row)
+            self._episodes[row] = Episode(speed, measured.mean, *[measured.progress] * 3)
+            self._start_head[row] = measured.head
+            self._speed[row] = speed
 
-    def command(self, actions: np.ndarray) -> np.ndarray:
-        """Take actions `[N, A]`: move the servos' targets, at their speed, and return them `[N, h]`.
+    def command(self, actions: np.ndarray, rows: list[int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Take actions `[N, A]`: move the servos' targets at their speed.
 
-        A number that is not one leaves its hinge where it was told to go before; others are clipped to ±1.
-        """
-        actions = np.where(actions == actions, actions, self.action)
-        np.minimum(np.maximum(actions, -1.0, out=actions), 1.0, out=actions)
-        self.action = actions
-        turn = actions[:, : self.world.num_hinges] * self._range
-        turn -= self.target
-        np.minimum(np.maximum(turn, -self._largest_turn, out=turn), self._largest_turn, out=turn)
-        self.target += turn
-        return self.target
-
-    def command_tracks(self) -> np.ndarray:
-        """Return the speed of each module's tracks `[N, 1 or n]` [m/s]."""
-        if not self.num_tracks:
-            return self.track_speed[:, None]
-        return self.track_speed[:, None] * self.action[:, self.world.num_hinges :]
-
-    def observe(self, physics: Physics) -> np.ndarray:
-        """Return noiseless observations `[N, O]`."""
-        distance = self.judge.find_distance(physics.position)
-        return self.observer.read(physics, self.action, self.target, distance[:, 0] - self._start_head)
-
-    def finish_tick(self, physics: Physics, is_running: np.ndarray | None = None) -> Outcome:
-        """Judge and reward the tick whose physics has just been stepped.
+        A number that is not one leaves what it commands as it was; the others are clipped to ±1.
 
         Args:
-            physics: the simulations.
-            is_running: `[N]`; the others stand still, their time and their verdicts too. None: all run.
+            actions: of all simulations.
+            rows: the simulations that listen; None for all.
+
+        Returns:
+            Targets `[N, h]` [rad] and track speeds `[N, 1 or n]` [m/s].
         """
-        config, judge = self.world.config, self.judge
-        diverged = judge.find_diverged(physics)
-        if diverged.any():
-            physics = Physics(*(np.where(_like(diverged, part), 0.0, part) for part in physics))
-        self.ticks += 1 if is_running is None else is_running
-        distance = judge.find_distance(physics.position)
-        allowed = self._start + self.track_speed * (self.ticks * config.dt) + SPEED_SLACK
-        held = self._held.copy()
-        verdict = judge.judge(physics, distance, held, allowed, diverged)
-        self._held = held if is_running is None else np.where(is_running, held, self._held)
-        progress = np.where(diverged, self._progress, self._measure(distance))
-        moved = progress > self._best + STUCK_PROGRESS
-        self._best = np.where(moved, progress, self._best)
-        self._best_tick = np.where(moved, self.ticks, self._best_tick)
-        stuck = self.ticks - self._best_tick >= self._stuck_ticks
-        late = self.ticks >= self._last_tick
-        power = np.abs(
-            physics.actuator_force[:, self.world.hinge_servos] * physics.qvel[:, self.world.hinge_dof]
+        actions = np.minimum(np.maximum(actions, -1.0), 1.0)
+        if isnan(np.add.reduce(actions, axis=None)):
+            actions = np.where(np.isnan(actions), self.action, actions)
+        if rows is not None:
+            heard = self.action.copy()
+            heard[rows] = actions[rows]
+            actions = heard
+        self.action = actions
+        turn = (actions[:, : self._num_hinges] if self.num_tracks else actions) * self._range
+        turn -= self.target
+        np.minimum(np.maximum(turn, -self._largest_turn, out=turn), self._largest_turn, out=turn)
+        if rows is None:
+            self.target += turn
+        else:
+            self.target[rows] += turn[rows]
+        return self.target, self._speed * actions[:, -self.num_tracks :] if self.num_tracks else self._speed
+
+    def observe(self, physics: Physics) -> np.ndarray:
+        """Return noiseless observations `[N, O]`, within their bounds."""
+        odometry = self.judge.find_distance(physics.position)[:, 0] - self._start_head
+        return self.observer.read(physics, self.action, self.target, odometry)
+
+    def describe_start(self, physics: Physics, row: int) -> tuple[float | bool, ...]:
+        """Return the numbers and flags of a reset in one row, in the order of `NUMBERS` and `FLAGS`."""
+        measured = self.judge.measure(physics, row)
+        place = (measured.lowest, measured.uprightness)
+        return (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, *place, *(False for _ in FLAGS))
+
+    def finish_tick(self, physics: Physics, rows: Iterable[int]) -> list[Tick]:
+        """Judge and reward the tick whose physics has just been stepped, in the given rows."""
+        return [self._judge_row(physics, row) for row in rows]
+
+    def _judge_row(self, physics: Physics, row: int) -> Tick:
+        episode, judge = self._episodes[row], self.judge
+        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = judge.measure(physics, row)
+        episode.ticks += 1
+        time = episode.ticks * self._dt
+        rolled_over = fell = touched = False
+        if is_sound:
+            rolled_over, fell = uprightness < ROLLED_OVER, judge.is_off(aside, lowest)
+            touched = judge.is_abyss and judge.has_touched_pit(physics, row)
+        else:
+            head, progress = episode.start, episode.progress
+        has_failed = rolled_over or fell or touched or not is_sound
+        allowed = episode.start + episode.track_speed * time + SPEED_SLACK
+        has_arrived = rearmost > self.world.route.finish and mean <= allowed and not has_failed
+        episode.held = episode.held + 1 if has_arrived and judge.is_standing(physics, row) else 0
+        success = episode.held >= judge.hold_ticks
+        if progress > episode.best + STUCK_PROGRESS:
+            episode.best, episode.best_tick = progress, episode.ticks
+        stuck = episode.ticks - episode.best_tick >= self._stuck_ticks
+        terminated = success or has_failed
+        truncated = not terminated and (stuck or episode.ticks >= self._last_tick)
+        forward_weight, success_bonus, effort_weight = self._weights
+        forward = forward_weight * (progress - episode.progress)
+        bonus = success_bonus if success else 0.0
+        cost = effort_weight * self._find_power(physics, row) if is_sound else 0.0
+        episode.progress = progress
+        gained = progress - episode.start_progress
+        return Tick(
+            forward + bonus + cost,
+            terminated,
+            truncated,
+            (head, gained, time, forward, bonus, cost, lowest, uprightness),
+            (success, not is_sound, rolled_over, fell, touched, stuck),
         )
-        reward_forward = config.forward_weight * (progress - self._progress)
-        reward_effort = (-config.effort_weight * config.dt) * np.add.reduce(power, axis=1)
-        reward_success = config.success_bonus * verdict.success
-        self._progress = progress
-        terminated = verdict.success | verdict.rolled_over | verdict.fell | verdict.touched_pit | diverged
-        info = {
-            "x_position": distance[:, 0],
-            "progress": progress - self._start_progress,
-            "success": verdict.success,
-            "diverged": diverged,
-            "rolled_over": verdict.rolled_over,
-            "fell": verdict.fell,
-            "touched_pit": verdict.touched_pit,
-            "stuck": stuck,
-            "time": self.ticks * config.dt,
-            "reward_forward": reward_forward,
-            "reward_success": reward_success,
-            "reward_effort": reward_effort,
-            "lowest_module": np.minimum.reduce(physics.position[:, :, 2], axis=1),
-            "least_upright": np.minimum.reduce(physics.rotation[:, :, 8], axis=1),
-        }
-        observation = self.observer.read(physics, self.action, self.target, distance[:, 0] - self._start_head)
-        reward = reward_forward + reward_success + reward_effort
-        return Outcome(observation, reward, terminated, ~terminated & (stuck | late), info)
 
-    def describe_start(self, physics: Physics) -> dict[str, Any]:
-        """Return the info of a reset, name -> `[N, ...]`."""
-        distance = self.judge.find_distance(physics.position)
-        return {
-            "x_position": distance[:, 0].copy(),
-            "progress": np.zeros(self.num),
-            "success": np.zeros(self.num, dtype=bool),
-            "diverged": np.zeros(self.num, dtype=bool),
-        }
-
-    def _measure(self, distance: np.ndarray) -> np.ndarray:
-        """Return the mean over the modules of how far each is, no farther than the finish, `[N]` [m]."""
-        return np.add.reduce(np.minimum(distance, self.world.route.finish), axis=1) / distance.shape[1]
-
-
-def _like(mask: np.ndarray, array: np.ndarray) -> np.ndarray:
-    return mask.reshape(-1, *[1] * (array.ndim - 1))
+    def _find_power(self, physics: Physics, row: int) -> float:
+        """Return the sum over the hinges of the absolute power [W]."""
+        torques = physics.actuator_force[row, self._servos].tolist()
+        rates = physics.qvel[row, self._dofs].tolist()
+        return sum([abs(torque * rate) for torque, rate in zip(torques, rates, strict=True)])

@@ -10,7 +10,9 @@ import mujoco
 import numpy as np
 
 from symbrion_gym.errors import OrganismError
-from symbrion_gym.scout import Pose, ScoutConfig, add_arm, add_chassis, add_hinge
+from symbrion_gym.pose import Pose
+from symbrion_gym.scout import add_arm, add_chassis, add_hinge
+from symbrion_gym.scout_constants import ScoutConfig
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,11 @@ class Docking:
     first_side: str
     second: int
     second_side: str
+
+    @property
+    def ends(self) -> tuple[tuple[int, str], tuple[int, str]]:
+        """(module, side) of both."""
+        return (self.first, self.first_side), (self.second, self.second_side)
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,7 @@ class Organism:
                 add_chassis(spec, body, f"module_{module}_", pose, self.scout)
             else:
                 is_folded = module not in self.hinges
-                add_arm(body, f"module_{module}_", pose, self.scout, is_folded)
+                add_arm(spec, body, f"module_{module}_", pose, self.scout, is_folded)
         for kind, module in sorted(group, key=_sort_key):
             other = ("arm" if kind == "chassis" else "chassis", module)
             if groups[other] in done:
@@ -164,8 +171,7 @@ def letter_h(spine: int = 3, scout: ScoutConfig | None = None) -> Organism:
 
 def _ends(organism: Organism) -> Iterator[tuple[int, str]]:
     for docking in organism.dockings:
-        yield docking.first, docking.first_side
-        yield docking.second, docking.second_side
+        yield from docking.ends
 
 
 def _both_ways(docking: Docking) -> Iterator[tuple[int, str, int, str]]:
@@ -224,8 +230,7 @@ def _find_rigid_groups(organism: Organism) -> dict[tuple[str, int], frozenset]:
     for i in set(range(organism.num_modules)) - set(organism.hinges):
         weld(("chassis", i), ("arm", i))
     for docking in organism.dockings:
-        ends = [(docking.first, docking.first_side), (docking.second, docking.second_side)]
-        one, other = (("arm" if side == "front" else "chassis", module) for module, side in ends)
+        one, other = (("arm" if side == "front" else "chassis", module) for module, side in docking.ends)
         weld(one, other)
     return groups
 

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from symbrion_gym.config import RANDOM_OPTIONS
+from symbrion_gym.tracks import find_track_field
+from symbrion_gym.world import World
 
 
 class Domain(NamedTuple):
@@ -98,3 +100,18 @@ def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str,
         for options_of_one, one in zip(split, values, strict=True):
             options_of_one[name] = one
     return split
+
+
+def make_usual_domain(world: World) -> Domain:
+    """Return the circumstances of an episode for which nothing was asked."""
+    return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
+
+
+def apply_domain(world: World, fields: Any, domain: Domain) -> None:
+    """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
+    scout = world.organism.scout
+    fields.geom_friction[world.robot_geoms, 0] = domain.friction
+    torque = scout.hinge_torque * domain.torque_scale
+    fields.actuator_forcerange[world.hinge_servos] = (-torque, torque)
+    if scout.tracks == "spheres":
+        fields.geom_surfacevel[world.track_geoms] = find_track_field(scout, domain.track_speed)

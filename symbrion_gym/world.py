@@ -10,12 +10,16 @@ import mujoco
 import numpy as np
 
 from symbrion_gym.arena import Arena, load_arena
+from symbrion_gym.arena_spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.config import SnakePitConfig
 from symbrion_gym.course import Course
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.organism import Organism, snake
+from symbrion_gym.rendering import add_stage
 from symbrion_gym.route import find_route
-from symbrion_gym.scout import ScoutConfig, add_accelerometers, add_touch, find_wheel_radius
+from symbrion_gym.scout_constants import ScoutConfig
+from symbrion_gym.scout_sensors import add_sensors
+from symbrion_gym.tracks import find_wheel_radius
 
 _LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]."""
@@ -65,7 +69,8 @@ class World:
         track_geoms: `[n, T]` ids of the geoms that drive, per module.
     """
 
-    def __init__(self, config: SnakePitConfig) -> None:
+    def __init__(self, config: SnakePitConfig, picture_size: tuple[int, int] = (640, 400)) -> None:
+        self._picture_size = picture_size
         self.config = config
         self.arena = find_arena(config)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
@@ -76,11 +81,12 @@ class World:
 
     def _make_spec(self) -> mujoco.MjSpec:
         spec = self.arena.spec()
+        add_stage(spec, *self._picture_size)
         self.organism.add_to(spec, spec.worldbody)
-        for module in range(self.organism.num_modules):
-            add_accelerometers(spec, module)
-        for module in range(self.organism.num_modules):
-            add_touch(spec, module)
+        add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
+        for geom in spec.worldbody.geoms:
+            if geom.group == ARENA_CONTACT_GROUP:
+                geom.rgba[3] = 0.0  # rays shall see the exact surface alone
         option = spec.option
         option.timestep = self.config.timestep
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -105,6 +111,7 @@ class World:
         self.hinge_servos = np.array(
             [model.actuator(f"hinge_{i}").id for i in organism.hinges], dtype=np.int64
         )
+        self._servos = make_slice(self.hinge_servos)
         self.wheel_servos = np.array(
             [i for i in range(model.nu) if "_wheel_" in model.actuator(i).name], dtype=np.int64
         )
@@ -150,12 +157,22 @@ class World:
             target: `[N, h]` of the hinges [rad].
             track_speed: `[N, 1 or n]` [m/s]; only wheels with joints read it here.
         """
-        control[:, self.hinge_servos] = target
+        control[:, self._servos] = target
         if len(self.wheel_servos):
             rate = np.broadcast_to(track_speed, (len(control), self.num_modules)) / self.wheel_radius
             control[:, self.wheel_servos] = np.repeat(
                 rate, len(self.wheel_servos) // self.num_modules, axis=1
             )
+
+    def write_track_speed(self, field: np.ndarray, track_speed: np.ndarray) -> None:
+        """Write the surface velocity of sphere tracks.
+
+        Args:
+            field: `[N, ngeom, 6]` values of `geom_surfacevel`, written in place.
+            track_speed: `[N, 1 or n]` [m/s].
+        """
+        if not len(self.wheel_servos):
+            field[:, self.track_geoms, 4] = (track_speed / self.wheel_radius)[:, :, None]
 
     def lay_down(self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0) -> np.ndarray:
         """Return qpos `[nq]` of a body at rest on the ground at the start, bent as the ground is.
@@ -284,3 +301,10 @@ def _make_quaternion(heading: float, nose_up: float) -> np.ndarray:
     """Return the rotation by `heading` about z after lifting the nose by `nose_up`."""
     ch, sh, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(nose_up / 2), -np.sin(nose_up / 2)
     return np.array([ch * cp, -sh * sp, ch * sp, sh * cp])
+
+
+def make_slice(ids: np.ndarray) -> slice | np.ndarray:
+    """Return ids as a slice where they follow each other: a view costs less than a copy."""
+    if len(ids) and (np.diff(ids) == 1).all():
+        return slice(int(ids[0]), int(ids[-1]) + 1)
+    return ids

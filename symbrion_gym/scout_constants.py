@@ -1,0 +1,107 @@
+"""The numbers behind a Scout module, each with its source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from symbrion_gym.errors import OrganismError
+
+TRACK_MODELS = ("spheres", "wheels", "cylinders")
+SIDES = ("front", "back", "left", "right")
+CONTACT_GROUP = 4
+"""Geom group of what touches; not drawn unless asked for."""
+ARM_RADIUS = 0.015
+"""The arm ends in a rounded bar across, 60 mm wide and of this radius [m] (estimate)."""
+
+
+@dataclass(frozen=True)
+class ScoutConfig:
+    """Constants of a module. Source in brackets; E marks an estimate of ours.
+
+    [R] Russo et al. (2013), IEEE/ASME Trans. Mechatronics 18(6). [S] the authors' simulator, danfis/sim,
+    and the configurations of symbrion-morph.
+
+    Attributes:
+        size: edge of the chassis along x, y and z [m] [R: 105 x 105 mm; 123.5 mm with the arm].
+        dock_reach: distance of the back, left and right dock from the centre [m] [S].
+        arm_reach: distance of the front dock, on the hinged arm, from the centre [m] [S].
+        pitch: distance of two modules docked front to back [m] [S]; the docks' own depth is the rest.
+        chassis_mass: [kg] [E; R: a module is below 1 kg; S: chassis to arm as 5 to 1, not measured there].
+        arm_mass: [kg] [E, as above].
+        hinge_range: largest angle of the hinge to either side [rad] [R].
+        hinge_torque: largest torque [N m] [E: 4-5].
+        hinge_speed: speed at which the servo's target moves [rad/s] [E: 0.5-1 loaded].
+        hinge_stiffness: gain of the position servo [N m/rad] [E].
+        hinge_derivative: gain of the servo on the rate [N m s/rad] [E].
+        hinge_armature: inertia of motor and gear at the hinge [kg m²] [E].
+        hinge_damping: [N m s/rad] [E].
+        track_speed: surface speed of the tracks [m/s] [E: 0.06-0.15].
+        track_radius: radius of a road wheel, a sphere, of a track [m] [E; S: cylinders of 11 mm].
+        friction: sliding friction of the tracks on the ground [E].
+        dock_force: force that a docking unit holds [N] [E]; a larger one is reported, docks never tear.
+        ir_range: range of an infrared proximity unit [m] [E].
+        laser_range: range of the forward laser [m] [E].
+        laser_angles: lowest and highest beam of the laser's upright fan, above the horizontal [rad] [E].
+        tracks: "spheres" (surface velocity, no joint), "wheels" (four driven wheels), "cylinders" (the
+            authors' twelve small cylinders, driven).
+    """
+
+    size: tuple[float, float, float] = (0.105, 0.105, 0.105)
+    dock_reach: float = 0.0525
+    arm_reach: float = 0.072
+    pitch: float = 0.1254
+    chassis_mass: float = 0.79
+    arm_mass: float = 0.16
+    hinge_range: float = pi / 2
+    hinge_torque: float = 4.5
+    hinge_speed: float = 0.8
+    hinge_stiffness: float = 60.0
+    hinge_derivative: float = 3.0
+    hinge_armature: float = 0.01
+    hinge_damping: float = 0.05
+    track_speed: float = 0.10
+    track_radius: float = 0.020
+    friction: float = 0.7
+    dock_force: float = 100.0
+    ir_range: float = 0.20
+    laser_range: float = 4.0
+    laser_angles: tuple[float, float] = (-pi / 3, pi / 6)
+    tracks: str = "spheres"
+
+    def __post_init__(self) -> None:
+        positive = (
+            "dock_reach arm_reach pitch chassis_mass arm_mass hinge_range hinge_torque hinge_speed "
+            "hinge_stiffness track_radius friction dock_force ir_range laser_range"
+        )
+        for name in positive.split():
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise OrganismError(f"ScoutConfig: {name} must be above 0, got {getattr(self, name)}")
+        for name in ("hinge_derivative", "hinge_armature", "hinge_damping", "track_speed"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise OrganismError(f"ScoutConfig: {name} must not be negative, got {getattr(self, name)}")
+        if self.tracks not in TRACK_MODELS:
+            raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
+
+    @property
+    def dock_gap(self) -> float:
+        """What the two docking units add between a front and a back dock [m]."""
+        return self.pitch - self.arm_reach - self.dock_reach
+
+    def find_dock(self, side: str) -> tuple[float, float, float]:
+        """Return x [m], y [m] and heading [rad] of a dock in the frame of the module.
+
+        Raises:
+            OrganismError: no such side.
+        """
+        places = {
+            "front": (self.arm_reach, 0.0, 0.0),
+            "back": (-self.dock_reach, 0.0, pi),
+            "left": (0.0, self.dock_reach, pi / 2),
+            "right": (0.0, -self.dock_reach, -pi / 2),
+        }
+        if side not in places:
+            raise OrganismError(f"no dock {side!r}; there are: {', '.join(SIDES)}")
+        return places[side]
