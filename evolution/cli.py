@@ -60,8 +60,6 @@ def run(arguments: Sequence[str]) -> int:
         return _fail(error, 1)
     except KeyboardInterrupt:
         return _fail("stopped by the keyboard", 130)
-    except BrokenPipeError:
-        return 1
     if command.json:
         _print_json(summary)
     return 0 if summary.get("ok", True) else 1

@@ -50,11 +50,15 @@ def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> bytes:
     axes = _make_scene(figure, np.vstack([piece.vertices for piece in pieces]))
     colours = mpl.colormaps["tab20"].colors  # pyright: ignore[reportAttributeAccessIssue]
     extent = max(np.ptp(np.vstack([piece.bounds for piece in pieces]), axis=0))
-    fine = [piece.subdivide_to_size(extent / 60) for piece in pieces]  # small triangles sort well by depth
-    for index, piece in enumerate(fine):
-        piece.update_faces(~_is_hidden(piece.triangles_center, index, pieces))
-    colour = [np.tile(colours[i % len(colours)], (len(piece.faces), 1)) for i, piece in enumerate(fine)]
-    _add_triangles(axes, trimesh.util.concatenate(fine), np.vstack(colour), edge="none")
+    fine, colour = [], []
+    for index, piece in enumerate(pieces):
+        part = _subdivide(piece, extent / 60)  # small triangles sort well by depth
+        part.update_faces(~_is_hidden(part.triangles_center, index, pieces))
+        fine.append(part)
+        colour.append(np.tile(colours[index % len(colours)], (len(part.faces), 1)))
+    together = trimesh.util.concatenate(fine)
+    assert isinstance(together, trimesh.Trimesh)
+    _add_triangles(axes, together, np.vstack(colour), edge="none")
     return _to_png(figure)
 
 
@@ -79,7 +83,7 @@ def draw_section(
         axes.scatter(near[:, 0], near[:, 2], s=3, c="#9aa5b1", linewidths=0, label="cloud")
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
-        cuts = [trimesh.intersections.mesh_plane(part, (0, 1, 0), (0, y, 0))[:, :, [0, 2]] for part in parts]
+        cuts = [_cut(part, y) for part in parts]
         lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
         colour = PALETTE[index % len(PALETTE)]
         axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=1.4, label=label))
@@ -119,8 +123,7 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int 
     """
     figure = Figure(figsize=(10, 3.0), dpi=DPI)
     axes = figure.add_subplot()
-    cut = trimesh.intersections.mesh_plane(surface, (0, 1, 0), (0, 0.013, 0))[:, :, [0, 2]]
-    axes.add_collection(LineCollection(list(cut), colors="#1d2530", linewidths=1.6))
+    axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors="#1d2530", linewidths=1.6))
     colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
     for colour, body in zip(
         colours, positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)], strict=True
@@ -137,10 +140,20 @@ def _make_scene(figure: Figure, points: np.ndarray) -> Axes:
     low, high = points.min(axis=0), points.max(axis=0)
     size = np.maximum(high - low, 1e-9)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(size / size.max(), zoom=1.4)  # pyright: ignore[reportArgumentType]
+    axes.set_box_aspect(size / size.max(), zoom=1.4)  # pyright: ignore[reportArgumentType, reportCallIssue]
     axes.view_init(*VIEW)  # pyright: ignore[reportAttributeAccessIssue]
     axes.set_axis_off()
     return axes
+
+
+def _cut(mesh: trimesh.Trimesh, y: float) -> np.ndarray:
+    """Return the segments `[S, 2, 2]` (x, z) in which a vertical plane along the course cuts a mesh."""
+    return np.asarray(trimesh.intersections.mesh_plane(mesh, (0, 1, 0), (0, y, 0)))[:, :, [0, 2]]
+
+
+def _subdivide(mesh: trimesh.Trimesh, size: float) -> trimesh.Trimesh:
+    parts = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, size)
+    return trimesh.Trimesh(parts[0], parts[1], process=False)
 
 
 def _is_hidden(centres: np.ndarray, index: int, pieces: Sequence[trimesh.Trimesh]) -> np.ndarray:
