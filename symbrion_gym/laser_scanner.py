@@ -12,9 +12,6 @@ from symbrion_gym.errors import ArenaError
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""
 
-_SPOT = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-"""Rim of the light spot: in the scan plane left and right, and across it, in radii."""
-
 
 @dataclass(frozen=True)
 class LaserScanner:
@@ -67,6 +64,11 @@ class LaserScanner:
         """Return the standard deviation of readings at these ranges [m]."""
         return self.noise + self.noise_per_metre * ranges
 
+    @property
+    def directions(self) -> np.ndarray:
+        """Beams in the sensor's x-y plane, `[B, 3]` unit vectors."""
+        return np.stack([np.cos(self.angles), np.sin(self.angles), np.zeros(self.num_beams)], axis=1)
+
     def scan(self, cast: Cast, pose: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Take one scan; returns the readings `[B]` [m] (nan: no return) and which mix two surfaces `[B]`.
 
@@ -75,41 +77,54 @@ class LaserScanner:
             pose: `[4, 4]` sensor -> world; the beams lie in its x-y plane.
             rng: source of the noise; the same number of draws whatever is hit.
         """
-        along = np.stack([np.cos(self.angles), np.sin(self.angles), np.zeros(self.num_beams)], axis=1)
-        exact = cast(pose[:3, 3], along @ pose[:3, :3].T)
+        return self.measure(cast, pose, self.directions, rng)
+
+    def measure(
+        self, cast: Cast, pose: np.ndarray, directions: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Read along any `directions` `[R, 3]` (unit vectors in the sensor); otherwise as `scan`."""
+        exact = cast(pose[:3, 3], directions @ pose[:3, :3].T)
         exact[exact > self.max_range] = np.inf
-        near, far, is_mixed = self._meet_edges(cast, pose, along, exact)
-        share, error = rng.random(self.num_beams), rng.standard_normal(self.num_beams)
-        ranges = np.where(is_mixed, near + share * (far - near), exact)
+        near, far, is_mixed = self._meet_edges(cast, pose, directions, exact)
+        share, error = rng.random(len(exact)), rng.standard_normal(len(exact))
+        ranges = exact.copy()
+        ranges[is_mixed] = (near + share * (far - near))[is_mixed]
         hits = np.isfinite(ranges)
         ranges[hits] += self.sigma(ranges[hits]) * error[hits]
         if self.resolution:
-            ranges = self.resolution * np.round(ranges / self.resolution)
+            ranges[hits] = self.resolution * np.round(ranges[hits] / self.resolution)
         ranges[~hits | (ranges <= 0) | (ranges > self.max_range)] = np.nan
         return ranges, is_mixed & np.isfinite(ranges)
 
     def _meet_edges(
-        self, cast: Cast, pose: np.ndarray, along: np.ndarray, exact: np.ndarray
+        self, cast: Cast, pose: np.ndarray, directions: np.ndarray, exact: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        near, far, is_mixed = exact.copy(), exact.copy(), np.zeros(self.num_beams, bool)
+        """Nearest and farthest surface in every light spot, each `[R]` [m], and whether an edge parts them."""
+        near, far, is_mixed = np.zeros_like(exact), np.zeros_like(exact), np.zeros(len(exact), bool)
         hits = np.flatnonzero(np.isfinite(exact))
         if not hits.size or (self.spot == 0 and self.divergence == 0):
             return near, far, is_mixed
-        across = np.stack([-along[hits, 1], along[hits, 0], np.zeros(hits.size)], axis=1)
         radius = (self.spot / exact[hits] + self.divergence)[:, None, None] / 2
-        rim = along[hits, None] + radius * (
-            _SPOT[:, :1] * across[:, None] + _SPOT[:, 1:] * np.array([0.0, 0.0, 1.0])
-        )
+        rim = directions[hits, None] + radius * _find_rim(directions[hits])
         rim /= np.linalg.norm(rim, axis=2, keepdims=True)
         depth = cast(pose[:3, 3], rim.reshape(-1, 3) @ pose[:3, :3].T).reshape(hits.size, 4)
-        depth[depth > self.max_range] = np.nan
+        depth[depth > self.max_range] = np.inf
         middle = exact[hits, None]
-        one_sided = np.where(
-            np.isnan(depth), middle, depth
-        )  # nothing behind an edge: no second echo to mix with
-        bend = np.abs(one_sided[:, 0::2] + one_sided[:, 1::2] - 2 * middle)
-        bend[np.isnan(depth).reshape(-1, 2, 2).any(axis=2)] = 0.0
-        near[hits] = np.minimum(one_sided.min(axis=1), exact[hits])
-        far[hits] = np.maximum(one_sided.max(axis=1), exact[hits])
+        is_lost = np.isinf(depth)
+        depth = np.where(is_lost, middle, depth)  # nothing behind an edge: no second echo to mix with
+        bend = np.abs(depth[:, 0::2] + depth[:, 1::2] - 2 * middle)
+        bend[is_lost.reshape(-1, 2, 2).any(axis=2)] = 0.0
+        near[hits] = np.minimum(depth.min(axis=1), exact[hits])
+        far[hits] = np.maximum(depth.max(axis=1), exact[hits])
         is_mixed[hits] = bend.max(axis=1) > self.edge_step
         return near, far, is_mixed
+
+
+def _find_rim(directions: np.ndarray) -> np.ndarray:
+    """Four points on the rim of a light spot of radius 1: in the scan plane, and across it, `[R, 4, 3]`."""
+    aside = np.cross([0.0, 0.0, 1.0], directions)
+    is_upright = np.linalg.norm(aside, axis=1) < 1e-9
+    aside[is_upright] = [1.0, 0.0, 0.0]
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    across = np.cross(directions, aside)
+    return np.stack([aside, -aside, across, -across], axis=1)
