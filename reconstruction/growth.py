@@ -27,7 +27,7 @@ _MAX_ROUNDS = 100
 """A map that has not grown to its size by then cannot: there are too few distinct samples."""
 SPLIT_RADIUS = 1.05
 """A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole: units
-of a hexagonal map are 2.7 times as far apart as this radius; halving a cell brings them to twice the spacing."""
+of a hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
 
 
 class Tally(NamedTuple):

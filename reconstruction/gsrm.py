@@ -44,10 +44,10 @@ class GSRMConfig:
 
     units: int = 2200
     mode: Literal["batch", "paper"] = "batch"
-    growth: float = 1.5
-    start_share: float = 0.12
+    growth: float = 2.0
+    start_share: float = 0.25
     samples_per_unit: int = 8
-    settle_passes: int = 5
+    settle_passes: int = 4
     fit_iterations: int = 3
 
     def __post_init__(self) -> None:

@@ -7,6 +7,8 @@ References:
     pinch a vertex nor use an edge twice.
 """
 
+import itertools
+
 import numpy as np
 
 from reconstruction.manifold import find_normals, group_sides
@@ -60,7 +62,8 @@ def patch_holes(
         return faces, np.empty(0, dtype=np.int64)
     normals = find_vertex_normals(units, faces)
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
-    patches = [(loop, _triangulate(loop, units, normals, neighbors)) for loop in loops]
+    costs = _rate_triangles(loops, units, normals)
+    patches = [(loop, _triangulate(loop, cost, neighbors)) for loop, cost in zip(loops, costs, strict=True)]
     closed = [np.array(patch) for _, patch in patches if patch]
     blocked = [loop for loop, patch in patches if not patch]
     if closed:
@@ -120,22 +123,24 @@ def _find_neighbors(faces: np.ndarray, wanted: set[int]) -> dict[int, set[int]]:
 
 
 def _triangulate(
-    loop: list[int], units: np.ndarray, normals: np.ndarray, neighbors: dict[int, set[int]]
+    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]]
 ) -> list[tuple[int, int, int]]:
     """Choose the triangulation of a loop with the best-shaped faces, by dynamic programming.
 
     No face may use an existing edge as an inner one; faces that lie against the surface round them are
     taken only where nothing else closes the loop, and a loop that needs nothing but those stays open.
 
+    Args:
+        loop: n vertices.
+        costs: `[n, n, n]` of the triangles between its corners.
+        neighbors: of every vertex of the loop.
+
     Returns:
         The faces, or none where the loop cannot be closed.
     """
     size = len(loop)
-    positions, up = units[loop], normals[loop]
-    is_chord = np.array([[other not in neighbors[vertex] for other in loop] for vertex in loop])
-    place = np.arange(size)
-    is_chord[place, place - 1] = is_chord[place - 1, place] = True
-    costs = _rate_triangles(positions, up)
+    is_chord = [[other not in neighbors[vertex] for other in loop] for vertex in loop]
+    is_chord[0][size - 1] = True
     best = {(i, i + 1): (0.0, -1) for i in range(size - 1)}
     for gap in range(2, size):
         for i in range(size - gap):
@@ -145,7 +150,7 @@ def _triangulate(
                 for j in range(i + 1, k)
                 if best[i, j][0] + best[j, k][0] < np.inf
             ]
-            best[i, k] = min(options) if options and is_chord[i, k] else (np.inf, -1)
+            best[i, k] = min(options) if options and is_chord[i][k] else (np.inf, -1)
     if best[0, size - 1][0] >= _AGAINST * (size - 2):
         return []
     faces, stack = [], [(0, size - 1)]
@@ -158,17 +163,27 @@ def _triangulate(
     return faces
 
 
-def _rate_triangles(positions: np.ndarray, normals: np.ndarray) -> list[list[list[float]]]:
-    """Return the cost of every triangle of a loop's corners, `[n, n, n]`: cosine of its smallest angle, and a
-    constant more where it lies against the normals of its corners."""
-    squared = ((positions[:, None] - positions[None]) ** 2).sum(axis=2)
-    sides = np.sort(
-        np.stack(np.broadcast_arrays(squared[:, :, None], squared[:, None], squared[None]), -1), -1
-    )
-    cosine = (sides[..., 1] + sides[..., 2] - sides[..., 0]) / np.maximum(
-        2 * np.sqrt(sides[..., 1] * sides[..., 2]), 1e-300
-    )
-    offset = positions[None] - positions[:, None]
-    cross = np.cross(offset[:, :, None], offset[:, None])
-    around = normals[:, None, None] + normals[None, :, None] + normals[None, None]
-    return np.where((cross * around).sum(axis=-1) > 0, cosine, cosine + _AGAINST).tolist()
+def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarray) -> list:
+    """Return for every loop the cost of the triangles between its n corners, `[n, n, n]`.
+
+    A triangle costs the cosine of its smallest angle, and a constant more where it lies against the normals
+    of its corners.
+    """
+    rated: list = [None] * len(loops)
+    for size in {len(loop) for loop in loops}:
+        chosen = [place for place, loop in enumerate(loops) if len(loop) == size]
+        corners = np.array([loops[place] for place in chosen])
+        positions, up = units[corners], normals[corners]
+        i, j, k = np.array(list(itertools.combinations(range(size), 3))).T
+        side, other = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
+        squared = np.stack([(side**2).sum(-1), (other**2).sum(-1), ((other - side) ** 2).sum(-1)])
+        squared.sort(axis=0)
+        cosine = (squared[1] + squared[2] - squared[0]) / np.maximum(
+            2 * np.sqrt(squared[1] * squared[2]), 1e-300
+        )
+        outlook = (np.cross(side, other) * (up[:, i] + up[:, j] + up[:, k])).sum(axis=-1)
+        costs = np.zeros((len(chosen), size, size, size))
+        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + _AGAINST)
+        for place, cost in zip(chosen, costs.tolist(), strict=True):
+            rated[place] = cost
+    return rated

@@ -100,33 +100,49 @@ def find_folds(units: np.ndarray, faces: np.ndarray, hinges: Hinges, quality: np
     return _pick_worse(hinges.faces[cosine > FOLD_COSINE], quality)
 
 
-def find_minor_fans(faces: np.ndarray, hinges: Hinges, quality: np.ndarray, num_units: int) -> np.ndarray:
-    """Return the faces `[D]` outside the largest fan of a corner: a pinched vertex has several fans."""
+def find_minor_fans(
+    faces: np.ndarray, hinges: Hinges, quality: np.ndarray, is_suspect: np.ndarray
+) -> np.ndarray:
+    """Return the faces `[D]` outside the largest fan of a suspected corner: a pinched vertex has several fans.
+
+    Args:
+        faces: `[F, 3]`.
+        hinges: of the faces.
+        quality: `[F]` decides between fans of one size.
+        is_suspect: `[U]` the vertices to look at.
+    """
     corner = 3 * hinges.faces + hinges.sides
     following = 3 * hinges.faces + (hinges.sides + 1) % 3
-    swap = hinges.is_consistent
+    is_alike = hinges.is_consistent
     ends = np.concatenate(
         [
-            np.stack([corner[:, 0], np.where(swap, following[:, 1], corner[:, 1])]),
-            np.stack([following[:, 0], np.where(swap, corner[:, 1], following[:, 1])]),
+            np.stack([corner[:, 0], np.where(is_alike, following[:, 1], corner[:, 1])]),
+            np.stack([following[:, 0], np.where(is_alike, corner[:, 1], following[:, 1])]),
         ],
         axis=1,
     )
-    num_corners = faces.size
-    graph = coo_array((np.ones(ends.shape[1], dtype=np.int8), ends), shape=(num_corners, num_corners))
-    num_fans, fan = connected_components(graph, directed=False)
     vertex = faces.ravel()
-    if num_fans == len(np.unique(vertex)):
-        return np.empty(0, dtype=np.int64)
+    chosen = np.flatnonzero(is_suspect[vertex])
+    place = np.full(len(vertex), -1)
+    place[chosen] = np.arange(len(chosen))
+    ends = place[ends[:, is_suspect[vertex[ends[0]]]]]
+    graph = coo_array((np.ones(ends.shape[1], dtype=np.int8), ends), shape=(len(chosen), len(chosen)))
+    num_fans, fan = connected_components(graph, directed=False)
     owner = np.empty(num_fans, dtype=np.int64)
-    owner[fan] = vertex
+    owner[fan] = vertex[chosen]
     size = np.bincount(fan, minlength=num_fans)
-    worth = np.bincount(fan, np.repeat(quality, 3), minlength=num_fans)
+    worth = np.bincount(fan, quality[chosen // 3], minlength=num_fans)
     order = np.lexsort((np.arange(num_fans), -worth, -size, owner))
-    is_first = np.diff(owner[order], prepend=-1) != 0
     is_kept = np.zeros(num_fans, dtype=bool)
-    is_kept[order[is_first]] = True
-    return np.flatnonzero(~is_kept[fan].reshape(-1, 3).all(axis=1))
+    is_kept[order[np.diff(owner[order], prepend=-1) != 0]] = True
+    return np.unique(chosen[~is_kept[fan]] // 3)
+
+
+def find_suspects(faces: np.ndarray, sides: Sides, num_units: int) -> np.ndarray:
+    """Return the vertices with more than two border edges, `[U]`: nearly all that are pinched."""
+    slots = sides.slots[sides.starts[sides.counts == 1]]
+    ends = np.concatenate([faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]])
+    return np.bincount(ends, minlength=num_units) > 2
 
 
 def orient_faces(
@@ -198,9 +214,12 @@ def make_manifold(units: np.ndarray, faces: np.ndarray, quality: np.ndarray) -> 
         dropped = find_excess(sides, quality)
         if len(dropped) == 0:
             hinges = find_hinges(faces, sides)
-            dropped = find_folds(units, faces, hinges, quality)
+            is_suspect = find_suspects(faces, sides, len(units))
+            dropped = np.union1d(
+                find_folds(units, faces, hinges, quality), find_minor_fans(faces, hinges, quality, is_suspect)
+            )
             if len(dropped) == 0:
-                dropped = find_minor_fans(faces, hinges, quality, len(units))
+                dropped = find_minor_fans(faces, hinges, quality, ~is_suspect)
             if len(dropped) == 0:
                 faces, dropped = orient_faces(units, faces, hinges, quality)
         if len(dropped) == 0:

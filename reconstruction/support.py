@@ -8,10 +8,10 @@ from reconstruction.growth import Level
 GAP = 2.0
 """A place farther than so many sample spacings from all samples is void: a hole wider than four of them."""
 MAX_VOID = 6.0
-"""A patch whose void is larger, in squared sample spacings (half a disc of `GAP`), spans a hole in the data."""
+"""A patch whose void is larger, in squared sample spacings (half a disc of `GAP`), spans a hole."""
 MIN_COVER = 0.2
 """A face over which this share of the expected samples lies cuts a corner of the surface, and has no void."""
-FEW_SAMPLES = 16
+FEW_SAMPLES = 10
 NUM_NEIGHBORS = 6
 """How many neighbours a unit has in a regular map."""
 _INNER = np.array(

@@ -77,10 +77,12 @@ def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, supp
 
 
 def find_midpoints(units: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return the places halfway between each chosen unit and its nearest ones: `[6 C, 3]`."""
+    """Return the places halfway between each chosen unit and its nearest ones: `[P, 3]`."""
     num_neighbors = min(NUM_NEIGHBORS, len(units) - 1)
     _, neighbors = cKDTree(units).query(units[chosen], k=num_neighbors + 1)
-    return ((units[chosen][:, None] + units[neighbors[:, 1:]]) / 2).reshape(-1, 3)
+    pairs = np.stack(np.broadcast_arrays(chosen[:, None], neighbors[:, 1:]), axis=-1).reshape(-1, 2)
+    keys = _sorted_unique(pairs.min(axis=1) * len(units) + pairs.max(axis=1))
+    return (units[keys // len(units)] + units[keys % len(units)]) / 2
 
 
 def find_triples(winners: np.ndarray, num_units: int) -> np.ndarray:
@@ -118,20 +120,16 @@ def find_empty(units: np.ndarray, faces: np.ndarray, edges: np.ndarray) -> tuple
     centers, squared_radii = find_circumcenters(units[faces])
     limits = (squared_radii * (1 - _EMPTINESS_SLACK)).astype(np.float32)
     centers = centers.astype(np.float32)
-    left = np.flatnonzero(np.isfinite(limits))
+    left, margin = np.flatnonzero(np.isfinite(limits)), np.full(len(faces), np.inf, dtype=np.float32)
     for corner in range(3):
-        offset = neighbors[faces[left, corner]] - centers[left, None]
-        nearest = np.einsum("fnk,fnk->fn", offset, offset).min(axis=1)
-        left = left[nearest >= limits[left]]
-    margin = np.full(len(left), np.inf)
-    for corner in range(3):
-        around = table[faces[left, corner]]
         offset = neighbors[faces[left, corner]] - centers[left, None]
         squared = np.einsum("fnk,fnk->fn", offset, offset)
+        around = table[faces[left, corner]]
         for own in range(3):
             squared[around == faces[left, own, None]] = np.inf
-        margin = np.minimum(margin, squared.min(axis=1))
-    return left, margin / limits[left]
+        margin[left] = np.minimum(margin[left], squared.min(axis=1))
+        left = left[margin[left] >= limits[left]]
+    return left, margin[left] / limits[left]
 
 
 def find_circumcenters(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
