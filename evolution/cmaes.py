@@ -275,17 +275,21 @@ class _Evolution:
         return taken
 
     def _validate(self, samples: Sequence[Entry], fitness: np.ndarray) -> list[Entry]:
-        """Try the candidates of the last stage under fresh conditions, the best of them twice."""
+        """Try the candidates of the last stage under fresh conditions, while they hold."""
         if len(self._stage_began) < len(self._config.all_stages):
             return []
         validation = self._config.validation
         chosen = validation.choose(fitness, [entry.outcome for entry in samples])
-        first = self._try(
-            VALIDATION, [(index, samples[index].genotype) for index in chosen], validation.trials
-        )
-        good = [entry for entry in first if entry.outcome.successes >= validation.confirm]
-        second = [(entry.index, entry.genotype) for entry in good]
-        return first + self._try(VALIDATION, second, validation.trials, block=1)
+        remaining = [(index, samples[index].genotype) for index in chosen]
+        tried: list[Entry] = []
+        for block, count in enumerate(validation.rounds):
+            tried += self._try(VALIDATION, remaining, count, block)
+            remaining = [
+                (index, genotype)
+                for index, genotype in remaining
+                if _share_of_successes(tried, index) >= validation.go_on
+            ]
+        return tried
 
     def _promote(self, stage: int) -> None:
         stages = self._config.all_stages
@@ -317,11 +321,9 @@ class _Evolution:
     def _is_solved(self) -> bool:
         stage = len(self._stage_began) - 1
         champion = self._find_champion(stage) if stage + 1 == len(self._config.all_stages) else None
-        validation = self._config.validation
         return (
             champion is not None
-            and champion.trials >= 2 * validation.trials
-            and champion.successes >= validation.solved
+            and self._config.validation.is_solved(champion.successes, champion.trials)
             and (self._config.body_lengths is None or champion.modules == self._config.body_lengths[0])
         )
 
@@ -344,6 +346,11 @@ class _Evolution:
             "the record was changed, or NumPy, cma or the processor differ from those it began with "
             "(config.json); resume it where it began, or start anew in another folder"
         )
+
+
+def _share_of_successes(entries: Sequence[Entry], index: int) -> float:
+    flags = [held for entry in entries if entry.index == index for held in entry.outcome.succeeded]
+    return sum(flags) / len(flags)
 
 
 def _make_space(config: EvolutionConfig, controller: Controller) -> Space:

@@ -17,7 +17,9 @@ from evolution.errors import RunError
 Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as `SnakePitEnv.observation_structure` tells."""
 Sensed = Mapping[str, np.ndarray]
-"""Quantities by name, each `[P, n]`, columns from head to tail; "airborne" is 1 or 0, "position" `[P, 1]`."""
+"""Quantities by name, each `[P, n]`, columns from head to tail.
+
+Besides what the environment senses: "airborne" and "tired" (1 or 0), "position" of the head, `[P, 1]`."""
 Law = Callable[[Sensed, np.ndarray], np.ndarray]
 """From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
 
@@ -25,6 +27,9 @@ SENSORS = ("hinge_angle", "pitch", "contact")
 """What the laws read of an observation."""
 PATIENCE = 15
 """Ticks without touch after which a module counts as airborne (0.3 s)."""
+STAMINA = 175
+"""Ticks without touch after which a module no longer holds its posture in the air (3.5 s): else a head
+once raised would never come down again."""
 HINGE_RANGE = np.pi / 2
 BOUND = 1.5
 KNOTS = np.linspace(-0.55, 0.55, 12)
@@ -36,6 +41,13 @@ _INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind", "an
 
 REACTIVE = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
 REACTIVE += ("front_air", "rear_air", "head_pitch")
+
+
+REFLEX = (0.0, 0.0, 0.0, 0.0, 0.0, 0.75, 0.0, -0.25)
+"""Where the search for a reactive law begins: lift what hangs in the air in front, but keep the head level."""
+U_SHAPE = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
+"""Where the search for a travelling posture begins: down at the near edge, up at the bottom, level at the far
+edge (paper, section III-A)."""
 
 
 class State(NamedTuple):
@@ -58,6 +70,7 @@ class Controller:
         parameters: name of each gene.
 
         law: the function.
+        initial: where a search begins.
         bound: largest absolute value of a gene.
     """
 
@@ -65,6 +78,7 @@ class Controller:
     modules: int
     parameters: tuple[str, ...]
     law: Law
+    initial: tuple[float, ...]
     bound: float = BOUND
 
     @property
@@ -76,11 +90,6 @@ class Controller:
     def upper(self) -> tuple[float, ...]:
         """Largest value of each gene."""
         return (self.bound,) * len(self.parameters)
-
-    @property
-    def initial(self) -> tuple[float, ...]:
-        """Where a search begins: in the middle, a body that follows no law."""
-        return (0.0,) * len(self.parameters)
 
     def begin(self, count: int) -> State:
         """Return the state of `count` controllers before their first observation."""
@@ -108,6 +117,7 @@ class Controller:
         sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in SENSORS}
         state = State(np.where(sensed["contact"] > 0, 0, state.silence + 1))
         sensed["airborne"] = (state.silence > PATIENCE).astype(float)
+        sensed["tired"] = (state.silence > STAMINA).astype(float)
         sensed["position"] = np.broadcast_to(np.reshape(position, (-1, 1)), (count, 1))
         return np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0), state
 
@@ -136,8 +146,8 @@ def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
     """
     bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
     pitch, airborne = sensed["pitch"], sensed["airborne"]
-    front = np.multiply.accumulate(airborne, axis=1)
-    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1]
+    front = np.multiply.accumulate(airborne, axis=1) * (1.0 - sensed["tired"])
+    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * (1.0 - sensed["tired"])
     target = bias + ahead * pitch[:, :-1] + behind * pitch[:, 1:]
     target = target + front_air * front[:, :-1] + rear_air * rear[:, 1:]
     target[:, :1] += head_bias + head_pitch * pitch[:, :1]
@@ -200,17 +210,17 @@ def make_controller(name: str, modules: int) -> Controller:
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
     if name == "reactive":
-        return Controller(name, modules, REACTIVE, reactive)
+        return Controller(name, modules, REACTIVE, reactive, REFLEX)
     if name == "travelling":
         knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        return Controller(name, modules, knots, travelling)
+        return Controller(name, modules, knots, travelling, U_SHAPE)
     if name == "posture":
         hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
-        return Controller(name, modules, hinges, posture)
+        return Controller(name, modules, hinges, posture, (0.0,) * (modules - 1))
     if name == "network":
         weights = tuple(f"hidden_{unit}_{name}" for unit in range(HIDDEN) for name in _INPUTS)
         weights += (*(f"output_{unit}" for unit in range(HIDDEN)), "output_bias")
-        return Controller(name, modules, weights, network, bound=4.0)
+        return Controller(name, modules, weights, network, (0.0,) * len(weights), bound=4.0)
     raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
 
 

@@ -25,7 +25,10 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Ranges that the conditions of a trial are drawn from, uniformly.
+    """Ranges that the conditions of trials are drawn from.
+
+    Uniformly, and spread evenly over each range (a Latin hypercube): two trials never lie in the same
+    half of a range, so that little luck is left in their mean.
 
     Attributes:
         friction: sliding friction between tracks and ground.
@@ -44,7 +47,12 @@ class Randomisation:
         generator = np.random.default_rng(list(seed))
         ranges = (("friction", self.friction), ("torque_scale", self.torque_scale))
         ranges += (("start_offset", self.start_offset), ("yaw", self.yaw))
-        return {name: generator.uniform(*limits, size=count) for name, limits in ranges}
+        return {name: _spread(generator, limits, count) for name, limits in ranges}
+
+
+def _spread(generator: np.random.Generator, limits: Range, count: int) -> np.ndarray:
+    share = (generator.permutation(count) + generator.uniform(size=count)) / count
+    return limits[0] + (limits[1] - limits[0]) * share
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from evolution.controller import SENSORS, Controller, make_controller
 from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
 from symbrion_gym.vector import SnakePitVectorEnv
 
-STUCK_TIME = 3.0
+STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
 LANES = (8, 16, 32)

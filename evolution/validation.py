@@ -2,7 +2,7 @@
 
 The best of many samples of two trials each is mostly luck, and trials used again and again are learned
 by heart. So genotypes that held in all their trials become candidates; each is tried under conditions
-that no genotype has met before, and those that hold are confirmed under as many fresh ones again.
+that no genotype has met before, round by round, and drops out once it fails too often.
 """
 
 from collections.abc import Sequence
@@ -22,24 +22,34 @@ class Validation:
 
     Attributes:
         candidates: at most so many of a generation, those of highest fitness.
-        trials: fresh trials of each, and as many again to confirm.
-        confirm: successes among the first trials that earn the second.
-        solved: successes among both that end the run.
+        rounds: number of fresh trials in each round.
+        go_on: share of successes so far that earns the next round.
+        solved: share of successes after all rounds that ends the run.
         start: where the fresh trials begin.
     """
 
-    candidates: int = 3
-    trials: int = 16
-    confirm: int = 15
-    solved: int = 31
+    candidates: int = 2
+    rounds: tuple[int, ...] = (8, 8, 16, 16)
+    go_on: float = 0.9
+    solved: float = 0.97
     start: str = "pit"
 
+    @property
+    def trials(self) -> int:
+        """Fresh trials of a candidate that passes all rounds."""
+        return sum(self.rounds)
+
+    def is_solved(self, successes: int, trials: int) -> bool:
+        """Tell whether a champion with these fresh trials ends the run."""
+        return trials >= self.trials and successes >= self.solved * trials
+
     def __post_init__(self) -> None:
-        if self.trials < 1 or not 0 <= self.confirm <= self.trials or self.solved > 2 * self.trials:
+        if self.candidates < 0 or not self.rounds or min(self.rounds) < 1:
             raise RunError(
-                f"confirm is {self.confirm} and solved {self.solved} with {self.trials} trials; "
-                "confirm must be at most trials, solved at most twice trials"
+                f"candidates is {self.candidates} and rounds {self.rounds}; at least 0, and 1 each"
             )
+        if not (0 <= self.go_on <= 1 and 0 <= self.solved <= 1):
+            raise RunError(f"go_on is {self.go_on} and solved {self.solved}; both are shares, 0 to 1")
 
     def choose(self, fitness: np.ndarray, outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation, best first."""
