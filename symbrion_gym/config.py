@@ -60,6 +60,7 @@ class SnakePitConfig:
     forward_weight: float = 1.0
     success_bonus: float = 1.0
     effort_weight: float = 0.002
+    timers: bool = False
     randomise: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

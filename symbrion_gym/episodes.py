@@ -108,7 +108,8 @@ class Episodes:
             self.action[row, :hinges] = np.clip(self.target[row] / self._range, -1.0, 1.0)
             self.action[row, hinges:] = 1.0
             measured = self.judge.measure(physics, row)
-            self._episodes[row] = Episode(speed, measured.mean, *[measured.progress] * 3)
+            start = measured.progress
+            self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
             self._speed[row] = speed
 

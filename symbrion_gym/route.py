@@ -74,11 +74,12 @@ def find_route(arena: Arena, organism: Organism, config: SnakePitConfig) -> Rout
                 "floor": course.start[0] - _MARGIN - scout.arm_reach,
                 "pit": near - _PIT_MARGIN - scout.arm_reach,
             }
+            finish = far + half if course.pit > 0.0 else course.goal[0] + half
             return Route(
                 0.0,
                 starts[config.start],
                 0.0,
-                far + half,
+                finish,
                 course.width / 2,
                 lowest,
                 (near, far, float(low[2])),

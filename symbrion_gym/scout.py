@@ -52,7 +52,7 @@ def add_chassis(
         _CYLINDER_CHASSIS if config.tracks == "cylinders" else np.array(config.size) / 2 - _BODY_RECESS,
         config,
         mass=config.chassis_mass,
-    )
+    ).rgba[3] = 1.0  # rays shall see it
     dress_chassis(spec, frame, body, config)
     add_tracks(spec, frame, body, prefix, pose, config)
     body.add_site(name=prefix.rstrip("_"), size=[0.004] * 3, group=5).set_frame(frame)

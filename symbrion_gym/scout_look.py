@@ -9,7 +9,7 @@ import trimesh
 from symbrion_gym.scout_constants import ARM_RADIUS, ScoutConfig
 
 VISUAL_GROUP = 1
-"""Geom group of what is drawn and hit by rays."""
+"""Geom group of what is drawn; rays pass through it and hit the chassis boxes instead, which is faster."""
 _COLORS = {
     "dark": (0.17, 0.18, 0.20, 1.0),
     "rubber": (0.07, 0.07, 0.08, 1.0),
@@ -17,6 +17,8 @@ _COLORS = {
     "green": (0.28, 0.62, 0.30, 1.0),
     "lens": (0.85, 0.16, 0.12, 1.0),
 }
+_UNSEEN = "scout_unseen_by_rays"
+"""A material without opacity: rays pass, while the colour of the geom itself is drawn."""
 _BELT_WIDTH = 0.019
 
 
@@ -35,10 +37,12 @@ def dress_arm(spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody,
 def _dress(
     spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, part: str, solids: dict[str, list]
 ) -> None:
+    if spec.material(_UNSEEN) is None:
+        spec.add_material(name=_UNSEEN, rgba=[1.0, 1.0, 1.0, 0.0], specular=0.3, shininess=0.4)
     for color, parts in solids.items():
         name = f"scout_{part}_{color}"
         if spec.mesh(name) is None:
-            mesh = trimesh.util.concatenate(parts)
+            mesh = _join(parts)
             spec.add_mesh(
                 name=name,
                 uservert=np.asarray(mesh.vertices, dtype=np.float64).ravel(),
@@ -48,6 +52,7 @@ def _dress(
         geom = body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=name,
+            material=_UNSEEN,
             mass=0,
             group=VISUAL_GROUP,
             contype=0,
@@ -110,7 +115,15 @@ def _make_belt(half_x: float, half_z: float, radius: float, y: float) -> trimesh
         treads += [_box((0.004, _BELT_WIDTH, 0.002), (x, y, z)) for z in (half_z - 0.001, -half_z + 0.001)]
     for z in np.linspace(-half_z + 0.018, half_z - 0.018, 7):
         treads += [_box((0.002, _BELT_WIDTH, 0.004), (x, y, z)) for x in (half_x - 0.001, -half_x + 0.001)]
-    return trimesh.util.concatenate([belt, *treads])
+    return _join([belt, *treads])
+
+
+def _join(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = [part.faces + offset for part, offset in zip(parts, offsets, strict=False)]
+    return trimesh.Trimesh(
+        np.concatenate([part.vertices for part in parts]), np.concatenate(faces), process=False
+    )
 
 
 def _box(size: tuple[float, float, float], center: tuple[float, float, float]) -> trimesh.Trimesh:

@@ -42,6 +42,8 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
     is reset with `options={"reset_mask": ...}`.
 
+    With `timers`, `symbrion_gym.timing.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
+
     Reset options are those of `SnakePitEnv`. A number or a tuple (low, high) goes to all, an array or a list
     gives each simulation its own; they also hold for the automatic resets that follow. Generators are one
     per simulation, seeded `seed + i`, or `seed[i]` where a list is given.
@@ -92,7 +94,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._pictures: list[tuple[mujoco.MjData, Pictures]] = []
 
     def _make_batch(self, num_threads: int) -> None:
-        self.batch = Batch(self.model, self.num_envs, num_threads)
+        self.batch = Batch(self.model, self.num_envs, num_threads, persistent=self.config.timers)
         self._fields = {name: self.batch.expand(name) for name in _VARIED}
         self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
         self._physics = self.world.view(self.batch.bind)
