@@ -88,8 +88,8 @@ def play(
     *,
     start: str = "floor",
     film: bool = False,
-    speed: float = 4.0,
-    fps: int = 25,
+    speed: float = 5.0,
+    fps: int = 20,
     size: tuple[int, int] = (640, 400),
 ) -> Recording:
     """Play one trial under nominal conditions and keep what was seen.
@@ -137,7 +137,7 @@ def _run(
             observation[None], genotype, environment.observation_structure, state, info["x_position"]
         )
         observation, _, terminated, truncated, info = environment.step(actions[0])
-        physics = environment.world.view(environment.data)
+        physics = environment.physics
         positions.append(physics.position[0].copy())
         rotations.append(physics.rotation[0].reshape(-1, 3, 3).copy())
         progress, ended = float(info["progress"]), terminated or truncated

@@ -3,6 +3,8 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v0` and its siblings.
 """
 
+import symbrion_gym.headless  # isort: skip  # before MuJoCo is imported
+
 from symbrion_gym.arena import NAMED_ARENAS, Arena, load_arena, make_arena
 from symbrion_gym.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OrganismError

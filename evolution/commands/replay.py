@@ -32,7 +32,7 @@ class Replay(Command):
     """Where the trials start: on the floor before the first ramp, or close before the pit."""
     video: Path | None = None
     """Film one nominal trial into this file (.mp4)."""
-    speed: float = 4.0
+    speed: float = 5.0
     """The film runs so many times faster than the robot."""
 
     def __post_init__(self) -> None:

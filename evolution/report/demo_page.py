@@ -58,13 +58,13 @@ def write_demo_page(road: "Road", path: Path) -> None:
 def _add_films(page: Page, road: "Road") -> None:
     page.add_section("The robot in the true arena")
     captions = {
-        "truth": "The champion in the true arena, from the floor, four times faster than real.",
+        "truth": "The champion in the true arena, from the floor, five times faster than real.",
         "insufficient": "An insufficiently evolved robot of the same length, from the first generation.",
     }
     for name, caption in captions.items():
         film = road.films[name]
         if film.frames:
-            page.add_video(encode_video(film.frames), caption)
+            page.add_video(encode_video(film.frames, film.fps), caption)
         surface = sg.load_arena("truth").surface
         moments = "Side view of the body at seven moments, from blue (early) to green (late)."
         page.add_figure(draw_tracks(film.positions, surface), moments)
