@@ -115,3 +115,23 @@ def _nearest_shape(
             if cost < best_cost:
                 best, best_cost = (candidate, other), cost
     return best
+
+
+def choose_line_pair(units: np.ndarray, counters: np.ndarray, rule: Insertion) -> tuple[int, int]:
+    """Return axis and gap of the one line that the sequential rules insert (Fritzke's step 7).
+
+    It goes between the unit q that won most and its direct neighbour f: by "counter" the one that won most,
+    by "distant" and "longest" the farthest. (Mean edges, as in batches, would leave a grid of 2 x n that the
+    constant neighbourhood has drawn together without a third column for ever.)
+    """
+    row, column = np.unravel_index(counters.argmax(), counters.shape)
+    best, choice = -np.inf, (0, 0)
+    for axis, step in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        i, j = (int(row) + step, int(column)) if axis == 0 else (int(row), int(column) + step)
+        if not (0 <= i < counters.shape[0] and 0 <= j < counters.shape[1]):
+            continue
+        distance = np.linalg.norm(units[i, j] - units[row, column])
+        value = float(counters[i, j] if rule == "counter" else distance)
+        if value > best:
+            best, choice = value, (axis, min(i, int(row)) if axis == 0 else min(j, int(column)))
+    return choice

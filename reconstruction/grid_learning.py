@@ -20,6 +20,8 @@ from reconstruction.winners import (
 
 TAPS = 3
 """Reach of the neighbourhood along each grid axis."""
+MAX_ITERATIONS = 24
+"""Iterations of a fit at most."""
 FAR = 1e6
 """Where padded units stand: they win nothing."""
 
@@ -64,6 +66,18 @@ def learn(
     return _as_grid(moved, units), _as_grid(counts, units)
 
 
+def choose_sigmas(samples_per_unit: float) -> tuple[float, ...]:
+    """Return the widths of the smoothing for a fit: the fewer samples, the wider; the more, the more iterations.
+
+    A vertex must not follow the noise of a handful of samples, so a wider neighbourhood shares its moments with
+    it; a coarse grid has far to go from its rounded crests, and samples enough to go there.
+    """
+    last = float(np.clip(2 / np.sqrt(samples_per_unit), 0.5, 1.5))
+    extra = round(2.5 * np.log2(max(samples_per_unit, 1) / 12))
+    number = int(np.clip(4 + extra, 4, MAX_ITERATIONS))
+    return tuple(max(sigma, last) for sigma in (1.0, 0.8, 0.6) + (last,) * (number - 3))
+
+
 def fit_grid(
     points: np.ndarray,
     units: np.ndarray,
@@ -77,7 +91,7 @@ def fit_grid(
     Args:
         points: `[N, 3]` float32.
         units: `[R, C, 3]` float32.
-        sigmas: width of the smoothing, iteration by iteration.
+        sigmas: width of the smoothing, iteration by iteration, at most `MAX_ITERATIONS`.
         stiffness: of `solve_moments`.
         goal: see `learn`.
         is_movable: see `learn`.
@@ -101,7 +115,8 @@ def fit_grid(
         jnp.array([rows, columns]),
         _pad_mask(is_movable, units, capacity),
         jnp.asarray(ring),
-        jnp.asarray(sigmas, jnp.float32),
+        jnp.asarray(np.resize(sigmas, MAX_ITERATIONS), jnp.float32),
+        jnp.int32(len(sigmas)),
         jnp.float32(stiffness),
         chunk=find_chunk(tiles.order.size),
     )
@@ -186,18 +201,20 @@ def _learn(samples, is_real, units, candidates, shape, is_movable, sigma, *, ite
 
 
 @partial(jax.jit, static_argnames="chunk")
-def _fit(samples, is_real, units, candidates, shape, is_movable, ring, sigmas, stiffness, *, chunk):
+def _fit(
+    samples, is_real, units, candidates, shape, is_movable, ring, sigmas, num_iterations, stiffness, *, chunk
+):
     """Fit by least squares with moments smoothed over the grid; lengths in grid steps."""
     flat, weight = samples.reshape(-1, 3), is_real.reshape(-1).astype(jnp.float32)
 
-    def step(units, sigma):
+    def step(iteration, units):
         winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
         moments = sum_moments(units, ring, flat, winners, weight, 4.0, chunk=chunk)
         columns = jnp.concatenate([moments.normal, moments.residual, moments.weight[:, None]], axis=1)
-        smooth = _smooth(columns, shape, sigma)
+        smooth = _smooth(columns, shape, sigmas[iteration])
         move = solve_moments(Moments(smooth[:, :6], smooth[:, 6:9], smooth[:, 9]), stiffness, 0.5)
-        return units + jnp.where(is_movable[:, None], move, 0.0), None
+        return units + jnp.where(is_movable[:, None], move, 0.0)
 
-    units, _ = jax.lax.scan(step, units, sigmas)
+    units = jax.lax.fori_loop(0, num_iterations, step, units)
     winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
     return units, jnp.zeros(len(units)).at[winners].add(weight)

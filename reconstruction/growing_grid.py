@@ -7,7 +7,7 @@ References:
 Differs: winners are found for all signals at once and the units move to kernel-weighted means (the batch
 rule); several lines are inserted a round; instead of the literal fine-tuning the sheet is fitted to the
 samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the rim nor
-the edges shrink. `mode="paper"` has the sequential rules (`growing_grid_paper`).
+the edges shrink. `mode="paper"` has the sequential rules (`grid_paper`).
 """
 
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from reconstruction import grid_paper
 from reconstruction.errors import ReconstructionError
 from reconstruction.grid_growth import (
     Insertion,
@@ -24,12 +25,14 @@ from reconstruction.grid_growth import (
     score_gaps,
     start_grid,
 )
-from reconstruction.grid_learning import find_capacity, fit_grid, learn
+from reconstruction.grid_learning import MAX_ITERATIONS, choose_sigmas, find_capacity, fit_grid, learn
 from reconstruction.grid_mesh import triangulate
 from reconstruction.grid_refinement import refine_sheet
 from reconstruction.progress import Progress, silent
 from reconstruction.winners import MAX_CANDIDATES
 
+MAX_FIT_SAMPLES = 200
+"""Samples for each unit that the final fit uses."""
 FIRST_ITERATIONS = 10
 """Batch steps a round while the grid is small: it settles its direction then."""
 
@@ -41,42 +44,57 @@ class GrowingGridConfig:
     Attributes:
         units: units wanted; the grid ends with rows x columns as near to it as whole lines allow.
         triangles: triangles wanted instead: 2 (rows - 1) (columns - 1).
-        insertion: where a line goes. "longest": where the mean edge across is longest; "counter": between
-            the unit that won most and its neighbour that won most; "distant": between the unit that won most
-            and its farthest neighbour (Fritzke).
+        insertion: where a line goes; None: "longest" in batches, "counter" in paper mode. "longest": where
+            the mean edge across is longest; "counter": between the unit that won most and its neighbour that
+            won most (the paper's); "distant": between the unit that won most and its farthest neighbour
+            (Fritzke's, and what "longest" means in paper mode).
         mode: "batch", or "paper" for the sequential rules.
         growth: factor on the number of units in a round of the growth phase.
         samples_per_unit: points used while growing, for each unit; the final fit uses all.
         iterations: batch steps a round.
         sigma: width of the neighbourhood while growing, in grid steps.
-        fit_sigmas: width of the neighbourhood in each iteration of the final fit; below 0.5 the sheet folds.
+        fit_sigmas: width of the neighbourhood in each iteration of the final fit, by default chosen by the
+            number of samples a unit; below 0.5 the sheet folds.
         stiffness: unwillingness to slide within the surface in the final fit.
+        signals_per_unit: signals between two insertions, for each unit (paper mode; lambda_g).
+        fine_signals_per_unit: signals of the fine-tuning, for each unit (paper mode; lambda_f).
     """
 
     units: int = 2200
     triangles: int | None = None
-    insertion: Insertion = "longest"
+    insertion: Insertion | None = None
     mode: Literal["batch", "paper"] = "batch"
-    growth: float = 2.5
+    growth: float = 6.0
     samples_per_unit: int = 20
     iterations: int = 3
     sigma: float = 0.9
-    fit_sigmas: tuple[float, ...] = (0.8, 0.6, 0.5, 0.5)
+    fit_sigmas: tuple[float, ...] | None = None
     stiffness: float = 0.03
+    signals_per_unit: int = 30
+    fine_signals_per_unit: int = 100
 
     def __post_init__(self) -> None:
         if self.triangles is not None and self.triangles < 2:
             raise ReconstructionError(f"triangles must be at least 2, got {self.triangles}")
         if self.units < 4:
             raise ReconstructionError(f"units must be at least 4 (a grid of 2 x 2), got {self.units}")
-        if self.insertion not in ("longest", "counter", "distant"):
+        if self.insertion not in (None, "longest", "counter", "distant"):
             raise ReconstructionError(
                 f"insertion must be 'longest', 'counter' or 'distant', got {self.insertion!r}"
             )
         if self.mode not in ("batch", "paper"):
             raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
+        if self.fit_sigmas is not None and not 0 < len(self.fit_sigmas) <= MAX_ITERATIONS:
+            raise ReconstructionError(
+                f"fit_sigmas must be 1 to {MAX_ITERATIONS} widths, got {len(self.fit_sigmas)}"
+            )
         if not self.growth > 1:
             raise ReconstructionError(f"growth must be above 1, got {self.growth}")
+
+    @property
+    def rule(self) -> Insertion:
+        """The insertion rule: the one asked for, or the mode's own."""
+        return self.insertion or ("longest" if self.mode == "batch" else "counter")
 
     @property
     def wanted_units(self) -> int:
@@ -119,31 +137,42 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
     center = points.mean(axis=0)
     scale = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean()))
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
-    units, counts = _grow(scaled, config, progress)
-    progress("fit", 0.8)
-    units, counts = fit_grid(scaled, units, config.fit_sigmas, config.stiffness, config.wanted_units)
-    progress("fit", 1.0)
-    rows, columns = counts.shape
-    return State(
-        units.astype(np.float64) * scale + center,
-        np.ones((rows - 1, columns - 1), dtype=bool),
-    )
+    if config.mode == "paper":
+        units = grid_paper.train(
+            scaled,
+            config.wanted_units,
+            config.triangles,
+            config.rule,
+            config.signals_per_unit,
+            config.fine_signals_per_unit,
+            rng,
+            progress,
+        )
+    else:
+        units = _grow(scaled, config, progress)
+        progress("fit", 0.8)
+        samples = scaled[: MAX_FIT_SAMPLES * config.wanted_units]
+        sigmas = config.fit_sigmas or choose_sigmas(len(samples) / config.wanted_units)
+        units, _ = fit_grid(samples, units, sigmas, config.stiffness, config.wanted_units)
+    progress("done", 1.0)
+    rows, columns = units.shape[:2]
+    return State(units.astype(np.float64) * scale + center, np.ones((rows - 1, columns - 1), dtype=bool))
 
 
-def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> tuple[np.ndarray, np.ndarray]:
+def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> np.ndarray:
     """Grow from 2 x 2 to the wanted number of units."""
     wanted = config.wanted_units
     units, counts = learn(points, start_grid(points), sigma=0.3, iterations=1)
     num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
     for current in range(1, num_rounds + 1):
-        progress("grow", 0.8 * current / num_rounds)
+        progress("grow", 0.8 * (current - 1) / num_rounds)
         goal = round(4 * (wanted / 4) ** (current / num_rounds))
         shape = choose_shape(
-            units, counts, goal, config.insertion, config.triangles, is_last=current == num_rounds
+            units, counts, goal, config.rule, config.triangles, is_last=current == num_rounds
         )
-        down, across = score_gaps(units, counts, config.insertion)
-        units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.insertion))
-        columns = choose_lines(across, shape[1] - len(across) - 1, config.insertion)
+        down, across = score_gaps(units, counts, config.rule)
+        units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.rule))
+        columns = choose_lines(across, shape[1] - len(across) - 1, config.rule)
         units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
         is_small = find_capacity(goal) <= MAX_CANDIDATES
         units, counts = learn(
@@ -154,7 +183,7 @@ def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> 
             samples_per_unit=config.samples_per_unit,
             goal=goal,
         )
-    return units, counts
+    return units
 
 
 def refine(
@@ -185,7 +214,7 @@ def refine(
         state.has_face,
         points,
         new_points,
-        config.fit_sigmas,
+        config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0]),
         config.stiffness,
         np.random.default_rng(seed),
     )
