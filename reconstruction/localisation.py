@@ -25,6 +25,7 @@ _MATCH_SIGMA = 0.05
 _GUESS_INFORMATION = np.diag([1 / 0.01**2, 1 / 0.01**2, 1 / 0.02**2])
 """Of a guess: 1 cm, 1 cm, 0.02 rad."""
 _MIN_MAP = 20
+_MAX_SCALE_ERROR = 0.2
 
 
 def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
@@ -124,9 +125,9 @@ def fuse_odometry(
 ) -> Array:
     """Smooth matched poses `[S, 3]` by the odometry's steps.
 
-    Minimises ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all
-    positions x, z the matched ones and u the steps of the wheels: a tridiagonal system, exact. Likewise for
-        yaw.
+    The wheels are calibrated first, by the mean ratio of matched and counted ways and turns. Then this minimises
+    ``sum |x_i - z_i|^2 / sway^2 + sum |x_(i+1) - x_i - R(yaw_i) u_i|^2 / (slip^2 way_i)`` over all positions x, z
+    the matched ones and u the steps of the wheels: a tridiagonal system, exact. Likewise for yaw.
 
     Args:
         planar: matched x, y, yaw.
@@ -139,10 +140,24 @@ def fuse_odometry(
     if len(planar) < 3:
         return planar
     step, turn = np.diff(odometry[:, :2], axis=0), np.diff(odometry[:, 2])
+    turn *= _find_scale(planar[:, 2:], turn[:, None])
     error = slip**2 * (np.hypot(*step.T) + 0.2 * np.abs(turn)) + 1e-10
     yaw = _smooth_track(planar[:, 2:], turn[:, None], yaw_noise**2 / error)[:, 0]
     lead = yaw[:-1] - odometry[:-1, 2]
-    return np.c_[_smooth_track(planar[:, :2], _turn(step, lead), sway**2 / error), yaw]
+    step = _turn(step, lead)
+    step *= _find_scale(planar[:, :2], step)
+    return np.c_[_smooth_track(planar[:, :2], step, sway**2 / error), yaw]
+
+
+def _find_scale(measured: Array, steps: Array, window: int = 20) -> float:
+    """How far the robot really goes where its wheels count 1, by least squares over stretches of the track."""
+    counted = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+    if len(measured) <= 2 * window:
+        return 1.0
+    real, counted = measured[window:] - measured[:-window], counted[window:] - counted[:-window]
+    total = float((counted * counted).sum())
+    scale = float((real * counted).sum()) / total if total > 1e-6 else 1.0
+    return scale if abs(scale - 1) < _MAX_SCALE_ERROR else 1.0
 
 
 def _turn(vectors: Array, angles: Array) -> Array:

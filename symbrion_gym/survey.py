@@ -19,6 +19,9 @@ from symbrion_gym.errors import ArenaError
 from symbrion_gym.laser_scanner import LaserScanner
 from symbrion_gym.survey_world import SurveyWorld
 
+_FIRST_WAYPOINT = 2
+"""The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
+
 
 @dataclass(frozen=True)
 class SurveyRobot:
@@ -156,7 +159,8 @@ def make_path(bounds: np.ndarray, clearance: float = 0.4, stride: float = 1.2) -
     (x0, y0), (x1, y1) = bounds[0, :2] - clearance, bounds[1, :2] + clearance
     corners = np.array([(x0, y1), (x1, y1), (x1, y0), (x0, y0), (x0, y1)])
     sides = [_zigzag(a, b, stride) for a, b in itertools.pairwise(corners)]
-    return np.concatenate([*sides, corners[:1]])
+    loop = np.roll(np.concatenate(sides), -_FIRST_WAYPOINT, axis=0)
+    return np.concatenate([loop, loop[:1]])
 
 
 def _zigzag(start: np.ndarray, stop: np.ndarray, stride: float) -> np.ndarray:

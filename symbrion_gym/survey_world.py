@@ -10,7 +10,7 @@ _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground beside it, black skirting, and the room's walls."""
 _GAP = 0.10
 """Between the arena's bounding box and the ground around it [m]."""
-_MARGIN = 1.2
+_MARGIN = 1.5
 """Between the path and the room's walls [m]."""
 _ALL_BUT_WALLS = np.array([1, 1, 1, 1, 0, 0], np.uint8)
 _WALLS_ONLY = np.array([0, 0, 0, 0, 1, 0], np.uint8)
@@ -21,7 +21,7 @@ class SurveyWorld:
 
     The ground begins 0.1 m off the arena's bounding box; between them, and where the arena's open sides end,
     hangs black skirting that returns nothing: a survey shows the arena's own surface alone. The room's
-    walls, with uneven pilasters, stand 1.2 m beyond the path; only the horizontal scanner sees them.
+    walls, with uneven pilasters, stand 1.5 m beyond the path; only the horizontal scanner sees them.
     """
 
     def __init__(self, surface: trimesh.Trimesh, waypoints: np.ndarray) -> None:
@@ -104,7 +104,7 @@ def _make_walls(low: np.ndarray, high: np.ndarray) -> list[tuple[np.ndarray, np.
         for side in (0, 1):
             at = low[axis] + rng.uniform(0.4, 1.0)
             while at < high[axis] - 0.6:
-                width, depth = rng.uniform(0.25, 0.6), rng.uniform(0.15, 0.4)
+                width, depth = rng.uniform(0.25, 0.6), rng.uniform(0.25, 0.5)
                 wall = (low, high)[side][1 - axis]
                 span = sorted((wall, wall + (depth if side == 0 else -depth)))
                 a, b = [0.0, 0.0], [0.0, 0.0]
