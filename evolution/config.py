@@ -58,7 +58,7 @@ class EvolutionConfig:
     address: str | None = None
     controller: str = "reactive"
     population_size: int = 12
-    sigma: float = 0.3
+    sigma: float = 0.15
     trials: int = 2
     start: str = "pit"
     stages: tuple[Stage, ...] = ()

@@ -43,7 +43,7 @@ REACTIVE = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
 REACTIVE += ("front_air", "rear_air", "head_pitch")
 
 
-REFLEX = (0.0, 0.0, 0.0, 0.0, 0.0, 0.75, 0.0, -0.25)
+REFLEX = (0.0, 0.0, 0.0, -0.2, 0.0, 0.9, 0.0, -0.3)
 """Where the search for a reactive law begins: lift what hangs in the air in front, but keep the head level."""
 U_SHAPE = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
 """Where the search for a travelling posture begins: down at the near edge, up at the bottom, level at the far

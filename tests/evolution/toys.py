@@ -1,0 +1,79 @@
+"""Stand-ins for physics: functions of a module, so that worker processes can import them."""
+
+import os
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from evolution.errors import RunError
+from evolution.evaluation import Job, Outcome
+
+MARK = "SYMBRION_TEST_MARK"
+"""Environment variable that names a file; the first worker to see it missing makes it and dies."""
+
+
+def bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Progress is highest where every gene is 0.5; the yaw of the trials adds noise."""
+    return [_roll(job) for job in jobs]
+
+
+def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """The same, a few milliseconds a job."""
+    time.sleep(0.002 * len(jobs))
+    return bowl(jobs, threads)
+
+
+def shortest(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Bodies of at least six modules succeed once their genes are near 0.5."""
+    outcomes = bowl(jobs, threads)
+    return [
+        outcome
+        if job.trials.modules >= 6
+        else Outcome(outcome.progress, outcome.effort, (False,) * outcome.trials, outcome.seconds)
+        for job, outcome in zip(jobs, outcomes, strict=True)
+    ]
+
+
+def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Raise for genotypes with a first gene above 0.3."""
+    if any(job.genotype[0] > 0.3 for job in jobs):
+        raise FloatingPointError("the simulation fell apart")
+    return bowl(jobs, threads)
+
+
+def nonsense(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Return a progress that is no number for a first gene above 0.3."""
+    return [
+        Outcome(np.nan, 0.0, (True,) * job.trials.count) if job.genotype[0] > 0.3 else _roll(job) for job in jobs
+    ]
+
+
+def wrong_run(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Find that the run itself is wrong."""
+    raise RunError("no such arena")
+
+
+def dies_once(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Kill the worker at the first call of all."""
+    mark = Path(os.environ[MARK])
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return bowl(jobs, threads)
+
+
+def deadly(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Kill the worker whenever a first gene is above 0.3."""
+    if any(job.genotype[0] > 0.3 for job in jobs):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return bowl(jobs, threads)
+
+
+def _roll(job: Job) -> Outcome:
+    conditions = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
+    distance = float(((job.genotype - 0.5) ** 2).sum())
+    held = tuple(bool(distance + 2 * (friction - 0.7) < 0.5) for friction in conditions["friction"])
+    return Outcome(float(conditions["yaw"].sum()) - distance, 0.0, held, seconds=1.0)
