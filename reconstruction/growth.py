@@ -124,26 +124,32 @@ def grow(
     for _ in range(_MAX_ROUNDS):
         if num_units == capacity:
             break
-        tally = tally_units(thinned, slots)
+        tally = tally_units(thinned, slots, list_candidates(thinned, slots))
         slots[:num_units] = tally.means[:num_units]
         wanted = min(capacity, max(num_units + 1, int(growth * num_units)))
         before, num_units = num_units, _insert(slots, tally, num_units, wanted)
         if num_units == before:
             break
     thinned = thin_level(level, 2 * samples_per_unit * capacity, rng)
+    candidates = None
     for remaining in reversed(range(settle_passes)):
-        tally = tally_units(thinned, slots)
+        if remaining % 2 == settle_passes % 2 or candidates is None:
+            candidates = list_candidates(thinned, slots)
+        tally = tally_units(thinned, slots, candidates)
         slots = tally.means
         if remaining:
             _insert(slots, tally, num_units, num_units)
     return slots[:num_units]
 
 
-def tally_units(level: Level, units: np.ndarray) -> Tally:
+def list_candidates(level: Level, units: np.ndarray) -> np.ndarray:
+    """Return for every tile the units among which its winners are, `[T, C]`."""
+    num_candidates = choose_num_candidates(level.tiles.order.size, len(units), 2)
+    return find_candidates(level.tiles, units, max(2, num_candidates))[0]
+
+
+def tally_units(level: Level, units: np.ndarray, candidates: np.ndarray) -> Tally:
     """Let every sample of a level count for its winner."""
-    num_samples, capacity = level.tiles.order.size, len(units)
-    num_candidates = min(max(2, choose_num_candidates(num_samples, capacity, 2)), capacity)
-    candidates, _ = find_candidates(level.tiles, units, num_candidates)
     tally = _tally(level.tiles.samples, level.weights, level.spacings, units, candidates)
     return Tally(*(np.array(a) for a in tally))
 

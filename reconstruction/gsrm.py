@@ -39,7 +39,7 @@ class GSRMConfig:
         samples_per_unit: samples of a round, for each unit wanted; settling uses twice as many, topology
             and the final fit all.
         settle_passes: passes of all units through their samples once they are complete.
-        fit_iterations: iterations of the final least-squares fit.
+        fit: whether the finished mesh is fitted to the samples by least squares.
     """
 
     units: int = 2200
@@ -48,7 +48,7 @@ class GSRMConfig:
     start_share: float = 0.25
     samples_per_unit: int = 8
     settle_passes: int = 4
-    fit_iterations: int = 3
+    fit: bool = True
 
     def __post_init__(self) -> None:
         if self.units < 4:
@@ -59,10 +59,10 @@ class GSRMConfig:
             raise ReconstructionError(f"growth must be above 1, got {self.growth}")
         if not 0 <= self.start_share <= 1:
             raise ReconstructionError(f"start_share must lie between 0 and 1, got {self.start_share}")
-        if self.samples_per_unit < 1 or self.settle_passes < 1 or self.fit_iterations < 0:
+        if self.samples_per_unit < 1 or self.settle_passes < 1:
             raise ReconstructionError(
-                "samples_per_unit and settle_passes must be at least 1, fit_iterations at least 0, got "
-                f"{self.samples_per_unit}, {self.settle_passes} and {self.fit_iterations}"
+                "samples_per_unit and settle_passes must be at least 1, got "
+                f"{self.samples_per_unit} and {self.settle_passes}"
             )
 
 
@@ -128,11 +128,11 @@ def _train_batch(
         rng=rng,
     )
     progress("learn the topology", 0.5)
-    return _learn_surface(level, units, config.fit_iterations, progress)
+    return _learn_surface(level, units, config.fit, progress)
 
 
 def _learn_surface(
-    level: Level, units: np.ndarray, fit_iterations: int, progress: Progress
+    level: Level, units: np.ndarray, is_fitted: bool, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
@@ -142,18 +142,39 @@ def _learn_surface(
     place = np.full(len(units), -1, dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)
     units, faces = units[used].astype(np.float64), flat.reshape(-1, 3)
-    progress("fit the surface", 0.8)
-    first = place[winners[..., 0]]
-    is_used &= first >= 0
-    units = fit_surface(
-        units,
-        faces,
-        level.tiles.samples[is_used],
-        iterations=fit_iterations,
-        winners=first[is_used],
-        weights=level.weights[is_used],
-    )
+    if is_fitted:
+        progress("fit the surface", 0.8)
+        first = place[winners[..., 0]]
+        is_used &= first >= 0
+        units = _fit(units, faces, level.tiles.samples[is_used], first[is_used], level.weights[is_used])
     return units, faces
+
+
+def _fit(
+    units: np.ndarray, faces: np.ndarray, samples: np.ndarray, winners: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Fit the mesh to the samples, to few of them first: creases need iterations, accuracy needs samples.
+
+    Below 20 samples a unit a third iteration would fit the noise.
+    """
+    per_unit = len(samples) / len(units)
+    if per_unit >= 40:
+        schedule = ((3, per_unit / 24), (1, 1))
+    elif per_unit >= 20:
+        schedule = ((1, per_unit / 12), (2, 1))
+    else:
+        schedule = ((2, 1),)
+    for iterations, stride in schedule:
+        chosen = slice(None, None, int(stride))
+        units = fit_surface(
+            units,
+            faces,
+            samples[chosen],
+            iterations=iterations,
+            winners=winners[chosen],
+            weights=weights[chosen],
+        )
+    return units
 
 
 def refine(
@@ -179,7 +200,7 @@ def refine(
     """
     progress("refine", 0.0)
     units, faces, known = refine_map(
-        state.units, state.faces, points, new_points, config.fit_iterations, np.random.default_rng(seed)
+        state.units, state.faces, points, new_points, config.fit, np.random.default_rng(seed)
     )
     progress("refine", 1.0)
     return State(units, faces.astype(np.int32)), known

@@ -29,7 +29,7 @@ def refine_map(
     faces: np.ndarray,
     old_points: np.ndarray,
     new_points: np.ndarray,
-    fit_iterations: int,
+    is_fitted: bool,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return units, faces and points after new readings.
@@ -39,7 +39,7 @@ def refine_map(
         faces: `[F, 3]`.
         old_points: `[N, 3]` what the map has learnt from.
         new_points: `[M, 3]` what was read since.
-        fit_iterations: of the final fit.
+        is_fitted: whether new units are fitted to the points.
         rng: draws the samples of the rounds.
     """
     edge = mean_edge_length(units, faces)
@@ -62,7 +62,8 @@ def refine_map(
     kept_faces = place[faces[~is_active[faces].any(axis=1)]]
     near = points[_widen(faces, is_active, RINGS)[winners]]
     joined = _join(merged, num_kept, kept_faces, near)
-    merged = _fit_locally(merged, joined, num_kept, near, fit_iterations)
+    if is_fitted:
+        merged = _fit_locally(merged, joined, num_kept, near)
     used, flat = np.unique(joined, return_inverse=True)
     return merged[used], flat.reshape(-1, 3), points
 
@@ -132,15 +133,13 @@ def _join(units: np.ndarray, num_kept: int, kept_faces: np.ndarray, points: np.n
     return finish_faces(units, faces, quality, support)
 
 
-def _fit_locally(
-    units: np.ndarray, faces: np.ndarray, num_kept: int, points: np.ndarray, iterations: int
-) -> np.ndarray:
+def _fit_locally(units: np.ndarray, faces: np.ndarray, num_kept: int, points: np.ndarray) -> np.ndarray:
     """Return the units with the new ones fitted to the points; the kept ones stay where they are."""
     near = faces[_widen(faces, np.arange(len(units)) >= num_kept, 1)[faces].any(axis=1)]
     if len(near) == 0 or len(points) == 0:
         return units
     used, flat = np.unique(near, return_inverse=True)
-    fitted = fit_surface(units[used], flat.reshape(-1, 3), points, iterations=iterations)
+    fitted = fit_surface(units[used], flat.reshape(-1, 3), points)
     moved = units.copy()
     moved[used] = fitted
     moved[:num_kept] = units[:num_kept]
