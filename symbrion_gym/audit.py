@@ -104,9 +104,11 @@ def audit(
         scout: constants of the modules.
     """
     scout = scout or ScoutConfig()
+    if not np.isfinite(trajectory.qpos).all():
+        return Audit(False, ("a coordinate is not finite",))
     centers, rotations = place_modules(trajectory.qpos, scout.pitch)
     faults = [
-        *_find_bad_numbers(trajectory, scout),
+        *_find_bad_hinges(trajectory.qpos[:, 7:], scout),
         *_find_bad_motion(trajectory.time, centers, rotations, track_speed, half_width),
         *_find_overlaps(centers, height),
         *_find_bad_end(trajectory.time, centers, rotations, height, far_edge),
@@ -114,12 +116,10 @@ def audit(
     return Audit(not faults, tuple(faults))
 
 
-def _find_bad_numbers(trajectory: Trajectory, scout: ScoutConfig) -> list[str]:
-    if not np.isfinite(trajectory.qpos).all():
-        return ["a coordinate is not finite"]
-    if (np.abs(trajectory.qpos[:, 7:]) > scout.hinge_range + _HINGE_SLACK).any():
-        return ["a hinge is beyond its range"]
-    return []
+def _find_bad_hinges(angles: np.ndarray, scout: ScoutConfig) -> list[str]:
+    return (
+        ["a hinge is beyond its range"] if (np.abs(angles) > scout.hinge_range + _HINGE_SLACK).any() else []
+    )
 
 
 def _find_bad_motion(
