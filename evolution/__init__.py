@@ -5,12 +5,14 @@ from evolution.config import EvolutionConfig
 from evolution.errors import RunError
 from evolution.evaluation import Evaluation, Outcome, Randomisation, Scoring, evaluate
 from evolution.playback import Recording, judge, play
-from evolution.run import Run
+from evolution.policy import ChampionPolicy
+from evolution.run import Run, load_champion
 from evolution.stages import Stage
 from evolution.validation import Champion, Validation
 
 __all__ = [
     "Champion",
+    "ChampionPolicy",
     "Evaluation",
     "EvolutionConfig",
     "Outcome",
@@ -24,6 +26,7 @@ __all__ = [
     "evaluate",
     "evolve",
     "judge",
+    "load_champion",
     "load_run",
     "play",
     "resume",

@@ -9,10 +9,12 @@ from symbrion_gym.arena import NAMED_ARENAS, Arena, load_arena, make_arena
 from symbrion_gym.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.organism import Organism, snake
+from symbrion_gym.rangefinder import RangeFinder
 from symbrion_gym.registration import register
 from symbrion_gym.scout import ScoutConfig, make_scout
 from symbrion_gym.snake_pit import SnakePitEnv
 from symbrion_gym.survey import survey
+from symbrion_gym.timing import Timing, timing
 from symbrion_gym.vector import SnakePitVectorEnv
 
 register()
@@ -24,13 +26,16 @@ __all__ = [
     "Course",
     "Organism",
     "OrganismError",
+    "RangeFinder",
     "ScoutConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",
+    "Timing",
     "load_arena",
     "make_arena",
     "make_scout",
     "snake",
     "survey",
+    "timing",
 ]

@@ -5,6 +5,7 @@ from evolution.commands.assets import Assets
 from evolution.commands.command import Command
 from evolution.commands.demo import Demo
 from evolution.commands.evolve import Evolve, Resume
+from evolution.commands.paper import Paper
 from evolution.commands.reconstruct import Reconstruct
 from evolution.commands.replay import Replay
 from evolution.commands.survey import Survey
@@ -17,6 +18,7 @@ COMMANDS: dict[str, type[Command]] = {
     "resume": Resume,
     "replay": Replay,
     "demo": Demo,
+    "paper": Paper,
     "assets": Assets,
 }
 

@@ -46,16 +46,17 @@ def write_demo_page(road: "Road", path: Path) -> None:
             "every module across, upright and at ground height.",
             good=crosses,
         )
-    _add_films(page, road)
-    _add_scan(page, road)
-    _add_surfaces(page, road)
-    _add_arenas(page, road)
-    _add_evolution(page, road)
+    add_films(page, road)
+    add_scan(page, road)
+    add_surfaces(page, road)
+    add_arenas(page, road)
+    add_evolution(page, road)
     _add_times(page, road)
     page.write(path)
 
 
-def _add_films(page: Page, road: "Road") -> None:
+def add_films(page: Page, road: "Road") -> None:
+    """Show the champion in the true arena and an insufficient robot, as video and side view."""
     page.add_section("The robot in the true arena")
     captions = {
         "truth": "The champion in the true arena, from the floor, five times faster than real.",
@@ -75,7 +76,8 @@ def _add_films(page: Page, road: "Road") -> None:
         )
 
 
-def _add_scan(page: Page, road: "Road") -> None:
+def add_scan(page: Page, road: "Road") -> None:
+    """Show the cloud before and after the pre-processing."""
     scans, beams = road.log.ranges.shape
     page.add_section(
         "Scan",
@@ -86,7 +88,8 @@ def _add_scan(page: Page, road: "Road") -> None:
     page.add_figure(draw_cloud(road.points), "The same after the pre-processing.")
 
 
-def _add_surfaces(page: Page, road: "Road") -> None:
+def add_surfaces(page: Page, road: "Road") -> None:
+    """Show the two networks' surfaces and their distances from the truth."""
     truth = sg.load_arena("truth").surface
     page.add_section("Surfaces", "Two self-organising networks learn the cloud.")
     rows = []
@@ -117,7 +120,8 @@ def _add_surfaces(page: Page, road: "Road") -> None:
     )  # fmt: skip
 
 
-def _add_arenas(page: Page, road: "Road") -> None:
+def add_arenas(page: Page, road: "Road") -> None:
+    """Show the convex pieces, and the cut through the pit."""
     page.add_section(
         "Arenas",
         "A mesh collides in MuJoCo as its convex hull, which would fill the pit. So the surface is decomposed into "
@@ -147,7 +151,8 @@ def _add_arenas(page: Page, road: "Road") -> None:
     )
 
 
-def _add_evolution(page: Page, road: "Road") -> None:
+def add_evolution(page: Page, road: "Road") -> None:
+    """Show the learning curve and the champion's genes."""
     history, champion = road.run.history, road.run.champion
     assert champion is not None
     page.add_section(
