@@ -1,0 +1,110 @@
+"""Controllers for the benchmarks of the environment, and what became of them, judged twice."""
+
+from typing import Any, NamedTuple
+
+import cma
+import numpy as np
+
+from symbrion_gym.audit import Trajectory, audit
+from symbrion_gym.vector import SnakePitVectorEnv
+
+KNOTS = np.linspace(-0.55, 1.10, 12)
+"""Where the posture has its knots, along the course from the middle of the pit [m]."""
+
+
+class Crossing(NamedTuple):
+    """What became of one controller.
+
+    Attributes:
+        success: by the environment's own judge.
+        progress: [m].
+        seconds: simulated.
+        faults: what the second judge found, where the first saw a success.
+        qpos: `[T, nq]` recorded, where wanted.
+    """
+
+    success: bool
+    progress: float
+    seconds: float
+    faults: tuple[str, ...]
+    qpos: np.ndarray | None
+
+
+def follow_the_leader(head: np.ndarray, genotypes: np.ndarray, num_hinges: int) -> np.ndarray:
+    """Return actions `[P, h]`: each hinge takes the angle of the place it passes.
+
+    Args:
+        head: `[P]` x of the heads [m].
+        genotypes: `[P, 12]` angles at the knots [rad].
+        num_hinges: of the body.
+    """
+    places = head[:, None] - (np.arange(num_hinges) + 0.5) * 0.1254
+    angles = [np.interp(p, KNOTS, g, left=0.0, right=0.0) for p, g in zip(places, genotypes, strict=True)]
+    return np.array(angles) / (np.pi / 2)
+
+
+def cross(
+    envs: SnakePitVectorEnv, genotypes: np.ndarray, conditions: dict[str, Any], keep: bool = False
+) -> list[Crossing]:
+    """Let as many controllers as there are simulations try, each under its own conditions."""
+    _, info = envs.reset(seed=0, options=conditions)
+    qpos, finished = envs.batch.bind("qpos"), np.zeros(envs.num_envs, dtype=bool)
+    recorded = [qpos.copy()]
+    while not finished.all():
+        actions = follow_the_leader(info["x_position"], genotypes, envs.world.num_hinges)
+        *_, terminated, truncated, info = envs.step(actions)
+        recorded.append(qpos.copy())
+        finished |= terminated | truncated
+    states, dt = np.array(recorded), envs.config.dt
+    crossings = []
+    for i in range(envs.num_envs):
+        count = round(info["time"][i] / dt) + 1
+        own = states[:count, i, : 7 + envs.world.num_hinges]
+        faults: tuple[str, ...] = ()
+        if info["success"][i]:
+            far = envs.world.route.pit[1] if envs.world.route.pit else 0.0
+            recording = Trajectory(np.arange(count) * dt, own)
+            found = audit(recording, envs.world.arena.height, far, envs.config.track_speed, 1.0)
+            faults = found.faults
+        crossings.append(
+            Crossing(
+                bool(info["success"][i]),
+                float(info["progress"][i]),
+                float(info["time"][i]),
+                faults,
+                own.copy() if keep else None,
+            )
+        )
+    return crossings
+
+
+def draw_conditions(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
+    """Return random friction, torque, start and heading for `count` trials."""
+    return {
+        "friction": rng.uniform(0.55, 0.9, count),
+        "torque_scale": rng.uniform(0.9, 1.1, count),
+        "start_offset": rng.uniform(-0.05, 0.05, count),
+        "yaw": rng.uniform(-0.0873, 0.0873, count),
+    }
+
+
+def draw_controllers(seed: int, count: int) -> np.ndarray:
+    """Return random genotypes `[count, 12]`."""
+    return np.clip(np.random.default_rng(seed).normal(0.0, 0.35, (count, 12)), -1.5, 1.5)
+
+
+def evolve(envs: SnakePitVectorEnv, seed: int, generations: int) -> list[tuple[np.ndarray, Crossing]]:
+    """Run CMA-ES, half as many genotypes as simulations, two trials each; return every trial."""
+    population = envs.num_envs // 2
+    options = {"popsize": population, "bounds": [-1.5, 1.5], "seed": seed + 1, "verbose": -9}
+    strategy = cma.CMAEvolutionStrategy([0.0] * 12, 0.3, options)
+    rng, trials = np.random.default_rng(seed), []
+    for _ in range(generations):
+        genotypes = np.array(strategy.ask())
+        conditions = {name: np.tile(v, population) for name, v in draw_conditions(rng, 2).items()}
+        doubled = np.repeat(genotypes, 2, axis=0)
+        outcomes = cross(envs, doubled, conditions)
+        fitness = np.array([one.progress + one.success for one in outcomes]).reshape(-1, 2).mean(axis=1)
+        strategy.tell(list(genotypes), list(-fitness))
+        trials += list(zip(doubled, outcomes, strict=True))
+    return trials
