@@ -65,7 +65,7 @@ def read_points(path: str | os.PathLike[str], unit: str = "m") -> tuple[Array, i
         points = np.asarray(_READERS[kind](data), dtype=np.float64)
     except ScanError as error:
         raise ScanError(f"{path}: {error}") from error
-    except (ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError) as error:
+    except Exception as error:  # the readers beneath raise every kind of error on broken bytes
         raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
     if points.ndim != 2 or points.shape[1] != 3:
         raise ScanError(f"{path}: holds an array of shape {points.shape}, not [N, 3] points")

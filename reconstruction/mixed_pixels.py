@@ -18,7 +18,7 @@ def find_mixed_beams(
     ranges: Array,
     *,
     step: float = 0.10,
-    jump: float = 0.025,
+    jump: float = 0.03,
     jump_per_metre: float = 0.003,
     max_share: float = 0.025,
 ) -> NDArray[np.bool_]:

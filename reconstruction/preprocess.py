@@ -23,8 +23,9 @@ __all__ = [
     "thin",
 ]
 
-_SPARSE_SHARE = 0.005
-"""A log's mixed pixels are found by their scans; the histogram takes at most this share of what is left."""
+_ALONE, _SPARSE_SHARE = 2, 0.005
+"""A log's mixed pixels are found by their scans; the histogram takes points that are alone
+in their cell, at most this share."""
 
 
 def preprocess(
@@ -62,7 +63,7 @@ def preprocess(
     points = log.points()
     if cropped and log.box is not None:
         points = crop(points, log.box)
-    return points[~find_sparse_points(points, max_share=_SPARSE_SHARE)]
+    return points[~find_sparse_points(points, threshold=_ALONE, max_share=_SPARSE_SHARE)]
 
 
 @overload
@@ -80,7 +81,9 @@ def remove_mixed_pixels(scans: ScanLog | ArrayLike) -> ScanLog | Array:
     ranges = np.where(find_mixed_beams(scans.ranges), np.nan, scans.ranges)
     log = scans.replace(ranges=ranges)
     ranges[log.is_valid] = np.where(
-        find_sparse_points(log.points(), max_share=_SPARSE_SHARE), np.nan, ranges[log.is_valid]
+        find_sparse_points(log.points(), threshold=_ALONE, max_share=_SPARSE_SHARE),
+        np.nan,
+        ranges[log.is_valid],
     )
     return log.replace(ranges=ranges)
 

@@ -25,7 +25,7 @@ _FIRST_WAYPOINT = 2
 
 @dataclass(frozen=True)
 class SurveyRobot:
-    """A differential-drive robot with a mast: speeds, places of its scanners, its shaking, the wheels' errors
+    """A differential-drive robot with a mast: speeds, places of its scanners, its shaking, its wheels' errors.
 
     Attributes:
         scanner: both scanners' model.
