@@ -3,7 +3,7 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v0` and its siblings.
 """
 
-import symbrion_gym.headless  # isort: skip  # before MuJoCo is imported
+import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)
 
 from symbrion_gym.arena import NAMED_ARENAS, Arena, load_arena, make_arena
 from symbrion_gym.course import Course, StairsCourse
