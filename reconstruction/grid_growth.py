@@ -23,16 +23,18 @@ def choose_lines(scores: np.ndarray, num_lines: int, rule: Insertion) -> np.ndar
     """Return the gaps that get a line, best first: `[num_lines]` indices.
 
     A gap's score falls to a half, a third, ... with each line it gets by the rule "longest"; by the other
-    rules a gap gets at most one line at a time.
+    rules a gap gets a second line only after each has got one.
     """
-    heap = [(-score, gap, 1) for gap, score in enumerate(scores)]
+    heap = [(0, -score, gap, 1) for gap, score in enumerate(scores)]
     heapq.heapify(heap)
     chosen = []
-    while heap and len(chosen) < num_lines:
-        _, gap, parts = heapq.heappop(heap)
+    while len(chosen) < num_lines:
+        _, _, gap, parts = heapq.heappop(heap)
         chosen.append(gap)
         if rule == "longest":
-            heapq.heappush(heap, (-scores[gap] / (parts + 1), gap, parts + 1))
+            heapq.heappush(heap, (0, -scores[gap] / (parts + 1), gap, parts + 1))
+        else:
+            heapq.heappush(heap, (parts, -scores[gap], gap, parts + 1))
     return np.array(chosen, dtype=np.int64)
 
 

@@ -14,7 +14,6 @@ from reconstruction.winners import (
     Tiles,
     choose_num_candidates,
     find_candidates,
-    make_tiles,
     search_tiles,
 )
 
@@ -26,32 +25,33 @@ FAR = 1e6
 """Where padded units stand: they win nothing."""
 
 
+def choose_num_samples(num_points: int, wanted: int) -> int:
+    """Return how many of the points to take where `wanted` are enough: one of few numbers, so of few shapes."""
+    return min(num_points, 4096 * 2 ** max(0, int(np.ceil(np.log2(wanted / 4096)))))
+
+
 def learn(
-    points: np.ndarray,
+    tiles: Tiles,
     units: np.ndarray,
     sigma: float,
     iterations: int,
-    samples_per_unit: int = 20,
     goal: int = 4,
     is_movable: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Let the grid learn by the batch rule from the first of the points.
+    """Let the grid learn by the batch rule.
 
     Args:
-        points: `[N, 3]` float32 in random order.
+        tiles: the samples.
         units: `[R, C, 3]` float32.
         sigma: width of the neighbourhood in grid steps.
         iterations: how many batch steps.
-        samples_per_unit: how many points for each unit, at least 4096 in all.
-        goal: about R C; together with the number of points it determines all array shapes.
+        goal: about R C; together with the number of samples it determines all array shapes.
         is_movable: `[R, C]` which units may move; all if absent.
 
     Returns:
         units `[R, C, 3]` and counts `[R, C]`.
     """
     capacity = max(find_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
-    num_samples = 4096 * 2 ** max(0, int(np.ceil(np.log2(samples_per_unit * capacity / 4096))))
-    tiles = make_tiles(points[:num_samples])
     padded, candidates = _pad(units, tiles, capacity)
     moved, counts = _learn(
         jnp.asarray(tiles.samples),
@@ -79,17 +79,17 @@ def choose_sigmas(samples_per_unit: float) -> tuple[float, ...]:
 
 
 def fit_grid(
-    points: np.ndarray,
+    tiles: Tiles,
     units: np.ndarray,
     sigmas: tuple[float, ...],
     stiffness: float,
     goal: int,
     is_movable: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit the sheet to all points, with the moments smoothed over the grid; then unfold it.
+    """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it.
 
     Args:
-        points: `[N, 3]` float32.
+        tiles: the samples.
         units: `[R, C, 3]` float32.
         sigmas: width of the smoothing, iteration by iteration, at most `MAX_ITERATIONS`.
         stiffness: of `solve_moments`.
@@ -103,14 +103,13 @@ def fit_grid(
     spacing = float(np.linalg.norm(np.diff(units, axis=1), axis=2).mean())
     spacing = (spacing + float(np.linalg.norm(np.diff(units, axis=0), axis=2).mean())) / 2
     capacity = max(find_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
-    tiles = make_tiles(points / spacing)
-    padded, candidates = _pad(units / spacing, tiles, capacity)
+    padded, candidates = _pad(units, tiles, capacity)
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
     ring = np.pad(ring, ((0, 0), (0, 8 - ring.shape[1]), (0, 0)), constant_values=-1)
     moved, counts = _fit(
-        jnp.asarray(tiles.samples),
+        jnp.asarray(tiles.samples / np.float32(spacing)),
         jnp.asarray(tiles.is_real),
-        padded,
+        padded / spacing,
         candidates,
         jnp.array([rows, columns]),
         _pad_mask(is_movable, units, capacity),

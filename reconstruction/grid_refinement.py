@@ -10,6 +10,7 @@ from reconstruction.evidence import weigh_evidence
 from reconstruction.grid_growth import insert_lines
 from reconstruction.grid_learning import fit_grid, learn
 from reconstruction.padding import padded_length
+from reconstruction.winners import Tiles, make_tiles
 
 SQUARE = np.ones((3, 3), dtype=bool)
 MARGIN = 2
@@ -80,10 +81,10 @@ def refine_sheet(
     sheet = sheet._replace(units=((sheet.units - center) / spacing).astype(np.float32))
     scaled = ((near - center) / spacing).astype(np.float32)
     if len(near) >= 4:
-        scaled = _fill_up(scaled, rng)
-        sheet = _relearn(sheet, scaled)
+        tiles = make_tiles(_fill_up(scaled, rng))
+        sheet = _relearn(sheet, tiles)
         number = sheet.units[..., 0].size
-        moved, _ = fit_grid(scaled, sheet.units, sigmas, stiffness, number, sheet.is_active)
+        moved, _ = fit_grid(tiles, sheet.units, sigmas, stiffness, number, sheet.is_active)
         sheet = sheet._replace(units=moved)
     has_face = _find_supported(sheet, scaled, 1.0)
     return sheet.units.astype(np.float64) * spacing + center, has_face, points
@@ -114,13 +115,11 @@ def _fill_up(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return points[rng.permutation(order)]
 
 
-def _relearn(sheet: Sheet, points: np.ndarray) -> Sheet:
+def _relearn(sheet: Sheet, tiles: Tiles) -> Sheet:
     """Learn by the batch rule, and insert lines wherever the active part has been stretched."""
     for current in range(NUM_ROUNDS):
         number = sheet.units[..., 0].size
-        moved, counts = learn(
-            points, sheet.units, 0.9, 5, samples_per_unit=len(points), goal=number, is_movable=sheet.is_active
-        )
+        moved, counts = learn(tiles, sheet.units, 0.9, 5, goal=number, is_movable=sheet.is_active)
         sheet = sheet._replace(units=moved)
         grown = _insert_where_stretched(sheet, counts) if current < NUM_ROUNDS - 1 else sheet
         if grown.units.shape == sheet.units.shape:

@@ -10,6 +10,8 @@ samples by least squares (`surface_fit`) with the moments smoothed over the grid
 the edges shrink. `mode="paper"` has the sequential rules (`grid_paper`).
 """
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -25,11 +27,18 @@ from reconstruction.grid_growth import (
     score_gaps,
     start_grid,
 )
-from reconstruction.grid_learning import MAX_ITERATIONS, choose_sigmas, find_capacity, fit_grid, learn
+from reconstruction.grid_learning import (
+    MAX_ITERATIONS,
+    choose_num_samples,
+    choose_sigmas,
+    find_capacity,
+    fit_grid,
+    learn,
+)
 from reconstruction.grid_mesh import triangulate
 from reconstruction.grid_refinement import refine_sheet
 from reconstruction.progress import Progress, silent
-from reconstruction.winners import MAX_CANDIDATES
+from reconstruction.winners import MAX_CANDIDATES, Tiles, make_tiles
 
 MAX_FIT_SAMPLES = 200
 """Samples for each unit that the final fit uses."""
@@ -149,20 +158,31 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
             progress,
         )
     else:
-        units = _grow(scaled, config, progress)
+        sort = functools.cache(lambda number: make_tiles(scaled[:number]))
+        units = _grow(scaled, sort, config, progress)
         progress("fit", 0.8)
-        samples = scaled[: MAX_FIT_SAMPLES * config.wanted_units]
-        sigmas = config.fit_sigmas or choose_sigmas(len(samples) / config.wanted_units)
-        units, _ = fit_grid(samples, units, sigmas, config.stiffness, config.wanted_units)
+        wanted = config.wanted_units
+        number = choose_num_samples(len(scaled), MAX_FIT_SAMPLES * wanted)
+        sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
+        units, _ = fit_grid(sort(number), units, sigmas, config.stiffness, wanted)
     progress("done", 1.0)
     rows, columns = units.shape[:2]
     return State(units.astype(np.float64) * scale + center, np.ones((rows - 1, columns - 1), dtype=bool))
 
 
-def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> np.ndarray:
-    """Grow from 2 x 2 to the wanted number of units."""
+def _grow(
+    points: np.ndarray, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
+) -> np.ndarray:
+    """Grow from 2 x 2 to the wanted number of units.
+
+    Args:
+        points: `[N, 3]` in random order.
+        sort: gives the first so many of them in tiles.
+        config: how.
+        progress: told how far it is.
+    """
     wanted = config.wanted_units
-    units, counts = learn(points, start_grid(points), sigma=0.3, iterations=1)
+    units, counts = learn(sort(choose_num_samples(len(points), 1)), start_grid(points), 0.3, iterations=1)
     num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
     for current in range(1, num_rounds + 1):
         progress("grow", 0.8 * (current - 1) / num_rounds)
@@ -174,13 +194,12 @@ def _grow(points: np.ndarray, config: GrowingGridConfig, progress: Progress) -> 
         units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.rule))
         columns = choose_lines(across, shape[1] - len(across) - 1, config.rule)
         units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
-        is_small = find_capacity(goal) <= MAX_CANDIDATES
+        capacity = find_capacity(goal)
         units, counts = learn(
-            points,
+            sort(choose_num_samples(len(points), config.samples_per_unit * capacity)),
             units,
             sigma=min(config.sigma, 0.2 * min(shape)),
-            iterations=FIRST_ITERATIONS if is_small else config.iterations,
-            samples_per_unit=config.samples_per_unit,
+            iterations=FIRST_ITERATIONS if capacity <= MAX_CANDIDATES else config.iterations,
             goal=goal,
         )
     return units

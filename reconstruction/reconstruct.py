@@ -59,9 +59,10 @@ def reconstruct(
     chosen = options if mode == "batch" else {"mode": mode, **options}
     config = _make_config(config_type, {"units": units, **chosen})
     check_number(cloud, getattr(config, "wanted_units", config.units))
+    seed, seen_from = _check_seed(seed), _check_viewpoint(viewpoint)
     keep_compiled_programs()
-    state = network.train(cloud, config, _check_seed(seed), progress)
-    return Reconstruction(method, config, state, cloud, _check_viewpoint(viewpoint))
+    state = network.train(cloud, config, seed, progress)
+    return Reconstruction(method, config, state, cloud, seen_from)
 
 
 class Reconstruction:

@@ -38,7 +38,7 @@ def step() -> trimesh.Trimesh:
 
 @pytest.fixture(scope="module")
 def grown(step) -> State:
-    return train(draw(step, 20_000), GrowingGridConfig(units=800), seed=0)
+    return train(draw(step, 20_000), GrowingGridConfig(units=300), seed=0)
 
 
 def test_it_finds_the_surface_up_to_its_rim(step, grown):
@@ -61,8 +61,8 @@ def test_it_is_one_sheet_whatever_the_seed(step, seed):
 
 
 def test_equal_seeds_give_equal_bytes(step):
-    points = draw(step, 4000)
-    first, again, other = (train(points, GrowingGridConfig(units=200), seed=s) for s in (3, 3, 4))
+    points = draw(step, 6000)
+    first, again, other = (train(points, GrowingGridConfig(units=300), seed=s) for s in (3, 3, 4))
     assert first.units.tobytes() == again.units.tobytes()
     assert first.units.tobytes() != other.units.tobytes()
 
@@ -79,16 +79,16 @@ def test_the_unit_of_length_does_not_matter(step, scale):
     assert far.truth_to_mesh.mean == pytest.approx(scale * near.truth_to_mesh.mean, rel=0.3)
 
 
-@pytest.mark.parametrize("triangles", [210, 1500])
+@pytest.mark.parametrize("triangles", [210, 800])
 def test_the_wanted_triangles_come_out(step, triangles):
-    state = train(draw(step, 12_000), GrowingGridConfig(triangles=triangles))
+    state = train(draw(step, 6000), GrowingGridConfig(triangles=triangles))
     assert len(state.faces) == pytest.approx(triangles, rel=0.02)
 
 
 @pytest.mark.parametrize("insertion", ["longest", "counter", "distant"])
 def test_every_insertion_rule_reaches_its_size(step, insertion):
-    state = train(draw(step, 6000), GrowingGridConfig(units=200, insertion=insertion))
-    assert state.vertices.shape[0] == pytest.approx(200, rel=0.05)
+    state = train(draw(step, 6000), GrowingGridConfig(units=300, insertion=insertion))
+    assert state.vertices.shape[0] == pytest.approx(300, rel=0.05)
     assert np.isfinite(state.units).all()
 
 
@@ -106,9 +106,8 @@ def test_the_paper_rules_spread_over_the_surface(step, insertion):
 def test_outliers_and_doubled_points_do_little_harm(step):
     points = draw(step, 10_000)
     outliers = np.random.default_rng(1).uniform(points.min(axis=0) - 0.1, points.max(axis=0) + 0.1, (500, 3))
-    quality = judge(
-        train(np.concatenate([points, points[:2000], outliers]), GrowingGridConfig(units=400)), step
-    )
+    cloud = np.concatenate([points, points[:2000], outliers])
+    quality = judge(train(cloud, GrowingGridConfig(units=300)), step)
     assert quality.truth_to_mesh is not None
     assert quality.truth_to_mesh.mean < 0.006
     assert quality.topology.is_manifold
@@ -128,14 +127,14 @@ def test_four_units_are_the_least():
 
 def test_readings_that_agree_change_nothing(step, grown):
     points = draw(step, 20_000)
-    state, known = refine(grown, points, draw(step, 2000, seed=5), GrowingGridConfig(units=800))
+    state, known = refine(grown, points, draw(step, 2000, seed=5), GrowingGridConfig(units=300))
     np.testing.assert_array_equal(state.units, grown.units)
     assert len(known) == 22_000
 
 
 def test_a_wall_that_moved_moves_and_the_rest_stays(step, grown):
     moved = make_step(edge=0.12)
-    state, _ = refine(grown, draw(step, 20_000), draw(moved, 20_000, seed=6), GrowingGridConfig(units=800))
+    state, _ = refine(grown, draw(step, 20_000), draw(moved, 20_000, seed=6), GrowingGridConfig(units=300))
     quality = judge(state, moved)
     assert quality.truth_to_mesh is not None
     assert quality.truth_to_mesh.mean < 0.004
@@ -147,7 +146,7 @@ def test_a_wall_that_moved_moves_and_the_rest_stays(step, grown):
 def test_a_new_part_grows(step):
     points = draw(step, 20_000)
     is_known = points[:, 0] < 0.6
-    config = GrowingGridConfig(units=500)
+    config = GrowingGridConfig(units=300)
     known = train(points[is_known], config)
     state, _ = refine(known, points[is_known], points[~is_known], config)
     quality = judge(state, step)
@@ -160,7 +159,7 @@ def test_a_new_part_grows(step):
 def test_a_part_that_is_gone_goes(step, grown):
     points = draw(step, 20_000)
     again = draw(step, 20_000, seed=8)
-    state, _ = refine(grown, points, again[again[:, 0] < 1.0], GrowingGridConfig(units=800))
+    state, _ = refine(grown, points, again[again[:, 0] < 1.0], GrowingGridConfig(units=300))
     used = state.vertices[state.faces].reshape(-1, 3)
     assert used[:, 0].max() < 1.12
     assert judge(state).topology.is_manifold
@@ -170,9 +169,10 @@ def test_a_box_that_is_gone_leaves_the_floor():
     rng = np.random.default_rng(0)
     floor = np.column_stack([rng.uniform(-1, 1, (16_000, 2)), rng.normal(0, 0.003, 16_000)])
     under = (np.abs(floor[:, :2]) < 0.25).all(axis=1)
-    box = draw(trimesh.creation.box((0.5, 0.5, 0.4)), 5000) + [0, 0, 0.2]
+    box = draw(trimesh.creation.box((0.5, 0.5, 0.4)), 5000)
+    box[:, 2] += 0.2
     before = np.concatenate([floor[~under], box[box[:, 2] > 0.02]])
-    config = GrowingGridConfig(units=700)
+    config = GrowingGridConfig(units=300)
     state, known = refine(train(before, config), before, floor[np.abs(floor[:, 0]) < 0.6], config)
     used = state.vertices[state.faces].reshape(-1, 3)
     assert used[:, 2].max() < 0.05
@@ -183,7 +183,7 @@ def test_a_box_that_is_gone_leaves_the_floor():
 
 def test_lines_go_into_the_longest_gaps():
     np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "longest"), [1, 1, 2, 1])
-    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "counter"), [1, 2, 0])
+    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "counter"), [1, 2, 0, 1])
 
 
 def test_inserted_lines_lie_evenly_between():
