@@ -21,9 +21,13 @@ from symbrion_gym.contact_kinds import (
 )
 from symbrion_gym.decomposition import decompose
 from symbrion_gym.errors import ArenaError
-from symbrion_gym.planes import find_planes
+from symbrion_gym.planes import Planes, find_planes
+from symbrion_gym.slab_fit import fit_slabs
 from symbrion_gym.slabs import make_slabs
 from symbrion_gym.solid import close_downwards, find_shape, simplify_solid, take_top, thicken
+
+_SCALES = (1.0, 2.0, 4.0, 8.0)
+"""Planes are looked for within these multiples of the accuracy, until few enough are found."""
 
 _logger = logging.getLogger(__name__)
 
@@ -124,47 +128,58 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
 def _follow_terrain(
     top: trimesh.Trimesh, mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
 ) -> Contact:
-    """Slabs under planes, the finest that keep to the number of pieces."""
-    best: Contact | None = None
-    for step, scale in enumerate((1.0, 2.0, 4.0, 8.0)):
-        progress("planes and slabs", 0.1 + 0.2 * step)
-        tolerance = scale * options.accuracy
-        planes = find_planes(top, tolerance)
-        late = (0.25 + 0.15 * step) * options.time_limit
-        pieces = make_slabs(
-            top,
-            planes,
-            tolerance,
-            options.max_pieces,
-            options.thickness,
-            lambda late=late: watch.elapsed > late,
-        )
-        if options.kind == "primitives":
-            boxes = make_boxes(top, planes, tolerance)
-            pieces = boxes + find_uncovered(pieces, boxes, tolerance)
-        notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
-        if pieces:
-            best = _choose(best, _measure(pieces, mesh, watch, notes), options.max_pieces)
-        is_enough = best is not None and len(best.pieces) <= options.max_pieces
-        if (is_enough and step > 0) or watch.is_late(0.7):
-            break
-        if best is not None and is_enough and best.quality.mean <= max(options.accuracy, 1.5 * planes.noise):
-            break
-    if (
-        best is not None
-        and len(best.pieces) <= options.max_pieces
-        and best.quality.mean < 3 * options.accuracy
-    ):
+    """Slabs under planes, the finest that keep to the number of pieces; caps fitted where planes do not do."""
+    progress("planes", 0.1)
+    planes, tolerance = _find_few_planes(top, options)
+    progress("slabs", 0.3)
+    slabs, pieces = make_slabs(
+        top, planes, tolerance, options.max_pieces, options.thickness, lambda: watch.is_late(0.4)
+    )
+    if options.kind == "primitives":
+        boxes = make_boxes(top, planes, tolerance)
+        pieces = boxes + find_uncovered(pieces, boxes, tolerance)
+    notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
+    best = _measure(pieces, mesh, watch, notes)
+    if _is_enough(best, max(options.accuracy, 1.5 * planes.noise), options):
+        return best
+    progress("fitting caps to rough ground", 0.5)
+    pieces = fit_slabs(
+        top,
+        slabs,
+        planes.slopes(),
+        options.accuracy,
+        options.max_pieces,
+        options.thickness,
+        lambda: watch.is_late(0.6),
+    )
+    best = _choose(best, _measure(pieces, mesh, watch, {**notes, "way": "slabs, fitted"}), options.max_pieces)
+    if _is_enough(best, 3.0 * options.accuracy, options):
         return best
     try:
         solid = simplify_solid(close_downwards(top, options.thickness))
         other = _decompose_solid(solid, mesh, options, watch, progress, {"shape": "terrain"})
+        return _choose(best, other, options.max_pieces)
     except ArenaError as error:
-        if best is None:
+        if not best.pieces:
             raise
         _logger.info("coacd gave nothing better: %s", error)
         return best
-    return _choose(best, other, options.max_pieces)
+
+
+def _find_few_planes(top: trimesh.Trimesh, options: ContactOptions) -> tuple[Planes, float]:
+    """The finest planes that are few enough, or about as few as coarser ones; and their tolerance."""
+    found = []
+    for scale in _SCALES:
+        planes = find_planes(top, scale * options.accuracy)
+        found.append((planes, scale * options.accuracy))
+        if len(planes.normals) <= max(options.max_pieces / 2, 8):
+            return found[-1]
+    fewest = min(len(planes.normals) for planes, _ in found)
+    return next(pair for pair in found if len(pair[0].normals) <= 1.25 * fewest)
+
+
+def _is_enough(contact: Contact, accuracy: float, options: ContactOptions) -> bool:
+    return 0 < len(contact.pieces) <= options.max_pieces and contact.quality.mean <= accuracy
 
 
 def _decompose_solid(

@@ -60,6 +60,16 @@ def hull_2d(points: np.ndarray) -> np.ndarray | None:
     return hull
 
 
+def cut_outline(outline: np.ndarray, line: np.ndarray) -> np.ndarray | None:
+    """Return the part of a convex outline where a x + b y <= c of the line (a, b, c); None without an area."""
+    level = outline @ line[:2] - line[2]
+    following, next_level = np.roll(outline, -1, axis=0), np.roll(level, -1)
+    crosses = (level <= 0) != (next_level <= 0)
+    share = level[crosses] / (level[crosses] - next_level[crosses])
+    cuts = outline[crosses] + share[:, None] * (following[crosses] - outline[crosses])
+    return hull_2d(np.concatenate([outline[level <= 0], cuts]))
+
+
 def polygon_area(polygon: np.ndarray) -> float:
     """Return the area of a simple polygon `[P, 2]`, above 0 where it is counter-clockwise."""
     x, y = polygon.T

@@ -48,6 +48,11 @@ class Planes(NamedTuple):
         """Return how far each point `[N, 3]` lies in front of each plane [m], `[N, R]`."""
         return points @ self.normals.T - self.offsets
 
+    def slopes(self) -> np.ndarray:
+        """Return the planes as z = a x + b y + c, `[R, 3]`; walls as the steepest that this allows."""
+        rise = np.maximum(self.normals[:, 2], 0.05)
+        return np.column_stack([-self.normals[:, :2] / rise[:, None], self.offsets / rise])
+
 
 def find_planes(mesh: trimesh.Trimesh, tolerance: float, min_area: float | None = None) -> Planes:
     """Find the planes that a mesh is made of.

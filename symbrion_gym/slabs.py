@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from symbrion_gym.elevation import Elevation
 from symbrion_gym.outlines import cap_prism, find_inside, find_outline, hull_2d, outline_bounds, polygon_area
 from symbrion_gym.planes import Planes
 
+_FEW = 24
+"""So many slabs are tried in every pair; of more, only neighbours and those with a plane in common."""
 STEEP = 0.3
 """A plane whose normal rises less than this is a wall: it bounds, but carries no samples."""
 
@@ -84,12 +87,17 @@ class Slab:
     uncovered: float
 
 
-def make_ground(mesh: trimesh.Trimesh, planes: Planes, num_points: int = 30000) -> Ground:
-    """Look at the mesh from above on a grid of about `num_points`."""
+def make_grid(mesh: trimesh.Trimesh, num_points: int) -> tuple[np.ndarray, float]:
+    """Return about `num_points` points (x, y) over the box around a mesh, `[N, 2]`, and their spacing [m]."""
     low, high = mesh.bounds[:, :2]
     spacing = float(np.sqrt(np.prod(high - low) / num_points))
     axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), spacing
+
+
+def make_ground(mesh: trimesh.Trimesh, planes: Planes, num_points: int = 30000) -> Ground:
+    """Look at the mesh from above on a grid of about `num_points`."""
+    points, spacing = make_grid(mesh, num_points)
     heights, faces = Elevation(mesh).find_top(points[:, 0], points[:, 1])
     is_there = faces >= 0
     points, heights, faces = points[is_there], heights[is_there], faces[is_there]
@@ -111,8 +119,8 @@ def make_slabs(
     max_pieces: int,
     thickness: float,
     is_late: Callable[[], bool] = lambda: False,
-) -> list[trimesh.Trimesh]:
-    """Return convex solids whose union has the terrain as its top.
+) -> tuple[list[Slab], list[trimesh.Trimesh]]:
+    """Return convex slabs, and solids, whose union has the terrain as its top.
 
     Args:
         mesh: open terrain, normals up.
@@ -128,7 +136,7 @@ def make_slabs(
     slabs = _merge(ground, slabs, accuracy / 2, is_late)
     bottom = float(mesh.vertices[:, 2].min()) - thickness
     solids = [_make_solid(planes, slab, bottom) for slab in slabs]
-    return [solid for solid in solids if solid is not None]
+    return slabs, [solid for solid in solids if solid is not None]
 
 
 def _split(
@@ -205,37 +213,58 @@ def _cap(ground: Ground, bounds: np.ndarray, members: np.ndarray, accuracy: floa
 def _merge(ground: Ground, slabs: list[Slab], accuracy: float, is_late: Callable[[], bool]) -> list[Slab]:
     """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
     slabs = list(slabs)
-    joints: dict[tuple[int, int], Slab | None] = {}
+    joints: dict[tuple[int, int], Slab] = {}
     alive = set(range(len(slabs)))
-    while len(alive) > 1:
-        for i in alive:
-            for j in alive:
-                if i < j and (i, j) not in joints and not is_late():
-                    joints[i, j] = _join(ground, slabs[i], slabs[j], accuracy)
-        found = {pair: slab for pair, slab in joints.items() if slab is not None and alive.issuperset(pair)}
-        if not found:
-            break
-        pair = min(found, key=lambda pair: found[pair].error - sum(slabs[k].error for k in pair))
-        alive -= set(pair)
-        alive.add(len(slabs))
-        slabs.append(found[pair])
-    return [slabs[k] for k in sorted(alive)]
+    new, far = list(combinations(range(len(slabs)), 2)), []
+    while True:
+        if len(alive) <= _FEW:
+            new, far = new + [pair for pair in far if alive.issuperset(pair)], []
+        for i, j in new:
+            if is_late():
+                break
+            if len(alive) > _FEW and not _are_near(slabs[i], slabs[j], 3.0 * ground.spacing):
+                far.append((i, j))
+            elif (joint := _join(ground, slabs[i], slabs[j], accuracy)) is not None:
+                joints[i, j] = joint
+        joints = {pair: joint for pair, joint in joints.items() if alive.issuperset(pair)}
+        if not joints:
+            return [slabs[k] for k in sorted(alive)]
+        i, j = min(joints, key=lambda pair: joints[pair].error - sum(slabs[k].error for k in pair))
+        alive -= {i, j}
+        slabs.append(joints[i, j])
+        new = [(k, len(slabs) - 1) for k in sorted(alive)]
+        alive.add(len(slabs) - 1)
+
+
+def _are_near(first: Slab, second: Slab, reach: float) -> bool:
+    """Whether two slabs touch, to judge by the boxes around them, or share a plane."""
+    gap = np.maximum(
+        first.outline.min(axis=0) - second.outline.max(axis=0),
+        second.outline.min(axis=0) - first.outline.max(axis=0),
+    )
+    return bool(gap.max() < reach) or not set(first.planes.tolist()).isdisjoint(second.planes.tolist())
 
 
 def _join(ground: Ground, first: Slab, second: Slab, accuracy: float) -> Slab | None:
+    members = np.concatenate([first.members, second.members])
+    allowed = _allow(min(len(first.members), len(second.members)))
+    limit = first.excess + second.excess + allowed
+    step = max(len(members) // 250, 1)
+    if step * _cap(ground, first.outline, members[::step], accuracy).excess > 2.0 * limit + 2 * step:
+        return None
     outline = hull_2d(np.concatenate([first.outline, second.outline]))
     if outline is None:
         return None
-    members = np.union1d(first.members, second.members)
-    cell = _cap(ground, outline_bounds(outline), members, accuracy)
-    allowed = _allow(min(len(first.members), len(second.members)))
-    if cell.excess > first.excess + second.excess + allowed:
+    cell = _cap(ground, outline, members, accuracy)
+    if cell.excess > limit:
         return None
     inside = np.flatnonzero(find_inside(outline, ground.points))
     uncovered = polygon_area(outline) - len(inside) * ground.spacing**2
     if uncovered > first.uncovered + second.uncovered + 0.02 * polygon_area(outline):
         return None
-    others = np.setdiff1d(inside, members, assume_unique=True)
+    is_other = np.ones(len(ground.points), dtype=bool)
+    is_other[members] = False
+    others = inside[is_other[inside]]
     others = others[ground.weights[others] > 0]
     top = ground.levels[np.ix_(others, cell.planes)].min(axis=1, initial=np.inf)
     if (top > ground.heights[others] + accuracy / 2).sum() > allowed:

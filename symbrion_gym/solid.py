@@ -13,7 +13,7 @@ from symbrion_gym.mesh_repair import decimate
 Shape = Literal["terrain", "overhang", "closed"]
 
 _MAX_OVERHANG = 0.03
-"""Share of the area that may look down in a terrain: folds of a noisy map, not a roof."""
+"""Share of the area that may look down, or lie beneath other ground, in a terrain: folds of a noisy map."""
 
 
 def find_shape(mesh: trimesh.Trimesh) -> Shape:
@@ -24,7 +24,7 @@ def find_shape(mesh: trimesh.Trimesh) -> Shape:
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
     looks_down = float(areas[rises < -0.2].sum() / areas.sum())
     if not mesh.is_watertight:
-        return "terrain" if looks_down <= _MAX_OVERHANG else "overhang"
+        return "terrain" if min(looks_down, _measure_hidden(mesh)) <= _MAX_OVERHANG else "overhang"
     return "terrain" if _is_block(mesh) else "closed"
 
 
@@ -72,6 +72,14 @@ def _stitch(mesh: trimesh.Trimesh, other_side: np.ndarray) -> trimesh.Trimesh:
     far = np.stack([rim[:, 1], rim[:, 0] + count, rim[:, 1] + count], axis=1)
     faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, near, far])
     return trimesh.Trimesh(np.concatenate([mesh.vertices, other_side]), faces, process=False)
+
+
+def _measure_hidden(mesh: trimesh.Trimesh) -> float:
+    """Share of the area that is ground with something else more than 1 % of the extent above it."""
+    areas, centers = mesh.area_faces, mesh.triangles_center
+    above = Elevation(mesh).height(centers[:, 0], centers[:, 1]) - centers[:, 2]
+    is_hidden = (mesh.face_normals[:, 2] > 0.3) & (above > 0.01 * float(mesh.extents.max()))
+    return float(areas[is_hidden].sum() / areas.sum())
 
 
 def _is_block(mesh: trimesh.Trimesh) -> bool:
