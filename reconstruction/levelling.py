@@ -57,7 +57,7 @@ def find_declination(log: ScanLog, max_tilt: float = np.radians(4.0), tolerance:
     scan, _ = np.nonzero(votes)
     bins = share[votes].astype(np.int64) + _NUM_BINS * scan
     weight = np.minimum(np.abs(u[votes]), 1.0)
-    table = np.bincount(bins, weight, minlength=_NUM_BINS * len(u)).reshape(len(u), _NUM_BINS)
+    table = np.bincount(bins, weight, minlength=_NUM_BINS * len(u)).reshape(len(u), _NUM_BINS).astype(float)
     spread = table.copy()
     spread[:, 1:] += 0.5 * table[:, :-1]
     spread[:, :-1] += 0.5 * table[:, 1:]
@@ -96,7 +96,8 @@ def _find_floor(heights: Array, bin_width: float = 0.02) -> float:
     counts = np.convolve(counts, [1, 1, 1], "same")
     first = int(np.argmax(counts >= 0.5 * counts.max()))
     first += int(np.argmax(counts[first : first + 5]))
-    return float(low.min() + (first + 0.5) * bin_width)
+    peak = low.min() + (first + 0.5) * bin_width
+    return float(low[np.abs(low - peak) < 2 * bin_width].mean())
 
 
 def _is_vertical(log: ScanLog) -> bool:

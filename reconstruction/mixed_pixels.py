@@ -8,8 +8,6 @@ from scipy.ndimage import uniform_filter1d
 
 from reconstruction.scan import Array
 
-_HIGHEST = 0.5
-"""A jump higher than this [m] is no more doubtful than one of it."""
 _FRAYED, _LEAST = (9, 4), 1e-3
 """Where 4 of 9 beams are in doubt, so are the others: the least doubt [m]."""
 
@@ -20,7 +18,7 @@ def find_mixed_beams(
     step: float = 0.10,
     jump: float = 0.03,
     jump_per_metre: float = 0.003,
-    max_share: float = 0.025,
+    max_share: float = 0.02,
 ) -> NDArray[np.bool_]:
     """Find the beams that may have met an edge, `[S, B]`.
 
@@ -47,9 +45,7 @@ def find_mixed_beams(
     is_mixed = np.zeros(ranges.shape, bool)
     rising, falling = difference > step, difference < -step
     is_mixed[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
-    height = np.where(
-        find_jumps(bridged, jump, jump_per_metre), np.minimum(np.abs(difference), _HIGHEST), 0.0
-    )
+    height = np.where(find_jumps(bridged, jump, jump_per_metre), np.abs(difference), 0.0)
     doubt = np.zeros(ranges.shape)
     doubt[:, 1:] += height
     doubt[:, :-1] += height
