@@ -212,9 +212,13 @@ def _between(a: Array, b: Array) -> Array:
     return np.array([c * d[0] + s * d[1], -s * d[0] + c * d[1], d[2]])
 
 
-def _make_map(points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03) -> tuple:
-    """Lay the key scans on each other, average them in cells, draw those onto lines, find their normals."""
+def _make_map(
+    points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03
+) -> tuple | None:
+    """Lay the key scans on each other, average them in cells, draw those onto lines, find normals; None: blind."""
     cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
+    if len(cloud) < _MIN_MAP:
+        return None
     grid = np.floor(cloud / cell).astype(np.int64)
     grid -= grid.min(axis=0)
     _, index, counts = np.unique(
@@ -247,12 +251,14 @@ def _draw_onto_lines(points: Array, weights: Array, num_neighbors: int = 12) -> 
     return drawn[is_line] if is_line.sum() >= _MIN_MAP else drawn
 
 
-def _align(target: tuple, points: Array, guess: Array, reach: float) -> Array:
+def _align(target: tuple | None, points: Array, guess: Array, reach: float) -> Array:
     """Match points to the map from a guess, which holds where the walls in view leave a direction open.
 
     With d the step from guess to match and H the match's information (per variance of a reading), the pose is
     ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
     """
+    if target is None or not len(points):
+        return guess
     source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])
     result = small_gicp.align(
         target[0],

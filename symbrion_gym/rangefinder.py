@@ -59,10 +59,10 @@ class RangeFinder:
         self._site = _find_id(model, mujoco.mjtObj.mjOBJ_SITE, site)
         self.scanner = scanner or LaserScanner()
         self.directions = self._find_directions(directions)
-        own = [int(model.site_bodyid[self._site])]
-        bodies = (
-            own if exclude is None else [_find_id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in exclude]
-        )
+        bodies = [int(model.site_bodyid[self._site])]
+        if exclude is not None:
+            bodies = [_find_id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in exclude]
+        bodies = [body for body in bodies if body > 0]  # the world is nobody's own body
         self._is_excluded = np.isin(model.geom_bodyid, bodies)
         self._first_body = bodies[0] if len(bodies) else -1
         self._groups = np.isin(np.arange(mujoco.mjNGROUP), list(groups)).astype(np.uint8)
