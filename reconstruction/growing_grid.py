@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from reconstruction import grid_paper
+from reconstruction.density import study_density
 from reconstruction.errors import ReconstructionError
 from reconstruction.grid_growth import (
     Insertion,
@@ -158,16 +159,28 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
             progress,
         )
     else:
-        sort = functools.cache(lambda number: make_tiles(scaled[:number]))
-        units = _grow(scaled, sort, config, progress)
-        progress("fit", 0.8)
-        wanted = config.wanted_units
-        number = choose_num_samples(len(scaled), MAX_FIT_SAMPLES * wanted)
-        sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-        units, _ = fit_grid(sort(number), units, sigmas, config.stiffness, wanted)
+        units = _train_batch(scaled, config, rng, progress)
     progress("done", 1.0)
     rows, columns = units.shape[:2]
     return State(units.astype(np.float64) * scale + center, np.ones((rows - 1, columns - 1), dtype=bool))
+
+
+def _train_batch(
+    points: np.ndarray, config: GrowingGridConfig, rng: np.random.Generator, progress: Progress
+) -> np.ndarray:
+    """Drop outliers, grow, fit: `[R, C, 3]`."""
+    tiles = make_tiles(points)
+    is_sound = study_density(points, tiles.tree, rng).weights > 0
+    if not is_sound.all():
+        points = points[is_sound]
+        tiles = make_tiles(points)
+    sort = functools.cache(lambda number: tiles if number == len(points) else make_tiles(points[:number]))
+    units = _grow(points, sort, config, progress)
+    progress("fit", 0.8)
+    wanted = config.wanted_units
+    number = choose_num_samples(len(points), MAX_FIT_SAMPLES * wanted)
+    sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
+    return fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
 
 
 def _grow(
