@@ -19,6 +19,8 @@ _LINEAR = 0.08
 _EQUALITY = 0.75
 """Exponent of the area a sample stands for in its weight: 0 puts the units where the samples are, 1 evenly on
 the surface. Sparse samples have noise of their own, so neither."""
+_THICK = 0.05
+"""Above this ratio of variances a sparse neighbourhood fills space, it is no surface."""
 _LONELY = 3.0
 """An outlier is so many times farther from its neighbours than they are from theirs."""
 
@@ -63,7 +65,9 @@ def _study_all(samples: np.ndarray) -> Density:
     distances, neighbors = tree.query(samples, k=wide + 1, workers=-1)
     reach = distances[:, near]
     is_outlier = reach > _LONELY * np.median(reach[neighbors], axis=1)
-    is_outlier |= reach > (1 + _LONELY) * np.percentile(reach, 90)
+    is_far = np.flatnonzero(reach > (1 + _LONELY) * np.percentile(reach, 90))
+    if len(is_far):
+        is_outlier[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _THICK
     spacing = np.zeros(len(samples))
     for k in sorted({near, min(20, wide), wide}):
         # The fewest neighbours that span a surface; where none do, the most.

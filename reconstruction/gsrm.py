@@ -138,6 +138,8 @@ def _learn_surface(
     winners = search_all(level.tiles, units, 3)
     is_used = level.weights > 0
     faces = learn_faces(units, winners[is_used], make_support(level, units, winners[..., 0]))
+    if len(faces) == 0:
+        return units, faces
     used, flat = np.unique(faces, return_inverse=True)
     place = np.full(len(units), -1, dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)

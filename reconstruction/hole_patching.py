@@ -58,9 +58,10 @@ def patch_holes(
         the way of loops that could not be closed.
     """
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
+    normals = find_vertex_normals(units, faces)
+    loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
     if not loops:
         return faces, np.empty(0, dtype=np.int64)
-    normals = find_vertex_normals(units, faces)
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     costs = _rate_triangles(loops, units, normals)
     patches = [(loop, _triangulate(loop, cost, neighbors)) for loop, cost in zip(loops, costs, strict=True)]
@@ -74,6 +75,16 @@ def patch_holes(
     else:
         patched = faces
     return patched, _find_obstacles(faces, blocked)
+
+
+def _is_hole(positions: np.ndarray, normals: np.ndarray) -> bool:
+    """Tell whether a loop `[n, 3]` runs round a gap in the surface and not round a piece of it.
+
+    The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
+    """
+    offset = positions - positions[0]
+    area = np.cross(offset[1:-1], offset[2:]).sum(axis=0)
+    return bool(area @ normals.sum(axis=0) > 0)
 
 
 def _find_supported(units: np.ndarray, patches: list[np.ndarray], support: Support) -> np.ndarray:

@@ -15,10 +15,12 @@ from scipy.spatial import cKDTree
 
 from reconstruction.hole_patching import patch_holes
 from reconstruction.manifold import make_manifold
+from reconstruction.orientation import find_components
 from reconstruction.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 
-MIN_COMPONENT_FACES = 4
-"""Smaller parts are debris, unless there is nothing bigger."""
+MIN_COMPONENT_FACES = 6
+DEBRIS_RATIO = 50
+"""Components of fewer faces are debris beside one so many times as large."""
 MAX_REPAIRS = 6
 """How often faces round a hole that cannot be closed are taken away to close a larger one."""
 _EMPTINESS_SLACK = 1e-5
@@ -73,7 +75,16 @@ def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, supp
             break
         faces = np.delete(faces, obstacles, axis=0)
         faces = make_manifold(units, faces, rate_faces(units, faces))
-    return faces
+    return drop_debris(faces, len(units))
+
+
+def drop_debris(faces: np.ndarray, num_units: int) -> np.ndarray:
+    """Return the faces without components of a few faces, where there are much larger ones."""
+    if len(faces) < DEBRIS_RATIO:
+        return faces
+    part = find_components(faces, num_units)
+    sizes = np.bincount(part)
+    return faces[(sizes >= MIN_COMPONENT_FACES)[part] | (sizes * DEBRIS_RATIO > sizes.max())[part]]
 
 
 def find_midpoints(units: np.ndarray, chosen: np.ndarray) -> np.ndarray:
