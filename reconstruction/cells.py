@@ -12,6 +12,8 @@ _NEIGHBORS = 12
 """Points a cell of the histogram should hold, in the middle."""
 _SAMPLE = 40_000
 _SEARCH_STEPS = 24
+_TABLE = 2**22
+_PRIMES = np.array([73856093, 19349663, 83492791])
 
 
 def as_points(points: ArrayLike) -> Array:
@@ -59,7 +61,7 @@ def thin(points: ArrayLike, voxel: float) -> Array:
         raise ScanError(f"voxel must be above 0, got {voxel}")
     if not len(points):
         return points
-    keys = _cell_keys(points, voxel, 0.0)
+    keys = _cell_keys(points, voxel)
     _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.stack([np.bincount(index.ravel(), points[:, k]) / counts for k in range(3)], axis=1)
 
@@ -98,33 +100,37 @@ def _find_cell(points: Array) -> float:
     high = float(np.ptp(points, axis=0).max())
     low = high / 2.0**14
     blocks = max(1, len(points) // _SAMPLE)
-    for _ in range(14):
+    sample = points[::blocks]
+    for _ in range(8):
         cell = float(np.sqrt(low * high))
-        keys = _cell_keys(points, cell, 0.0) if blocks == 1 else _cell_keys(points[::blocks], cell, 0.0)
-        _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
-        middle = (float(np.mean(counts[index.ravel()])) - 1) * blocks + 1
-        low, high = (cell, high) if middle < _NEIGHBORS else (low, cell)
+        others = (_count_in_cells(sample, cell, shifts=(0.0,)).mean() - 1) * blocks
+        low, high = (cell, high) if others < _NEIGHBORS - 1 else (low, cell)
     return high
 
 
-def _count_in_cells(points: Array, cell: float) -> NDArray[np.int64]:
+def _count_in_cells(points: Array, cell: float, shifts: tuple[float, ...] = (0.0, 0.5)) -> NDArray[np.int64]:
+    """Count the points in the cell of every point, the most of all shifts.
+
+    Cells share a table of 2^22 counters (Teschner et al. 2003, spatial hashing): now and then two cells are counted
+    as one, and a stray point is spared.
+    """
     counts = np.zeros(len(points), np.int64)
-    for shift in (0.0, 0.5):
-        _, index, found = np.unique(_cell_keys(points, cell, shift), return_inverse=True, return_counts=True)
-        np.maximum(counts, found[index.ravel()], out=counts)
+    scaled = (points - points.min(axis=0)) / cell
+    for shift in shifts:
+        place = (scaled + shift).astype(np.int64)
+        place *= _PRIMES
+        hashed = (place[:, 0] ^ place[:, 1] ^ place[:, 2]) & (_TABLE - 1)
+        np.maximum(counts, np.bincount(hashed, minlength=_TABLE)[hashed], out=counts)
     return counts
 
 
-def _cell_keys(points: Array, cell: float, shift: float) -> NDArray[np.int64]:
+def _cell_keys(points: Array, cell: float) -> NDArray[np.int64]:
     """One number a cell."""
-    low = points.min(axis=0)
-    size = np.floor((points.max(axis=0) - low) / cell + shift) + 1
+    place = np.floor((points - points.min(axis=0)) / cell)
+    size = place.max(axis=0) + 1
     if size.prod() > 2.0**62:
         raise ScanError(
             f"cells of {cell:g} m are too small for an extent of {np.ptp(points, axis=0).max():g} m"
         )
-    keys = np.zeros(len(points), np.int64)
-    for k in range(3):
-        keys *= int(size[k])
-        keys += ((points[:, k] - low[k]) / cell + shift).astype(np.int64)
-    return keys
+    x, y, z = place.astype(np.int64).T
+    return (x * int(size[1]) + y) * int(size[2]) + z

@@ -1,0 +1,196 @@
+"""Scans: the survey's accuracy after every step, a real raw scan, speed and memory.
+
+`python -m benchmarks.scans [--quick] [--pictures FOLDER]`
+"""
+
+import argparse
+import statistics
+import time
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import igl
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+from benchmarks.report import write_results
+from reconstruction.levelling import level_floor
+from reconstruction.preprocess import preprocess, remove_mixed_pixels, thin
+from reconstruction.scan import ScanLog, load_scan_log
+from symbrion_gym.course import Course
+from symbrion_gym.survey import SurveyRobot, make_path, survey
+from symbrion_gym.survey_world import SurveyWorld
+
+REAL_SCAN = Path(__file__).parents[2] / "shared" / "data" / "3dtk_scan000.3d"
+FAR = 0.03
+"""A point farther than this from the surface is counted as wrong [m]."""
+VOXEL = 0.015
+"""Thinning for the coverage [m]."""
+
+
+def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
+    """Survey the arena and compare what comes of it with the truth, step by step."""
+    log = survey(surface, seed=seed)
+    levelled = level_floor(log)
+    points = preprocess(log)
+    assert log.truth is not None
+    in_box, is_mixed = find_in_box(levelled), log.truth.is_mixed
+    kept = remove_mixed_pixels(log).is_valid
+    raw, level = (
+        find_distances(log.grid()[find_in_box(log)], surface),
+        find_distances(levelled.grid()[in_box], surface),
+    )
+    clean = find_distances(points, surface)
+    before, after = find_shaking(log), find_shaking(levelled)
+    truth = trimesh.sample.sample_surface(surface, 20_000, seed=0)[0]
+    thinned = thin(points, VOXEL)
+    return {
+        "scans": len(log.ranges),
+        "points": len(points),
+        "points_thinned": len(thinned),
+        "far_before": float(np.mean(raw > FAR)),
+        "far_levelled": float(np.mean(level > FAR)),
+        "far_after": float(np.mean(clean > FAR)),
+        "median_before": float(np.median(raw)),
+        "median_after": float(np.median(clean)),
+        "mixed": int((is_mixed & in_box).sum()),
+        "mixed_removed": float((is_mixed & in_box & ~kept).sum() / (is_mixed & in_box).sum()),
+        "others_kept": float((~is_mixed & in_box & kept).sum() / (~is_mixed & in_box).sum()),
+        "roll_before_deg": float(before[0].max()),
+        "roll_after_deg": float(after[0].max()),
+        "pitch_after_deg": float(after[1].max()),
+        "localisation_max": log.report["localisation_max"],
+        "localisation_median": log.report["localisation_median"],
+        "localisation_max_deg": log.report["localisation_max_deg"],
+        "largest_gap": float(cKDTree(thinned).query(truth)[0].max()),
+    }
+
+
+def find_distances(points: np.ndarray, surface: trimesh.Trimesh) -> np.ndarray:
+    """Distance of every point from the surface [m]."""
+    vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[0])
+
+
+def find_in_box(log: ScanLog) -> np.ndarray:
+    """Which beams end in the arena's box, 0.3 m of height to spare, `[S, B]`."""
+    assert log.box is not None
+    ends, spare = log.grid(), np.array([0.0, 0.0, 0.3])
+    with np.errstate(invalid="ignore"):
+        return ((ends >= log.box[0] - spare) & (ends <= log.box[1] + spare)).all(axis=2)
+
+
+def find_shaking(log: ScanLog) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of the poses in roll (in the scan's plane) and in pitch (out of it), each `[S]` [deg]."""
+    assert log.truth is not None
+    rest = np.linalg.inv(log.truth.robot_poses) @ log.poses @ np.linalg.inv(log.mount)
+    roll = np.degrees(np.abs(np.arctan2(rest[:, 2, 1], rest[:, 1, 1])))
+    return roll, np.degrees(np.abs(np.arcsin(np.clip(rest[:, 2, 0], -1, 1))))
+
+
+def judge_real_scan(path: Path) -> dict[str, float]:
+    """Count the veils (steps over 10 cm the same way to both neighbours) that go, and the other beams that stay."""
+    log = load_scan_log(path)
+    step = np.diff(log.ranges, axis=1)
+    before, after = step[:, :-1], step[:, 1:]
+    is_veil = np.zeros(log.ranges.shape, bool)
+    is_veil[:, 1:-1] = (np.abs(before) > 0.1) & (np.abs(after) > 0.1) & (before * after > 0)
+    kept, others = remove_mixed_pixels(log).is_valid, log.is_valid & ~is_veil
+    return {
+        "beams": int(log.is_valid.sum()),
+        "veils": int(is_veil.sum()),
+        "veils_removed": float((is_veil & ~kept).sum() / is_veil.sum()),
+        "others_kept": float((others & kept).sum() / others.sum()),
+    }
+
+
+def measure_speed(surface: trimesh.Trimesh, repeats: int) -> dict[str, float]:
+    """Time the pre-processing of a million beams and of a million points, and the casting of 100,000 beams."""
+    robot = SurveyRobot()
+    log = survey(surface, path=[[-1, 1.6], [1, 3.6], [3, 1.6]], seed=0)
+    rows = np.resize(np.arange(len(log.ranges)), 1 + 1_000_000 // log.ranges.shape[1])
+    million = ScanLog(log.ranges[rows], log.angles, log.poses[rows], mount=log.mount)
+    rng = np.random.default_rng(0)
+    cloud = np.resize(log.points(), (1_000_000, 3)) + rng.normal(0, 0.003, (1_000_000, 3))
+    world = SurveyWorld(surface, make_path(np.asarray(surface.bounds)))
+    assert log.truth is not None
+    poses = np.resize(log.truth.robot_poses, (277, 4, 4)) @ robot.vertical_mount
+
+    def cast() -> None:
+        for pose in poses:
+            robot.scanner.scan(world.see_arena, pose, rng)
+
+    tracemalloc.start()
+    preprocess(million)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return {
+        **measure("preprocess_million_beams", lambda: preprocess(million), repeats),
+        **measure("preprocess_million_points", lambda: preprocess(cloud), repeats),
+        **measure("cast_100k_beams", cast, repeats),
+        "preprocess_peak_mb": peak / 1e6,
+    }
+
+
+def measure(name: str, work: Callable[[], object], repeats: int) -> dict[str, float]:
+    """Return the median time by the clock and of the processor, which other work on the machine does not touch [s]."""
+    clock, processor = [], []
+    for _ in range(repeats):
+        start = time.perf_counter(), time.process_time()
+        work()
+        clock.append(time.perf_counter() - start[0])
+        processor.append(time.process_time() - start[1])
+    return {f"{name}_s": statistics.median(clock), f"{name}_cpu_s": statistics.median(processor)}
+
+
+def draw_real_scan(path: Path, picture: Path) -> None:
+    """Draw a raw scan from above, before and after, and what goes."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    log = load_scan_log(path)
+    kept = remove_mixed_pixels(log).is_valid
+    ends = log.grid()
+    figure, axes = plt.subplots(1, 3, figsize=(18, 9), sharex=True, sharey=True)
+    parts = {"before": log.is_valid, "after": kept, "gone": log.is_valid & ~kept}
+    for axis, (name, which) in zip(axes, parts.items(), strict=True):
+        axis.scatter(ends[which][:, 1], ends[which][:, 0], s=0.3, c=ends[which][:, 2], vmin=-1, vmax=2, lw=0)
+        axis.set(title=f"{name}: {which.sum()} beams", aspect="equal", xlim=(5, -5), ylim=(0, 12))
+    figure.tight_layout()
+    figure.savefig(picture, dpi=90)
+    plt.close(figure)
+
+
+def run(quick: bool = False, pictures: Path | None = None) -> dict:
+    """Run it all; prints tables and writes results/scans.json."""
+    surface = Course().surface()
+    seeds = [judge_survey(seed, surface) for seed in range(1 if quick else 5)]
+    print(f"{'survey of truth, by seed':24s}" + "".join(f"{seed:>12d}" for seed in range(len(seeds))))
+    for name in seeds[0]:
+        print(f"{name:24s}" + "".join(f"{row[name]:12.5g}" for row in seeds))
+    results: dict = {"survey": seeds, "speed": measure_speed(surface, 1 if quick else 5)}
+    if REAL_SCAN.exists():
+        results["real_scan"] = judge_real_scan(REAL_SCAN)
+        if pictures:
+            pictures.mkdir(parents=True, exist_ok=True)
+            draw_real_scan(REAL_SCAN, pictures / "real_scan.png")
+    else:
+        print("the real scan of ../shared/data is not here: left out")
+    for part in ("speed", "real_scan"):
+        for name, value in results.get(part, {}).items():
+            print(f"{part:12s}{name:32s}{value:12.5g}")
+    if not quick:
+        write_results("scans", results)
+    return results
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="one seed, one repetition, nothing written")
+    parser.add_argument("--pictures", type=Path, help="folder for pictures of the real scan")
+    arguments = parser.parse_args()
+    run(arguments.quick, arguments.pictures)
