@@ -18,6 +18,9 @@ from dataclasses import dataclass
 import cma
 import numpy as np
 
+LARGEST_DOUBLING = 4
+"""The population doubles at a restart at most so many times."""
+
 
 @dataclass(frozen=True)
 class Space:
@@ -51,7 +54,7 @@ class Strategy:
     Args:
         space: bounds and start of the genes.
         sigma: first step size, in units of `space.spread`.
-        population_size: genotypes a generation; doubled at each restart.
+        population_size: genotypes a generation; doubled at a restart, up to 16 times as many.
         seed: of everything that is drawn.
         handle_noise: measure how re-evaluation changes ranks, and ask for more trials when it does.
     """
@@ -72,7 +75,7 @@ class Strategy:
     @property
     def population_size(self) -> int:
         """Genotypes in the next generation."""
-        return self._first_population_size * 2**self.restarts
+        return self._first_population_size * 2 ** min(self.restarts, LARGEST_DOUBLING)
 
     @property
     def sigma(self) -> float:

@@ -12,7 +12,12 @@ def make_space(size: int = 6, with_integer: bool = False) -> Space:
     if not with_integer:
         return space
     return Space(
-        (*names, "modules"), (*space.lower, 3.51), (*space.upper, 10.49), (*space.initial, 7.0), (*space.spread, 5.0), (size,)
+        (*names, "modules"),
+        (*space.lower, 3.51),
+        (*space.upper, 10.49),
+        (*space.initial, 7.0),
+        (*space.spread, 5.0),
+        (size,),
     )
 
 

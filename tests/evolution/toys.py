@@ -20,6 +20,11 @@ def bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     return [_roll(job) for job in jobs]
 
 
+def plain(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Nothing makes a difference."""
+    return [Outcome(0.0, 0.0, (False,) * job.trials.count, seconds=1.0) for job in jobs]
+
+
 def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """The same, a few milliseconds a job."""
     time.sleep(0.002 * len(jobs))
@@ -47,7 +52,8 @@ def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:
 def nonsense(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """Return a progress that is no number for a first gene above 0.3."""
     return [
-        Outcome(np.nan, 0.0, (True,) * job.trials.count) if job.genotype[0] > 0.3 else _roll(job) for job in jobs
+        Outcome(np.nan, 0.0, (True,) * job.trials.count) if job.genotype[0] > 0.3 else _roll(job)
+        for job in jobs
     ]
 
 

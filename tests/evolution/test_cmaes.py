@@ -1,0 +1,212 @@
+"""The loop: it solves, it resumes to the bit, and nobody's help changes what comes out."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toys
+
+from evolution.cmaes import evolve, load_run, resume
+from evolution.config import EvolutionConfig
+from evolution.errors import RunError
+from evolution.record import AGAIN, SAMPLE, TIMES, VALIDATION
+from evolution.stages import Stage
+from evolution.validation import Validation
+
+TOY = EvolutionConfig(arena="truth", generations=24, sigma=0.3, stop_when_solved=False)
+
+
+def without_times(history: np.ndarray) -> list:
+    names = [name for name in history.dtype.names or () if name not in TIMES]
+    return history[names].tolist()
+
+
+def read_without_times(folder: Path) -> list[list[str]]:
+    rows = [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
+    skipped = [rows[0].index(name) for name in TIMES]
+    return [[cell for index, cell in enumerate(row) if index not in skipped] for row in rows]
+
+
+def test_it_solves_and_stops():
+    run = evolve(replace(TOY, generations=60, stop_when_solved=True), simulate=toys.bowl)
+    assert run.is_solved
+    assert len(run.history) < 60
+    assert run.champion is not None
+    assert run.champion.trials == Validation().trials
+    assert np.abs(np.array(run.champion.genotype) - 0.5).max() < 0.5
+
+
+def test_history_counts_what_was_done():
+    run = evolve(TOY, simulate=toys.bowl)
+    history = run.history
+    assert np.array_equal(history["generation"], np.arange(24))
+    assert np.array_equal(history["evaluations"], 12 * np.arange(1, 25))
+    kinds = run.record.columns()["kind"]
+    assert (kinds == SAMPLE).sum() == 24 * 12
+    assert (kinds == VALIDATION).any()
+    assert history["trials"][-1] == sum(entry.outcome.trials for entry in run.record.entries)
+    assert history["best"][-6:].mean() > history["best"][:6].mean()
+    assert np.all(np.diff(history["wall_seconds"]) >= 0)
+
+
+def test_seeds_decide():
+    first, second = (evolve(TOY, simulate=toys.bowl) for _ in range(2))
+    other = evolve(replace(TOY, seed=1), simulate=toys.bowl)
+    assert without_times(first.history) == without_times(second.history)
+    assert first.champion == second.champion
+    assert without_times(first.history) != without_times(other.history)
+
+
+VARIANTS = {
+    "plain": {},
+    "noise": {"handle_noise": True},
+    "stages": {
+        "stages": (Stage("simple", 5), Stage("truth", promotion="stagnation", patience=3), Stage("gsrm"))
+    },
+    "body": {"body_lengths": (4, 9)},
+    "restarts": {"population_size": 4, "generations": 12},
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_two_halves_are_one_run(variant, tmp_path):
+    config = replace(TOY, **VARIANTS[variant])
+    toy = toys.plain if variant == "restarts" else toys.bowl
+    whole = evolve(replace(config, folder=str(tmp_path / "whole")), simulate=toy)
+    part = config.generations // 3
+    evolve(replace(config, generations=part, folder=str(tmp_path / "parts")), simulate=toy)
+    resume(tmp_path / "parts", generations=2 * part, simulate=toy)
+    parts = resume(tmp_path / "parts", generations=config.generations, simulate=toy)
+    assert without_times(whole.history) == without_times(parts.history)
+    assert whole.champion == parts.champion
+    assert whole.stage_champions == parts.stage_champions
+    assert read_without_times(tmp_path / "whole") == read_without_times(tmp_path / "parts")
+    assert load_run(tmp_path / "parts").champion == whole.champion
+
+
+def test_variants_do_what_they_say():
+    noise = evolve(replace(TOY, **VARIANTS["noise"]), simulate=toys.bowl)
+    assert (noise.record.columns()["kind"] == AGAIN).any()
+    staged = evolve(replace(TOY, **VARIANTS["stages"]), simulate=toys.bowl)
+    assert sorted(set(staged.history["stage"])) == [0, 1, 2]
+    assert [champion.arena for champion in staged.stage_champions] == ["simple", "truth", "gsrm"]
+    assert staged.champion == staged.stage_champions[-1]
+    restarted = evolve(replace(TOY, **VARIANTS["restarts"]), simulate=toys.plain)
+    assert set(restarted.history["restarts"]) >= {0, 1}
+
+
+def test_the_shortest_body_that_holds_is_found():
+    for seed in range(3):
+        config = replace(TOY, body_lengths=(4, 10), generations=40, seed=seed)
+        run = evolve(config, simulate=toys.shortest)
+        assert run.champion is not None
+        assert run.champion.modules == 6
+        assert run.champion.successes > 0.85 * run.champion.trials
+
+
+@pytest.mark.parametrize(("backend", "workers"), [("batch", 4), ("processes", 2)])
+def test_who_works_changes_nothing(backend, workers, tmp_path):
+    alone = evolve(replace(TOY, generations=8, folder=str(tmp_path / "alone")), simulate=toys.bowl)
+    config = replace(TOY, generations=8, folder=str(tmp_path / "many"), backend=backend, workers=workers)
+    many = evolve(config, simulate=toys.bowl)
+    assert many.champion == alone.champion
+    assert read_without_times(tmp_path / "alone") == read_without_times(tmp_path / "many")
+
+
+def test_a_genotype_that_raises_costs_itself_only(tmp_path):
+    config = replace(TOY, generations=6, folder=str(tmp_path / "run"))
+    run = evolve(config, simulate=toys.fragile)
+    columns = run.record.columns()
+    failed = columns["error"] != ""
+    assert np.array_equal(failed, columns["genotype"][:, 0] > 0.3)
+    assert 0 < failed.sum() < len(failed)
+    assert run.history["failures"].sum() == failed[columns["kind"] == SAMPLE].sum()
+    assert np.isfinite(columns["fitness"]).all()
+    assert load_run(tmp_path / "run").record.columns()["error"].tolist() == columns["error"].tolist()
+
+
+def test_a_run_that_ended_stays_as_it_is(tmp_path):
+    folder = tmp_path / "run"
+    run = evolve(replace(TOY, generations=3, folder=str(folder)), simulate=toys.bowl)
+    again = resume(folder, simulate=toys.bowl)
+    assert without_times(again.history) == without_times(run.history)
+    assert again.history["wall_seconds"].tolist() == run.history["wall_seconds"].tolist()
+
+
+def test_callbacks_hear_of_every_generation():
+    heard, fractions = [], []
+    evolve(
+        replace(TOY, generations=4),
+        simulate=toys.bowl,
+        on_generation=lambda run: heard.append(run.history[-1]["generation"]),
+        progress=lambda message, fraction: fractions.append(fraction),
+    )
+    assert heard == [0, 1, 2, 3]
+    assert fractions[-1] == 1.0
+
+
+def test_generations_live_again_must_come_out_as_recorded(tmp_path):
+    folder = tmp_path / "run"
+    run = evolve(replace(TOY, generations=4, folder=str(folder)), simulate=toys.bowl)
+    entry = run.record.entries[14]
+    run.record.entries[14] = entry._replace(genotype=entry.genotype + 1e-9)
+    (folder / "record.npz").write_bytes(run.record.to_bytes(run.config.digest()))
+    with pytest.raises(RunError, match=r"generation 1 .* does not come out as recorded"):
+        resume(folder, simulate=toys.bowl)
+
+
+PROGRAM = """
+import sys
+from evolution.cmaes import evolve, resume
+from evolution.config import EvolutionConfig
+from pathlib import Path
+import toys
+folder = sys.argv[1]
+if Path(folder, "config.json").exists():
+    resume(folder, simulate=toys.slow_bowl)
+else:
+    evolve(EvolutionConfig(arena="truth", generations=24, sigma=0.3, stop_when_solved=False, folder=folder),
+           simulate=toys.slow_bowl)
+"""
+
+
+def run_and_kill(folder: Path, seconds: float) -> int:
+    """Run the program and kill it so long after its folder appeared; return its exit status."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(folder)], env=environment)
+    while not (folder / "config.json").exists() and process.poll() is None:
+        time.sleep(0.002)
+    try:
+        return process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGKILL)
+        return process.wait()
+
+
+def check_kills(tmp_path: Path, moments: np.ndarray) -> int:
+    """Kill runs at these moments [s], resume each, compare; return how many were really cut off."""
+    whole = evolve(replace(TOY, folder=str(tmp_path / "whole")), simulate=toys.bowl)
+    num_cut = 0
+    for number, moment in enumerate(moments):
+        folder = tmp_path / f"run_{number}"
+        num_cut += run_and_kill(folder, moment) == -signal.SIGKILL
+        run = resume(folder, simulate=toys.bowl)
+        assert run.champion == whole.champion
+        assert read_without_times(folder) == read_without_times(tmp_path / "whole")
+    return num_cut
+
+
+def test_a_killed_run_resumes_to_the_same_champion(tmp_path):
+    assert check_kills(tmp_path, np.array([0.05, 0.5])) >= 1
+
+
+@pytest.mark.slow
+def test_twenty_killed_runs_resume_to_the_same_champion(tmp_path):
+    moments = np.random.default_rng(0).uniform(0.0, 1.5, 20)
+    assert check_kills(tmp_path, moments) >= 10
