@@ -144,7 +144,9 @@ class Episodes:
 
     def observe(self, physics: Physics) -> np.ndarray:
         """Return noiseless observations `[N, O]`, within their bounds."""
-        odometry = self.judge.find_distance(physics.position)[:, 0] - self._start_head
+        odometry = self._start_head
+        if self.observer.has_odometry:
+            odometry = self.judge.find_distance(physics.position)[:, 0] - odometry
         return self.observer.read(physics, self.action, self.target, odometry)
 
     def describe_start(self, physics: Physics, row: int) -> tuple[float | bool, ...]:

@@ -55,6 +55,7 @@ class Observer:
         size: length of one observation.
         low: `[size]` smallest values.
         high: `[size]` largest values.
+        has_odometry: whether the observation tells it.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 
@@ -93,6 +94,7 @@ class Observer:
         self._pitch = self.structure.get("pitch")
         if self._pitch is not None:
             self._raw_low[self._pitch], self._raw_high[self._pitch] = -1.0, 1.0
+        self.has_odometry = "odometry" in self.structure
         self._rays = [self.structure[name] for name in ("ir", "laser") if name in self.structure]
         self._sources = _join_measured(
             [(name, self._measured.get(name, slice(0))) for name in self.structure], world
