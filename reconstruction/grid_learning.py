@@ -54,14 +54,14 @@ def learn(
     capacity = max(find_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
     padded, candidates = _pad(units, tiles, capacity)
     moved, counts = _learn(
-        jnp.asarray(tiles.samples),
-        jnp.asarray(tiles.is_real),
+        tiles.samples,
+        tiles.is_real,
         padded,
         candidates,
-        jnp.array(units.shape[:2]),
+        np.array(units.shape[:2]),
         _pad_mask(is_movable, units, capacity),
-        jnp.float32(sigma),
-        iterations=iterations,
+        np.float32(sigma),
+        np.int32(iterations),
     )
     return _as_grid(moved, units), _as_grid(counts, units)
 
@@ -107,16 +107,16 @@ def fit_grid(
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
     ring = np.pad(ring, ((0, 0), (0, 8 - ring.shape[1]), (0, 0)), constant_values=-1)
     moved, counts = _fit(
-        jnp.asarray(tiles.samples / np.float32(spacing)),
-        jnp.asarray(tiles.is_real),
-        padded / spacing,
+        tiles.samples / np.float32(spacing),
+        tiles.is_real,
+        padded / np.float32(spacing),
         candidates,
-        jnp.array([rows, columns]),
+        np.array([rows, columns]),
         _pad_mask(is_movable, units, capacity),
-        jnp.asarray(ring),
-        jnp.asarray(np.resize(sigmas, MAX_ITERATIONS), jnp.float32),
-        jnp.int32(len(sigmas)),
-        jnp.float32(stiffness),
+        ring,
+        np.resize(sigmas, MAX_ITERATIONS).astype(np.float32),
+        np.int32(len(sigmas)),
+        np.float32(stiffness),
         chunk=find_chunk(tiles.order.size),
     )
     return unfold(_as_grid(moved, units), is_movable) * spacing, _as_grid(counts, units)
@@ -128,7 +128,7 @@ def _as_grid(values: jax.Array, units: np.ndarray) -> np.ndarray:
     return np.asarray(values)[: rows * columns].reshape(rows, columns, *values.shape[1:])
 
 
-def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[jax.Array, jax.Array]:
+def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the units `[capacity, 3]`, row after row, and every tile's candidates `[T, C]`.
 
     Both shapes follow from the capacity and the number of samples alone: another seed, another proportion of
@@ -141,13 +141,13 @@ def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[jax.Array, jax
     else:
         number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
         candidates, _ = find_candidates(tiles, flat, number)
-    return jnp.asarray(padded), jnp.asarray(candidates)
+    return padded, candidates
 
 
-def _pad_mask(is_movable: np.ndarray | None, units: np.ndarray, capacity: int) -> jax.Array:
+def _pad_mask(is_movable: np.ndarray | None, units: np.ndarray, capacity: int) -> np.ndarray:
     number = units.shape[0] * units.shape[1]
     mask = np.ones(number, dtype=bool) if is_movable is None else is_movable.reshape(-1)
-    return jnp.asarray(pad_rows(mask, capacity, False))
+    return pad_rows(mask, capacity, False)
 
 
 def find_capacity(goal: int) -> int:
@@ -181,8 +181,8 @@ def _smooth(grid: jax.Array, shape: jax.Array, sigma: jax.Array) -> jax.Array:
     return total
 
 
-@partial(jax.jit, static_argnames="iterations")
-def _learn(samples, is_real, units, candidates, shape, is_movable, sigma, *, iterations):
+@jax.jit
+def _learn(samples, is_real, units, candidates, shape, is_movable, sigma, iterations):
     """Repeat the batch rule W = HᵀX / HᵀN, H the separable kernel."""
     flat = samples.reshape(-1, 3)
     real = is_real.reshape(-1, 1)

@@ -81,12 +81,12 @@ def _present(
     is_unit = np.zeros(shape, dtype=bool)
     is_unit[REACH : REACH + rows, REACH : REACH + columns] = True
     learnt, counters = _adapt_one_by_one(
-        jnp.asarray(points[rng.permutation(len(points))]),
-        jnp.asarray(padded),
-        jnp.asarray(is_unit),
-        jnp.int32(num_signals),
-        jnp.float32(rate),
-        jnp.float32(np.log(final_rate / rate) / num_signals),
+        points[rng.permutation(len(points))],
+        padded,
+        is_unit,
+        np.int32(num_signals),
+        np.float32(rate),
+        np.float32(np.log(final_rate / rate) / num_signals),
     )
     inside = (slice(REACH, REACH + rows), slice(REACH, REACH + columns))
     return np.asarray(learnt)[inside], np.asarray(counters)[inside]
