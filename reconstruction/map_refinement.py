@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.density import Density
-from reconstruction.evidence import weigh_evidence
+from reconstruction.evidence import find_read, weigh_evidence
 from reconstruction.growth import SPLIT_RADIUS, grow, make_level
 from reconstruction.hole_patching import find_vertex_normals
 from reconstruction.manifold import group_sides
@@ -16,12 +16,16 @@ from reconstruction.winners import make_tiles
 
 RINGS = 2
 """So many rings of units round a contradicted one learn anew with it."""
-WIDEST_CELL = 0.46
+WIDEST_CELL = 0.5
 """Cells are halved above this root mean square radius, in mean edges; regular ones have 0.37."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 FEWEST = 16
 """Fewer samples than this carry no part of a surface."""
+FEWEST_CONFIRMATIONS = 4.0
+"""Readings a unit wins on average, for their absence to mean something."""
+NUM_PROBES = 256
+"""At so many places the spacing of the samples is measured."""
 
 
 def refine_map(
@@ -44,28 +48,62 @@ def refine_map(
     """
     edge = mean_edge_length(units, faces)
     evidence = weigh_evidence(units, faces, old_points, new_points, edge)
-    is_doubtful = evidence.is_moved | evidence.is_gone
-    if not is_doubtful.any():
+    if not (evidence.is_moved | evidence.is_gone).any():
         return units, faces, np.concatenate([old_points, new_points])
     tree = cKDTree(units)
+    new_winners = tree.query(new_points)[1]
+    is_gone = evidence.is_gone
+    if is_gone.any():
+        confirmations = np.bincount(
+            new_winners[evidence.distance <= evidence.tolerance], minlength=len(units)
+        )
+        is_gone = _spread_gone(faces, is_gone, confirmations, find_read(units, new_points, edge))
+    is_doubtful = evidence.is_moved | is_gone
     distant = new_points[evidence.distance > evidence.tolerance]
     is_refuted = is_doubtful & ~_find_extended(units, faces, tree, distant)
-    old_winners, new_winners = tree.query(old_points)[1], tree.query(new_points)[1]
-    is_true = ~is_refuted[old_winners]
-    points = np.concatenate([old_points[is_true], new_points])
-    winners = np.concatenate([old_winners[is_true], new_winners])
     is_active = _widen(faces, is_doubtful, RINGS)
-    grown = _grow_locally(points[is_active[winners]], units[is_active & ~is_refuted], edge, rng)
+    is_near = _widen(faces, is_active, RINGS)
+    is_about = _is_about(old_points, units[is_near], edge)
+    about, winners = old_points[is_about], tree.query(old_points[is_about])[1]
+    is_true = ~is_refuted[winners]
+    points = np.concatenate([old_points[~is_about], about[is_true], new_points])
+    about = np.concatenate([about[is_true], new_points])
+    winners = np.concatenate([winners[is_true], new_winners])
+    grown = _grow_locally(about[is_active[winners]], units[is_active & ~is_refuted], edge, rng)
     num_kept = len(units) - int(is_active.sum())
     merged = np.concatenate([units[~is_active], grown])
     place = np.cumsum(~is_active) - 1
     kept_faces = place[faces[~is_active[faces].any(axis=1)]]
-    near = points[_widen(faces, is_active, RINGS)[winners]]
+    near = about[is_near[winners]]
     joined = _join(merged, num_kept, kept_faces, near)
     if is_fitted:
         merged = _fit_locally(merged, joined, num_kept, near)
     used, flat = np.unique(joined, return_inverse=True)
     return merged[used], flat.reshape(-1, 3), points
+
+
+def _spread_gone(
+    faces: np.ndarray, is_gone: np.ndarray, confirmations: np.ndarray, is_read: np.ndarray
+) -> np.ndarray:
+    """Return the gone units with those beside them that new readings pass close by but never confirm: `[U]`.
+
+    Where readings are so few that a unit may miss its own by chance, nothing is added.
+    """
+    has_any = confirmations > 0
+    if confirmations[has_any].mean() < FEWEST_CONFIRMATIONS:
+        return is_gone
+    unconfirmed = is_read & ~has_any
+    while True:
+        wider = is_gone | _widen(faces, is_gone, 1) & unconfirmed
+        if (wider == is_gone).all():
+            return is_gone
+        is_gone = wider
+
+
+def _is_about(points: np.ndarray, units: np.ndarray, edge: float) -> np.ndarray:
+    """Return which points may be won by some of the units: those in their box, `[N]`."""
+    low, high = units.min(axis=0) - 2 * edge, units.max(axis=0) + 2 * edge
+    return (points >= low).all(axis=1) & (points <= high).all(axis=1)
 
 
 def _find_extended(units: np.ndarray, faces: np.ndarray, tree: cKDTree, distant: np.ndarray) -> np.ndarray:
@@ -124,8 +162,9 @@ def _join(units: np.ndarray, num_kept: int, kept_faces: np.ndarray, points: np.n
     winners = cKDTree(units).query(points, k=3)[1]
     tree = cKDTree(points)
     near = min(10, len(points) - 1)
-    reach = tree.query(points, k=near + 1)[0][:, -1]
-    support = Support(tree, reach * np.sqrt(np.pi / near))
+    probes = points[:: max(1, len(points) // NUM_PROBES)]
+    spacings = tree.query(probes, k=near + 1)[0][:, -1] * np.sqrt(np.pi / near)
+    support = Support(tree, spacings[cKDTree(probes).query(points)[1]])
     proposed, margin = propose_faces(units, winners, support)
     is_new = (proposed >= num_kept).any(axis=1)
     faces = np.concatenate([kept_faces, proposed[is_new]])
