@@ -297,9 +297,9 @@ def main() -> None:
     """Read the command line and run."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.environment", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="smaller sizes and fewer repetitions")
-    parser.add_argument(
-        "--only", nargs="*", default=(), choices=list(PARTS), help="parts to run (default: all)"
-    )
+    parser.add_argument("--only", nargs="*", default=(), choices=list(PARTS), help="parts (default: all)")
+    parser.add_argument("--episodes", type=int, default=RANDOM_EPISODES, help="random episodes judged twice")
+    parser.add_argument("--minutes", type=float, default=MINUTES, help="limit of the test of robustness")
     options = parser.parse_args()
     run(options.quick, tuple(options.only), options.episodes, options.minutes)
 

@@ -11,8 +11,8 @@ from symbrion_gym.arena_spec import SURFACE_GROUP
 from symbrion_gym.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
-_FOLLOWING = 0.15
-"""How much of the way to the body the camera goes from picture to picture."""
+_LAG = 0.5
+"""Time after which the camera has gone two thirds of the way to the body [s]."""
 
 
 def add_stage(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -77,13 +77,16 @@ class Pictures:
         self._option.sitegroup[:] = 0
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None
+        self._time = 0.0
 
     def follow(self, position: np.ndarray, at_once: bool = False) -> None:
         """Move the camera towards the middle of the modules, `[n, 3]`."""
         middle = np.mean(position, axis=0)
-        if self._middle is None or at_once:
+        passed = self._data.time - self._time
+        self._time = self._data.time
+        if self._middle is None or at_once or passed < 0.0:
             self._middle = middle
-        self._middle = self._middle + _FOLLOWING * (middle - self._middle)
+        self._middle = self._middle + (1.0 - np.exp(-passed / _LAG)) * (middle - self._middle)
         self.camera.lookat[:] = self._middle
 
     def draw(self, mode: str) -> Any:

@@ -1,0 +1,41 @@
+"""The names under which environments are made."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from symbrion_gym.arena import Arena
+from symbrion_gym.course import StairsCourse
+from symbrion_gym.registration import ENVIRONMENTS, register
+
+
+def test_registering_twice_changes_nothing():
+    before = dict(gym.registry)
+    register()
+    assert {name: spec for name, spec in gym.registry.items() if name in before} == before
+    assert set(ENVIRONMENTS) <= set(gym.registry)
+
+
+def test_stairs_can_be_climbed_and_the_ramp_crossed():
+    """With the zero controller, which needs nothing but its tracks on low steps."""
+    low = Arena.from_course(StairsCourse(steps=2, rise=0.012), "low stairs")
+    for name, options in (
+        ("symbrion_gym/SnakeStairs-v0", {"arena": low}),
+        ("symbrion_gym/SnakeRamp-v0", {"track_speed": 0.3}),
+    ):
+        env = gym.make(name, modules=4, **options)
+        env.reset(seed=0)
+        while True:
+            *_, terminated, truncated, info = env.step(np.zeros(3))
+            if terminated or truncated:
+                break
+        assert info["success"], (name, info)
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_ids_work_through_the_module_prefix(name):
+    env = gym.make(
+        f"symbrion_gym:{name}", modules=2, arena="truth", start=(-2.0, 0.0), goal=(0.0, 0.0), pit=0.0
+    )
+    env.reset(seed=0)
+    env.close()
