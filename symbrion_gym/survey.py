@@ -22,6 +22,9 @@ from symbrion_gym.survey_world import SurveyWorld
 _FIRST_WAYPOINT = 2
 """The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
 
+_LEAST_VERTICES = 4
+"""A mesh with fewer is cut finer: MuJoCo takes none."""
+
 
 @dataclass(frozen=True)
 class SurveyRobot:
@@ -235,7 +238,7 @@ def _find_surface(arena: Any) -> trimesh.Trimesh:
         raise ArenaError(f"survey needs a mesh with faces, got {surface!r}")
     if not np.isfinite(surface.vertices).all():
         raise ArenaError("survey: the mesh has vertices that are not finite")
-    return surface
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
 
 
 def _check_path(path: ArrayLike) -> np.ndarray:
