@@ -22,6 +22,8 @@ STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 FEWEST = 16
 """Fewer samples than this carry no part of a surface."""
+STRONG = 1.5
+"""Where no reading disagrees by more than this many tolerances, the tail of the noise has spoken."""
 FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
 NUM_PROBES = 256
@@ -48,17 +50,19 @@ def refine_map(
     """
     edge = mean_edge_length(units, faces)
     evidence = weigh_evidence(units, faces, old_points, new_points, edge)
-    if not (evidence.is_moved | evidence.is_gone).any():
-        return units, faces, np.concatenate([old_points, new_points])
     tree = cKDTree(units)
     new_winners = tree.query(new_points)[1]
-    is_gone = evidence.is_gone
+    is_strong = np.zeros(len(units), dtype=bool)
+    is_strong[new_winners[evidence.distance > STRONG * evidence.tolerance]] = True
+    is_moved, is_gone = evidence.is_moved & _widen(faces, is_strong, RINGS), evidence.is_gone
+    if not (is_moved | is_gone).any():
+        return units, faces, np.concatenate([old_points, new_points])
     if is_gone.any():
         confirmations = np.bincount(
             new_winners[evidence.distance <= evidence.tolerance], minlength=len(units)
         )
         is_gone = _spread_gone(faces, is_gone, confirmations, find_read(units, new_points, edge))
-    is_doubtful = evidence.is_moved | is_gone
+    is_doubtful = is_moved | is_gone
     distant = new_points[evidence.distance > evidence.tolerance]
     is_refuted = is_doubtful & ~_find_extended(units, faces, tree, distant)
     is_active = _widen(faces, is_doubtful, RINGS)
