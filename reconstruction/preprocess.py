@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from reconstruction.cells import as_points, crop, find_sparse_points, thin
 from reconstruction.levelling import find_declination, level_floor
-from reconstruction.mixed_pixels import find_jumps, find_mixed_beams
+from reconstruction.mixed_pixels import find_mixed_beams
 from reconstruction.progress import Progress, silent
 from reconstruction.scan import Array, ScanLog
+from reconstruction.smoothing import smooth_ranges
 
 __all__ = [
     "crop",
@@ -86,46 +87,3 @@ def remove_mixed_pixels(scans: ScanLog | ArrayLike) -> ScanLog | Array:
         ranges[log.is_valid],
     )
     return log.replace(ranges=ranges)
-
-
-def smooth_ranges(log: ScanLog, window: int = 5, across_jumps: bool = False) -> ScanLog:
-    """Average every reading with its neighbours in the scan: ``r_i <- mean(r_(i-2) .. r_(i+2))`` for 5.
-
-    Differs: the paper averages whatever lies in the window. Here the window ends at a jump (`find_jumps`) or
-    a beam without return, and shrinks to the same length on both sides, for a mean over a slanted surface is
-    only right where it is symmetric; and it is the harmonic mean, which is exact on planes (``1/r`` is
-    ``cos(a - a0) / d``).
-
-    Args:
-        log: the scans.
-        window: number of readings, odd; 1 changes nothing.
-        across_jumps: the paper's mean, over jumps and arithmetic.
-    """
-    ranges = log.ranges
-    values = ranges if across_jumps else 1.0 / ranges
-    good = np.isfinite(values)
-    filled = np.where(good, values, 0.0)
-    linked = good[:, 1:] & good[:, :-1]
-    if not across_jumps:
-        linked &= ~find_jumps(ranges)
-    total, count = filled.copy(), good.astype(float)
-    reach = np.ones_like(linked)
-    for k in range(1, window // 2 + 1):
-        reach = linked[:, k - 1 :] & reach[:, : linked.shape[1] - k + 1] if k > 1 else linked
-        if not reach.shape[1]:
-            break
-        right, left = np.zeros_like(good), np.zeros_like(good)
-        right[:, :-k], left[:, k:] = reach, reach
-        if across_jumps:
-            right[:, :-k], left[:, k:] = good[:, k:] & good[:, :-k], good[:, k:] & good[:, :-k]
-        else:
-            right &= left
-            left = right
-        total[:, :-k] += np.where(right[:, :-k], filled[:, k:], 0.0)
-        total[:, k:] += np.where(left[:, k:], filled[:, :-k], 0.0)
-        count += right
-        count += left
-    mean = total / np.maximum(count, 1.0)
-    with np.errstate(divide="ignore"):
-        smooth = mean if across_jumps else 1.0 / mean
-    return log.replace(ranges=np.where(good, smooth, np.nan))

@@ -10,8 +10,9 @@ from reconstruction.cells import as_points, crop, find_sparse_points, thin
 from reconstruction.errors import ScanError
 from reconstruction.levelling import find_declination, level_floor
 from reconstruction.mixed_pixels import find_jumps, find_mixed_beams
-from reconstruction.preprocess import preprocess, remove_mixed_pixels, smooth_ranges
+from reconstruction.preprocess import preprocess, remove_mixed_pixels
 from reconstruction.scan import ScanLog, load_scan_log, make_pose
+from reconstruction.smoothing import find_creases, smooth_ranges
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))
@@ -102,6 +103,27 @@ def test_smoothing_stops_at_jumps_unless_asked():
 def test_window_one_changes_nothing():
     log = make_log([0.0], noise=0.006)
     np.testing.assert_allclose(smooth_ranges(log, window=1).ranges, log.ranges)
+
+
+def test_smoothing_keeps_creases_sharp():
+    """A floor 2 m below that meets a wall 3 m away: no range jump, but a corner."""
+    angles = np.radians(np.arange(-60, 20, 0.5))
+    floor = np.where(angles < 0, 2.0 / -np.sin(np.minimum(angles, -1e-9)), np.inf)
+    ranges = np.minimum(floor, 3.0 / np.cos(angles))[None]
+    log = ScanLog(ranges, angles, np.eye(4)[None])
+    corner = int(np.argmax(floor > 3.0 / np.cos(angles)))
+    assert not find_jumps(ranges).any()
+    assert set(np.flatnonzero(find_creases(ranges))) <= {corner - 1, corner}
+    inner = slice(2, -2)
+    sharp, round_ = smooth_ranges(log).ranges, smooth_ranges(log, across_jumps=True).ranges
+    assert np.abs(sharp - ranges)[0, inner].max() < 0.01
+    assert np.abs(round_ - ranges)[0, inner].max() > 0.02
+
+
+@pytest.mark.parametrize("window", [0, 2, -1])
+def test_windows_without_a_middle_are_refused(window):
+    with pytest.raises(ScanError, match="window"):
+        smooth_ranges(make_log([0.0]), window=window)
 
 
 def test_jumps_are_edges_and_not_slanted_planes():
