@@ -12,6 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from evolution.controller import SENSORS, Controller, make_controller
+from evolution.errors import RunError
 from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
 from symbrion_gym.vector import SnakePitVectorEnv
 
@@ -58,6 +59,9 @@ def simulate(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     Args:
         jobs: genotypes and their trials.
         threads: of `mujoco.batch`; they change nothing but the time.
+
+    Raises:
+        RunError: the environment cannot be made.
     """
     groups: dict[Any, list[int]] = defaultdict(list)
     for index, job in enumerate(jobs):
@@ -109,12 +113,15 @@ def _find_environment(trials: Trials, num_trials: int, threads: int) -> SnakePit
     if key not in _environments:
         while len(_environments) >= _KEPT:
             _environments.popitem(last=False)[1].close()
-        _environments[key] = SnakePitVectorEnv(
-            num_envs=lanes,
-            num_threads=threads,
-            autoreset_mode=AutoresetMode.DISABLED,
-            **make_environment_options(trials),
-        )
+        try:
+            _environments[key] = SnakePitVectorEnv(
+                num_envs=lanes,
+                num_threads=threads,
+                autoreset_mode=AutoresetMode.DISABLED,
+                **make_environment_options(trials),
+            )
+        except (ValueError, TypeError) as error:  # no genotype is to blame
+            raise RunError(f"the environment cannot be made: {error}") from error
     _environments.move_to_end(key)
     return _environments[key]
 

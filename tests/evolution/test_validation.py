@@ -1,0 +1,127 @@
+"""Stages and champions: rules known by hand."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evolution.errors import RunError
+from evolution.evaluation import Outcome
+from evolution.record import HISTORY, SAMPLE, VALIDATION, Entry, Record
+from evolution.stages import Stage
+from evolution.validation import Champion, Validation, select
+
+
+def make_entry(
+    index: int, kind: int, held: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
+) -> Entry:
+    outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in held))
+    return Entry(generation, kind, index, modules, np.full(2, float(index)), fitness, outcome)
+
+
+def make_record(*entries: Entry) -> Record:
+    record = Record()
+    last = max(entry.generation for entry in entries)
+    for generation in range(last + 1):
+        row = dict.fromkeys([*(HISTORY.names or ())], 0.0) | {"generation": generation}
+        record.add_generation([entry for entry in entries if entry.generation == generation], row)
+    return record
+
+
+def test_the_champion_is_the_one_with_the_best_fresh_trials_not_the_luckiest_sample():
+    record = make_record(
+        make_entry(0, SAMPLE, "11", fitness=9.0),
+        make_entry(1, SAMPLE, "11", fitness=2.0),
+        make_entry(2, SAMPLE, "00", fitness=99.0),
+        make_entry(0, VALIDATION, "1111000000"),
+        make_entry(1, VALIDATION, "1111111111"),
+        make_entry(1, VALIDATION, "1111111110"),
+    )
+    chosen = select(record, [True])
+    assert chosen is not None
+    assert chosen.index == 1
+    assert (chosen.outcome.successes, chosen.outcome.trials) == (19, 20)
+
+
+def test_without_fresh_trials_the_fittest_sample_stands_in():
+    record = make_record(make_entry(0, SAMPLE, "01", fitness=1.0), make_entry(1, SAMPLE, "00", fitness=3.0))
+    chosen = select(record, [True])
+    assert chosen is not None
+    assert (chosen.index, chosen.kind) == (1, SAMPLE)
+    assert select(record, [False]) is None
+
+
+def test_the_shortest_body_that_holds_is_preferred():
+    entries = [
+        make_entry(0, VALIDATION, "1" * 30, modules=8),
+        make_entry(1, VALIDATION, "1" * 27 + "000", modules=6),
+        make_entry(2, VALIDATION, "1" * 8 + "0" * 8, modules=5),
+    ]
+    record = make_record(*entries)
+    assert [getattr(select(record, [True], shortest), "index", None) for shortest in (False, True)] == [0, 1]
+
+
+def test_candidates_are_those_that_held_in_all_trials():
+    outcomes = [Outcome(0.0, 0.0, held) for held in ((True, True), (True, False), (True, True), (True, True))]
+    assert Validation(candidates=2).choose(np.array([1.0, 9.0, 3.0, 2.0]), outcomes) == [2, 3]
+
+
+def test_validation_refuses():
+    for arguments in (
+        {"candidates": -1},
+        {"rounds": ()},
+        {"rounds": (8, 0)},
+        {"go_on": 1.5},
+        {"solved": -0.1},
+    ):
+        with pytest.raises(RunError):
+            Validation(**arguments)
+
+
+def make_history(best: list[float], successes: int = 0) -> np.ndarray:
+    history = np.zeros(len(best), dtype=HISTORY)
+    history["best"], history["successes"], history["population_size"] = best, successes, 12
+    return history
+
+
+def test_stages_end_by_success_stagnation_or_budget():
+    assert not Stage("a").is_done(make_history([]))
+    assert Stage("a", promotion="success").is_done(make_history([1.0], successes=3))
+    assert not Stage("a", promotion="success").is_done(make_history([1.0], successes=2))
+    rising, flat = [float(step) for step in range(12)], [5.0] + [4.0] * 10
+    assert not Stage("a", promotion="stagnation").is_done(make_history(rising))
+    assert Stage("a", promotion="stagnation").is_done(make_history(flat))
+    assert not Stage("a", promotion="success").is_done(make_history(flat))
+    assert Stage("a", 3, promotion="budget").is_done(make_history([1.0, 2.0, 3.0]))
+    assert not Stage("a", 3, promotion="budget").is_done(make_history([1.0, 2.0], successes=12))
+
+
+def test_stages_refuse():
+    wrong: tuple[dict[str, Any], ...] = (
+        {"promotion": "luck"},
+        {"generations": 0},
+        {"patience": 0},
+        {"promotion": "budget"},
+    )
+    for arguments in wrong:
+        with pytest.raises(RunError):
+            Stage("a", **arguments)
+
+
+def test_records_go_through_bytes():
+    record = make_record(make_entry(0, SAMPLE, "10"), make_entry(1, SAMPLE, "11", generation=1))
+    again, digest = Record.from_bytes(record.to_bytes("abc"), "a file")
+    assert digest == "abc"
+    assert np.array_equal(again.history, record.history)
+    for ours, theirs in zip(again.entries, record.entries, strict=True):
+        assert ours.outcome == theirs.outcome
+        assert np.array_equal(ours.genotype, theirs.genotype)
+    assert [len(entries) for entries, _ in again.generations()] == [1, 1]
+
+
+def test_champions_go_through_json():
+    champion = Champion((0.1, 0.2), ("a", "b"), "posture", 3, "truth", 4, 1.5, 15, 16, (("pit", 0.3),))
+    assert Champion.from_dict(champion.as_dict()) == champion
+    assert champion.score == pytest.approx(16 / 18)
+    with pytest.raises(RunError, match="wings"):
+        Champion.from_dict(champion.as_dict() | {"wings": 2})
