@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.density import Density
-from reconstruction.evidence import find_read, weigh_evidence
+from reconstruction.evidence import MIN_READINGS, find_read, weigh_evidence
 from reconstruction.growth import SPLIT_RADIUS, grow, make_level
 from reconstruction.hole_patching import find_vertex_normals
 from reconstruction.manifold import group_sides
@@ -23,7 +23,7 @@ STEEPNESS = 0.5
 FEWEST = 16
 """Fewer samples than this carry no part of a surface."""
 STRONG = 1.5
-"""Where no reading disagrees by more than this many tolerances, the tail of the noise has spoken."""
+"""Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
 FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
 NUM_PROBES = 256
@@ -53,7 +53,10 @@ def refine_map(
     tree = cKDTree(units)
     new_winners = tree.query(new_points)[1]
     is_strong = np.zeros(len(units), dtype=bool)
-    is_strong[new_winners[evidence.distance > STRONG * evidence.tolerance]] = True
+    far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
+    if len(far) >= MIN_READINGS:
+        crowd, _ = cKDTree(new_points[far]).query(new_points[far], k=MIN_READINGS)
+        is_strong[new_winners[far[crowd[:, -1] < 3 * edge]]] = True
     is_moved, is_gone = evidence.is_moved & _widen(faces, is_strong, RINGS), evidence.is_gone
     if not (is_moved | is_gone).any():
         return units, faces, np.concatenate([old_points, new_points])
