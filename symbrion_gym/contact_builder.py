@@ -24,8 +24,10 @@ from symbrion_gym.errors import ArenaError
 from symbrion_gym.planes import Planes, find_planes
 from symbrion_gym.slab_fit import fit_slabs
 from symbrion_gym.slabs import make_slabs
-from symbrion_gym.solid import close_downwards, find_shape, simplify_solid, take_top, thicken
+from symbrion_gym.solid import close_downwards, close_holes, find_shape, simplify_solid, take_top, thicken
 
+_MAX_SOLID_FACES = 4000
+"""coacd's time grows faster than the number of faces."""
 _SCALES = (1.0, 2.0, 4.0, 8.0)
 """Planes are looked for within these multiples of the accuracy, until few enough are found."""
 
@@ -118,10 +120,13 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
         quality = measure_arena([heights.as_mesh()], mesh, seconds=watch.elapsed)
         return Contact([], quality, heights, {"way": "height field"})
     shape = find_shape(mesh)
+    body = close_holes(mesh) if shape == "overhang" else mesh
+    if body is not mesh and body.is_watertight:
+        shape = "closed"
     progress(f"the surface is a {shape}", 0.05)
     if shape == "terrain":
         return _follow_terrain(take_top(mesh), mesh, options, watch, progress)
-    solid = mesh if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
+    solid = body if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
     return _decompose_solid(solid, mesh, options, watch, progress, {"shape": shape})
 
 
@@ -130,7 +135,7 @@ def _follow_terrain(
 ) -> Contact:
     """Slabs under planes, the finest that keep to the number of pieces; caps fitted where planes do not do."""
     progress("planes", 0.1)
-    planes, tolerance = _find_few_planes(top, options)
+    planes, tolerance = _find_few_planes(top, options, watch)
     progress("slabs", 0.3)
     slabs, pieces = make_slabs(
         top, planes, tolerance, options.max_pieces, options.thickness, lambda: watch.is_late(0.4)
@@ -166,13 +171,13 @@ def _follow_terrain(
         return best
 
 
-def _find_few_planes(top: trimesh.Trimesh, options: ContactOptions) -> tuple[Planes, float]:
+def _find_few_planes(top: trimesh.Trimesh, options: ContactOptions, watch: Watch) -> tuple[Planes, float]:
     """The finest planes that are few enough, or about as few as coarser ones; and their tolerance."""
     found = []
     for scale in _SCALES:
-        planes = find_planes(top, scale * options.accuracy)
+        planes = find_planes(top, scale * options.accuracy, is_late=lambda: watch.is_late(0.25))
         found.append((planes, scale * options.accuracy))
-        if len(planes.normals) <= max(options.max_pieces / 2, 8):
+        if len(planes.normals) <= max(options.max_pieces / 2, 8) or watch.is_late(0.25):
             return found[-1]
     fewest = min(len(planes.normals) for planes, _ in found)
     return next(pair for pair in found if len(pair[0].normals) <= 1.25 * fewest)
@@ -193,6 +198,8 @@ def _decompose_solid(
     """coacd with finer and finer thresholds, until the accuracy is met or pieces or time run out."""
     best: Contact | None = None
     failure: ArenaError | None = None
+    if len(solid.faces) > _MAX_SOLID_FACES:
+        solid = simplify_solid(solid, _MAX_SOLID_FACES)
     for step, threshold in enumerate((0.05, 0.02, 0.01)):
         progress(f"coacd at threshold {threshold}", 0.4 + 0.15 * step)
         if step and (watch.left() < 3.0 * watch.elapsed or watch.is_late(0.5)):

@@ -17,6 +17,7 @@ import trimesh
 
 from symbrion_gym.elevation import Elevation
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.hulls import make_hull
 from symbrion_gym.outlines import hull_2d
 from symbrion_gym.planes import Planes
 
@@ -90,7 +91,7 @@ def make_boxes(
             continue
         for depth in (0.2, 0.1, 0.05):
             box = _make_box(rectangle, normal, planes.offsets[k], depth)
-            if _is_beneath(box, elevation, accuracy):
+            if box is not None and _is_beneath(box, elevation, accuracy):
                 boxes.append(box)
                 break
     return boxes
@@ -135,10 +136,12 @@ def _find_rectangle(corners: np.ndarray, normal: np.ndarray, area: float) -> np.
     return best if best is not None and area * normal[2] > 0.93 * least else None
 
 
-def _make_box(rectangle: np.ndarray, normal: np.ndarray, offset: float, depth: float) -> trimesh.Trimesh:
+def _make_box(
+    rectangle: np.ndarray, normal: np.ndarray, offset: float, depth: float
+) -> trimesh.Trimesh | None:
     heights = (offset - rectangle @ normal[:2]) / normal[2]
     top = np.column_stack([rectangle, heights])
-    return trimesh.convex.convex_hull(np.concatenate([top, top - depth * normal]))  # pyright: ignore[reportReturnType]
+    return make_hull(np.concatenate([top, top - depth * normal]))
 
 
 def _is_beneath(box: trimesh.Trimesh, elevation: Elevation, accuracy: float) -> bool:

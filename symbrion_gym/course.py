@@ -13,6 +13,7 @@ import numpy as np
 import trimesh
 
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.hulls import make_hull
 
 _THICKNESS = 0.2
 """How far the ground reaches below the lowest floor [m]."""
@@ -231,9 +232,10 @@ def _extrude_line(line: np.ndarray, width: float) -> trimesh.Trimesh:
 
 def _extrude_convex(outline: np.ndarray, width: float) -> trimesh.Trimesh:
     """Draw a convex outline (x, z) over the width, as a closed solid."""
-    return trimesh.convex.convex_hull(
-        np.concatenate([_place(outline, -width / 2), _place(outline, width / 2)])
-    )
+    solid = make_hull(np.concatenate([_place(outline, -width / 2), _place(outline, width / 2)]))
+    if solid is None:
+        raise ArenaError(f"the course has a piece without a volume; check its sizes: {outline.tolist()}")
+    return solid
 
 
 def _clip_ears(polygon: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.hulls import make_hull
 
 MIN_VOLUME = 1e-6
 """Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
@@ -69,14 +70,10 @@ def decompose(
 
 def make_piece(points: np.ndarray) -> trimesh.Trimesh | None:
     """Return the convex hull of points, of at most 64 vertices; None where it is flat."""
-    try:
-        hull = trimesh.convex.convex_hull(points)
-        if len(hull.vertices) > MAX_HULL_VERTICES:
-            hull = trimesh.convex.convex_hull(_take_extremes(np.asarray(hull.vertices)))
-    except (ValueError, RuntimeError):  # qhull: all points in a plane
-        return None
-    is_usable = isinstance(hull, trimesh.Trimesh) and hull.is_watertight and hull.volume > MIN_VOLUME
-    return hull if is_usable else None
+    hull = make_hull(points)
+    if hull is not None and len(hull.vertices) > MAX_HULL_VERTICES:
+        hull = make_hull(_take_extremes(np.asarray(hull.vertices)))
+    return hull if hull is not None and hull.volume > MIN_VOLUME else None
 
 
 def _take_extremes(points: np.ndarray) -> np.ndarray:

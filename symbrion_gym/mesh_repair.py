@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from symbrion_gym.errors import ArenaError
 
-_MAX_FACES = 100_000
+_MAX_FACES = 30_000
 """Larger meshes are simplified first: planes need no more, and time is bounded."""
 _MIN_PART = 0.02
 """Loose parts below this share of the area are dropped."""
@@ -43,7 +43,7 @@ def repair_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Return a copy without useless parts, wound one way, open terrain with its normals up.
 
     Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts;
-    vertices at one place become one.
+    vertices at one place become one, but for those where two fans of faces only touch.
 
     Raises:
         ArenaError: nothing usable is left, or its size is not that of a place for robots.
@@ -63,8 +63,10 @@ def repair_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     if len(faces) > _MAX_FACES:
         vertices, faces = _simplify(vertices, faces, _MAX_FACES)
     faces = _wind(vertices, faces)
-    used, numbers = np.unique(faces, return_inverse=True)
-    return trimesh.Trimesh(vertices[used], numbers.reshape(-1, 3), process=False)
+    vertices, faces = _split_pinched(vertices, faces)
+    repaired = trimesh.Trimesh(vertices, faces, process=False)
+    # MuJoCo wants four vertices.
+    return repaired if len(vertices) >= 4 else repaired.subdivide()
 
 
 def _refuse_odd_sizes(points: np.ndarray) -> None:
@@ -115,6 +117,8 @@ def decimate(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.nd
     """Return about `count` faces by quadric decimation; the result may be wrecked: check it."""
     import fast_simplification
 
+    if count >= len(faces):
+        return vertices, faces
     arrays: Any = fast_simplification.simplify(
         np.ascontiguousarray(vertices, dtype=np.float32),  # pyright: ignore[reportArgumentType]
         np.ascontiguousarray(faces, dtype=np.int32),
@@ -139,6 +143,26 @@ def _simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.n
         )
         vertices, faces = before[0][first], group.ravel()[before[1]]
     return vertices, _drop_flat_faces(vertices, faces)
+
+
+def _split_pinched(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give every fan of faces a vertex of its own: faces belong together where two share an edge."""
+    corners = np.arange(faces.size).reshape(faces.shape)
+    starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    start_corners, end_corners = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    keys = np.stack([np.minimum(starts, ends), np.maximum(starts, ends)], axis=1)
+    _, edge, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(edge.ravel(), kind="stable")
+    first = order[(np.cumsum(count) - count)[count == 2]]
+    second = order[(np.cumsum(count) - count)[count == 2] + 1]
+    runs_back = starts[first] == ends[second]
+    partner = np.where(runs_back, end_corners[second], start_corners[second])
+    other = np.where(runs_back, start_corners[second], end_corners[second])
+    rows, columns = np.append(start_corners[first], end_corners[first]), np.append(partner, other)
+    links = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(faces.size, faces.size))
+    _, fan = connected_components(links, directed=False)
+    _, member = np.unique(fan, return_index=True)
+    return vertices[starts[member]], fan.reshape(faces.shape)
 
 
 def _spread_signs(

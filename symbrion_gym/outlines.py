@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
+
+from symbrion_gym.hulls import make_hull
 
 _MAX_CORNERS = 24
 """Corners of an outline: a prism on it keeps below 64 vertices."""
@@ -114,18 +117,14 @@ def cap_prism(
         return None
     try:
         corners = HalfspaceIntersection(halfspaces, inner).intersections
-        solid = trimesh.convex.convex_hull(np.unique(np.round(corners, 6), axis=0))
-    except (QhullError, ValueError):
+    except QhullError:
         return None
-    if not isinstance(solid, trimesh.Trimesh) or solid.volume < 1e-6:
-        return None
-    return solid
+    solid = make_hull(np.unique(np.round(corners, 6), axis=0))
+    return solid if solid is not None and solid.volume > 1e-6 else None
 
 
 def _find_inner_point(halfspaces: np.ndarray) -> np.ndarray | None:
     """The point farthest inside (centre of the largest ball), by linear programming."""
-    from scipy.optimize import linprog
-
     size = np.linalg.norm(halfspaces[:, :3], axis=1)
     result = linprog(
         [0.0, 0.0, 0.0, -1.0],

@@ -12,6 +12,7 @@ Differs: candidates are the flattest places in order, not random samples, so equ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -54,13 +55,19 @@ class Planes(NamedTuple):
         return np.column_stack([-self.normals[:, :2] / rise[:, None], self.offsets / rise])
 
 
-def find_planes(mesh: trimesh.Trimesh, tolerance: float, min_area: float | None = None) -> Planes:
+def find_planes(
+    mesh: trimesh.Trimesh,
+    tolerance: float,
+    min_area: float | None = None,
+    is_late: Callable[[], bool] = lambda: False,
+) -> Planes:
     """Find the planes that a mesh is made of.
 
     Args:
         mesh: consistently wound.
         tolerance: faces this close to a plane may be on it [m]; widened to three times the noise.
-        min_area: smallest area of a plane [m²]; six median faces, or 0.1 % of the whole, unless given.
+        min_area: smallest area of a plane [m²]; unless given, six median faces within 0.1 to 3 % of the whole.
+        is_late: asked now and then; once true, no more planes are looked for.
 
     Raises:
         ArenaError: the mesh has no face with an area.
@@ -70,23 +77,30 @@ def find_planes(mesh: trimesh.Trimesh, tolerance: float, min_area: float | None 
     noise = float(np.median(roughness))
     reach = max(tolerance, 3.0 * noise)
     if min_area is None:
-        min_area = max(6.0 * float(np.median(surface.areas)), 1e-3 * float(surface.areas.sum()))
+        total = float(surface.areas.sum())
+        min_area = min(max(6.0 * float(np.median(surface.areas)), 1e-3 * total), 0.03 * total)
     labels = np.full(len(surface.areas), -1)
     is_seed = np.ones(len(labels), dtype=bool)
     count = 0
     for seed in np.argsort(roughness, kind="stable"):
         if not is_seed[seed] or count >= _MAX_PLANES:
             continue
+        if is_late():
+            break
         members = surface.grow(seed, smooth_normals[seed], float(smooth_offsets[seed]), labels < 0, reach)
         is_seed[members] = False
         is_seed[seed] = False
         if surface.areas[members].sum() >= min_area:
             labels[members] = count
             count += 1
+    if not count:
+        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
     labels = surface.relabel(labels, count, reach)
     labels = surface.merge(labels, reach / 3.0, tolerance)
     labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
     labels = _number(labels)
+    if labels.max() < 0:
+        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
     normals, offsets = surface.fit_regions(labels, int(labels.max()) + 1)
     offsets = offsets + normals @ surface.origin
     return Planes(normals, offsets, labels, noise)
@@ -228,20 +242,28 @@ class _FaceSurface:
 
     def merge(self, labels: np.ndarray, noise: float, tolerance: float) -> np.ndarray:
         """Join neighbouring regions that one plane fits as well."""
-        while True:
-            best = None
-            for first, second in self._find_contacts(labels):
-                parts = np.flatnonzero((labels == first) | (labels == second))
-                normal, _, deviation = self.fit_faces(parts)
-                apart = [self.fit_faces(np.flatnonzero(labels == k)) for k in (first, second)]
-                limit = max(np.hypot(max(a[2] for a in apart), 0.3 * tolerance), 0.5 * noise)
-                tilt = min(float(normal @ a[0]) for a in apart)
-                if deviation < limit and tilt > 0.98 and (best is None or deviation / limit < best[0]):
-                    best = (deviation / limit, first, second)
-            if best is None:
+        count = int(labels.max()) + 1
+        sums = np.zeros((count, 4, 4))
+        np.add.at(sums, labels[labels >= 0], self.moments[labels >= 0])
+        contacts = self._find_contacts(labels)
+        into = np.arange(count)
+        while len(contacts):
+            normals, _, deviations = self.fit(sums)
+            first, second = contacts.T
+            joint, _, deviation = self.fit(sums[first] + sums[second])
+            apart = np.maximum(deviations[first], deviations[second])
+            limit = np.maximum(np.hypot(apart, 0.3 * tolerance), 0.5 * noise)
+            tilts = [np.abs(np.einsum("ci,ci->c", joint, normals[side])) for side in (first, second)]
+            ratio = np.where(np.minimum(*tilts) > 0.98, deviation / limit, np.inf)
+            best = int(np.argmin(ratio))
+            if ratio[best] >= 1.0:
                 break
-            labels = np.where(labels == best[2], best[1], labels)
-        return labels
+            kept, gone = contacts[best]
+            sums[kept] += sums[gone]
+            into[into == gone] = kept
+            contacts = np.sort(np.where(contacts == gone, kept, contacts), axis=1)
+            contacts = np.unique(contacts[contacts[:, 0] != contacts[:, 1]], axis=0)
+        return np.where(labels >= 0, into[labels], -1)
 
     def drop_chamfers(self, labels: np.ndarray, edge_length: float) -> np.ndarray:
         """Drop regions a triangle wide that bend sharply from what is around: edges that the mesh cut off."""

@@ -106,7 +106,7 @@ def make_ground(mesh: trimesh.Trimesh, planes: Planes, num_points: int = 30000) 
     rise = np.where(is_wall, 1.0, planes.normals[:, 2])
     levels = (planes.offsets - points @ planes.normals[:, :2].T) / rise
     levels[:, is_wall] = np.inf
-    is_ground = (labels >= 0) & ~is_wall[labels]
+    is_ground = (labels >= 0) & ~np.append(is_wall, True)[labels]
     heights = np.where(is_ground, levels[np.arange(len(labels)), labels], heights)
     weights = np.where(is_ground, 1.0, 0.0)
     return Ground(points, heights, levels, np.where(is_ground, labels, -1), weights, spacing)

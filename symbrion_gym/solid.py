@@ -6,6 +6,8 @@ from typing import Literal
 
 import numpy as np
 import trimesh
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym.elevation import Elevation
 from symbrion_gym.mesh_repair import decimate
@@ -13,7 +15,7 @@ from symbrion_gym.mesh_repair import decimate
 Shape = Literal["terrain", "overhang", "closed"]
 
 _MAX_OVERHANG = 0.03
-"""Share of the area that may look down, or lie beneath other ground, in a terrain: folds of a noisy map."""
+"""Share of the area that may lie beneath other ground in a terrain: folds of a noisy map."""
 
 
 def find_shape(mesh: trimesh.Trimesh) -> Shape:
@@ -22,9 +24,10 @@ def find_shape(mesh: trimesh.Trimesh) -> Shape:
     A closed body that is a terrain with a flat underside counts as terrain.
     """
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
-    looks_down = float(areas[rises < -0.2].sum() / areas.sum())
+    if float(areas @ np.abs(rises)) < 0.05 * float(areas.sum()):
+        return "overhang"  # nothing but walls: there is no ground to follow
     if not mesh.is_watertight:
-        return "terrain" if min(looks_down, _measure_hidden(mesh)) <= _MAX_OVERHANG else "overhang"
+        return "terrain" if _measure_hidden(mesh) <= _MAX_OVERHANG else "overhang"
     return "terrain" if _is_block(mesh) else "closed"
 
 
@@ -63,6 +66,31 @@ def simplify_solid(solid: trimesh.Trimesh, num_faces: int = 400) -> trimesh.Trim
     return simple if is_sound else solid
 
 
+def close_holes(mesh: trimesh.Trimesh, max_rim: float = 0.5) -> trimesh.Trimesh:
+    """Return the mesh with a fan in every hole, if the rims are short against the size of the mesh.
+
+    Args:
+        mesh: a body with holes where it was not seen.
+        max_rim: length of all rims, relative to the root of the area.
+    """
+    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, first, number = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    rim = edges[first[number == 1]]
+    length = np.linalg.norm(mesh.vertices[rim[:, 0]] - mesh.vertices[rim[:, 1]], axis=1).sum()
+    if not len(rim) or length > max_rim * np.sqrt(mesh.area):
+        return mesh
+    count = len(mesh.vertices)
+    links = csr_matrix((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(count, count))
+    _, loop = connected_components(links, directed=False)
+    loops, number = np.unique(loop[rim[:, 0]], return_inverse=True)
+    middles = np.zeros((len(loops), 3))
+    np.add.at(middles, number, mesh.vertices[rim[:, 0]])
+    middles /= np.bincount(number)[:, None]
+    fans = np.column_stack([rim[:, 1], rim[:, 0], count + number])
+    vertices, faces = np.concatenate([mesh.vertices, middles]), np.concatenate([mesh.faces, fans])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
 def _stitch(mesh: trimesh.Trimesh, other_side: np.ndarray) -> trimesh.Trimesh:
     count = len(mesh.vertices)
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -75,10 +103,10 @@ def _stitch(mesh: trimesh.Trimesh, other_side: np.ndarray) -> trimesh.Trimesh:
 
 
 def _measure_hidden(mesh: trimesh.Trimesh) -> float:
-    """Share of the area that is ground with something else more than 1 % of the extent above it."""
+    """Share of the area that has something else more than 1 % of the extent above it; walls do not count."""
     areas, centers = mesh.area_faces, mesh.triangles_center
     above = Elevation(mesh).height(centers[:, 0], centers[:, 1]) - centers[:, 2]
-    is_hidden = (mesh.face_normals[:, 2] > 0.3) & (above > 0.01 * float(mesh.extents.max()))
+    is_hidden = (np.abs(mesh.face_normals[:, 2]) > 0.3) & (above > 0.01 * float(mesh.extents.max()))
     return float(areas[is_hidden].sum() / areas.sum())
 
 

@@ -1,0 +1,21 @@
+"""Convex hulls of points as solids."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+
+def make_hull(points: np.ndarray) -> trimesh.Trimesh | None:
+    """Return the convex hull of points `[N, 3]`, faces outwards; None where they lie in a plane."""
+    try:
+        hull = ConvexHull(np.asarray(points, dtype=np.float64))
+    except (QhullError, ValueError):
+        return None
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    is_inwards = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0
+    faces = np.where(is_inwards[:, None], hull.simplices[:, ::-1], hull.simplices)
+    used, numbers = np.unique(faces, return_inverse=True)
+    return trimesh.Trimesh(hull.points[used], numbers.reshape(-1, 3), process=False)
