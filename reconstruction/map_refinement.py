@@ -18,6 +18,8 @@ RINGS = 2
 """So many rings of units round a contradicted one learn anew with it."""
 WIDEST_CELL = 0.5
 """Cells are halved above this root mean square radius, in mean edges; regular ones have 0.37."""
+CLOSEST = 0.5
+"""Of two new units nearer to one another than this, in mean edges, one goes: both came from what is gone."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 FEWEST = 16
@@ -79,6 +81,8 @@ def refine_map(
     grown = _grow_locally(about[is_active[winners]], units[is_active & ~is_refuted], edge, rng)
     num_kept = len(units) - int(is_active.sum())
     merged = np.concatenate([units[~is_active], grown])
+    crowded = cKDTree(merged).query_pairs(CLOSEST * edge, output_type="ndarray").max(axis=1, initial=-1)
+    merged = np.delete(merged, crowded[crowded >= num_kept], axis=0)
     place = np.cumsum(~is_active) - 1
     kept_faces = place[faces[~is_active[faces].any(axis=1)]]
     near = about[is_near[winners]]
