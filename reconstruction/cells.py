@@ -12,7 +12,6 @@ _NEIGHBORS = 12
 """Points a cell of the histogram should hold, in the middle."""
 _SAMPLE = 40_000
 _SEARCH_STEPS = 24
-_TABLE = 2**22
 _PRIMES = np.array([73856093, 19349663, 83492791])
 
 
@@ -111,16 +110,17 @@ def _find_cell(points: Array) -> float:
 def _count_in_cells(points: Array, cell: float, shifts: tuple[float, ...] = (0.0, 0.5)) -> NDArray[np.int64]:
     """Count the points in the cell of every point, the most of all shifts.
 
-    Cells share a table of 2^22 counters (Teschner et al. 2003, spatial hashing): now and then two cells are counted
-    as one, and a stray point is spared.
+    Cells share a table of 16 counters a point, 4 million at most (Teschner et al. 2003, spatial hashing): now and
+    then two cells are counted as one, and a stray point is spared.
     """
     counts = np.zeros(len(points), np.int64)
+    table = 1 << int(np.clip((16 * len(points)).bit_length(), 12, 22))
     scaled = (points - points.min(axis=0)) / cell
     for shift in shifts:
         place = (scaled + shift).astype(np.int64)
         place *= _PRIMES
-        hashed = (place[:, 0] ^ place[:, 1] ^ place[:, 2]) & (_TABLE - 1)
-        np.maximum(counts, np.bincount(hashed, minlength=_TABLE)[hashed], out=counts)
+        hashed = (place[:, 0] ^ place[:, 1] ^ place[:, 2]) & (table - 1)
+        np.maximum(counts, np.bincount(hashed, minlength=table)[hashed], out=counts)
     return counts
 
 
