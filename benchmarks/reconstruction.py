@@ -1,8 +1,8 @@
 """Both networks on clouds of every kind: time, distances, soundness; beside the authors' own program.
 
 Run as `python -m benchmarks.reconstruction [--quick] [--c-reference PATH]`, PATH being the binary
-`gnn-gsrm` of danfis/gnn built outside this repository. Distances in millimetres (in micrometres for clouds below
-a metre), times in seconds, medians of five runs with different seeds after one that is not counted.
+`gnn-gsrm` of danfis/gnn built outside this repository. Distances in millimetres (micrometres for clouds below a
+metre), times in seconds, medians of five runs with different seeds after one that is not counted.
 """
 
 import argparse

@@ -52,14 +52,19 @@ def weigh_evidence(
         spacing: mean distance between neighbouring vertices.
     """
     probes = old_points[:: max(1, len(old_points) // NUM_PROBES)]
-    squared, _, _ = igl.point_mesh_squared_distance(
-        np.concatenate([new_points, probes]), np.ascontiguousarray(vertices), faces.astype(np.int64)
-    )
+    asked = np.concatenate([new_points, probes])
+    found = igl.point_mesh_squared_distance(asked, np.ascontiguousarray(vertices), faces.astype(np.int64))
+    squared, nearest, closest = (np.asarray(part) for part in found)
     distance = np.sqrt(np.maximum(squared, 0))
+    corners = vertices[faces[nearest[: len(new_points)]]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    height = np.abs(((new_points - closest[: len(new_points)]) * normal).sum(axis=1))
     usual = float(np.mean(distance[len(new_points) :]))
     distance, tolerance = distance[: len(new_points)], TOLERANCE * usual
     tree = KDTree(vertices)
-    disagreeing = new_points[distance > tolerance]
+    # Readings just beyond the rim of a surface say nothing against it.
+    disagreeing = new_points[(height > tolerance) | (distance > spacing)]
     is_moved = np.zeros(len(vertices), dtype=bool)
     if len(disagreeing) >= MIN_READINGS:
         is_moved = _find_moved(tree, vertices, new_points, disagreeing, spacing)

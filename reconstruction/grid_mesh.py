@@ -35,7 +35,7 @@ def cell_normals(units: np.ndarray) -> np.ndarray:
     return total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-30)
 
 
-def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: int = 10) -> np.ndarray:
+def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: int = 6) -> np.ndarray:
     """Move interior units whose cells turn over to the mean of their four neighbours, until none does.
 
     Args:

@@ -19,6 +19,8 @@ STRETCH = 1.6
 """A gap gets lines where its active edges are longer than this many times the usual edge."""
 NUM_ROUNDS = 8
 NUM_RELAXATIONS = 200
+MIN_EDGES = 2
+"""So many long edges make a gap that gets a line."""
 MAX_LINES = 64
 """Lines that one gap may get in a round."""
 
@@ -130,8 +132,7 @@ def _relearn(sheet: Sheet, tiles: Tiles) -> Sheet:
 
 def _insert_where_stretched(sheet: Sheet, counts: np.ndarray) -> Sheet:
     """Give the gaps whose active edges are longest, and too long, as many lines as they need."""
-    is_open = sheet.is_active & (counts > 0)
-    stretch = [_measure_stretch(sheet.units, is_open, axis) for axis in (0, 1)]
+    stretch = [_measure_stretch(sheet.units, sheet.is_active, counts > 0, axis) for axis in (0, 1)]
     axis = int(stretch[1].max(initial=0) > stretch[0].max(initial=0))
     longest = stretch[axis].max(initial=0)
     if longest < STRETCH:
@@ -152,11 +153,15 @@ def _insert_where_stretched(sheet: Sheet, counts: np.ndarray) -> Sheet:
     return Sheet(*(array.swapaxes(0, axis) for array in grown))
 
 
-def _measure_stretch(units: np.ndarray, is_open: np.ndarray, axis: int) -> np.ndarray:
-    """Return the mean length of the edges across every gap, of those that are open at both ends."""
-    length = np.linalg.norm(np.diff(units, axis=axis), axis=2)
-    both = np.logical_and(*(is_open[:-1], is_open[1:]) if axis == 0 else (is_open[:, :-1], is_open[:, 1:]))
-    return np.where(both, length, 0).sum(axis=1 - axis) / np.maximum(both.sum(axis=1 - axis), 1)
+def _measure_stretch(
+    units: np.ndarray, is_active: np.ndarray, has_samples: np.ndarray, axis: int
+) -> np.ndarray:
+    """Return the median length of the edges across every gap, of those between samples that may move."""
+    units, is_active, has_samples = (array.swapaxes(0, axis) for array in (units, is_active, has_samples))
+    length = np.linalg.norm(np.diff(units, axis=0), axis=2)
+    is_open = (is_active[:-1] | is_active[1:]) & has_samples[:-1] & has_samples[1:]
+    median = np.ma.median(np.ma.masked_array(length, ~is_open), axis=1)
+    return np.where(is_open.sum(axis=1) >= MIN_EDGES, np.ma.filled(median, 0.0), 0.0)
 
 
 def _find_supported(sheet: Sheet, points: np.ndarray, spacing: float) -> np.ndarray:
@@ -166,7 +171,7 @@ def _find_supported(sheet: Sheet, points: np.ndarray, spacing: float) -> np.ndar
     if len(points):
         distance, winner = KDTree(flat).query(points)
         counts = np.bincount(np.asarray(winner)[np.asarray(distance) < 2 * spacing], minlength=len(flat))
-    has_samples = binary_dilation(counts.reshape(sheet.is_active.shape) > 0, SQUARE)
+    has_samples = binary_dilation(counts.reshape(sheet.is_active.shape) > 0, SQUARE, iterations=2)
     is_sound = has_samples | sheet.is_kept
     cells = is_sound[:-1, :-1] & is_sound[1:, :-1] & is_sound[1:, 1:] & is_sound[:-1, 1:]
     untouched = ~sheet.is_active & sheet.is_kept

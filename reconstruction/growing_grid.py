@@ -43,6 +43,8 @@ from reconstruction.winners import MAX_CANDIDATES, Tiles, make_tiles
 
 MAX_FIT_SAMPLES = 200
 """Samples for each unit that the final fit uses."""
+MAX_REFINE_ITERATIONS = 4
+"""Iterations of the fit of a part that learns on: it has less far to go."""
 FIRST_ITERATIONS = 10
 """Batch steps a round while the grid is small: it settles its direction then."""
 
@@ -246,7 +248,7 @@ def refine(
         state.has_face,
         points,
         new_points,
-        config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0]),
+        config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0])[:MAX_REFINE_ITERATIONS],
         config.stiffness,
         np.random.default_rng(seed),
     )

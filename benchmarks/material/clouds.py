@@ -75,7 +75,8 @@ def make_sphere(seed: int = 4) -> Cloud:
 
 def make_torus(seed: int = 5) -> Cloud:
     """A ring a millimetre thick, without noise."""
-    ring = trimesh.creation.torus(0.002, 0.0005, major_sections=96, minor_sections=48)
+    ring = trimesh.creation.torus(2.0, 0.5, major_sections=96, minor_sections=48)
+    ring.apply_scale(0.001)
     return _draw(ring, 40_000, 0.0, seed, is_sheet=False, euler_number=0, loops=0)
 
 
