@@ -155,17 +155,13 @@ def _learn_surface(
 def _fit(
     units: np.ndarray, faces: np.ndarray, samples: np.ndarray, winners: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
-    """Fit the mesh to the samples, to few of them first: creases need iterations, accuracy needs samples.
+    """Fit the mesh to the samples; where there are many, to few of them first.
 
-    Below 20 samples a unit a third iteration would fit the noise.
+    Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit
+    the noise.
     """
     per_unit = len(samples) / len(units)
-    if per_unit >= 40:
-        schedule = ((3, per_unit / 24), (1, 1))
-    elif per_unit >= 20:
-        schedule = ((1, per_unit / 12), (2, 1))
-    else:
-        schedule = ((2, 1),)
+    schedule = ((3, per_unit / 24), (1, 1)) if per_unit >= 40 else ((2, 1),)
     for iterations, stride in schedule:
         chosen = slice(None, None, int(stride))
         units = fit_surface(
