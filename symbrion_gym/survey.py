@@ -61,6 +61,16 @@ class SurveyRobot:
     turn_drift: float = 0.02
     step_noise: float = 0.005
 
+    def __post_init__(self) -> None:
+        for name in ("speed", "turn_rate", "scan_rate", "mast", "low_height"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ArenaError(f"SurveyRobot: {name} must be above 0, got {getattr(self, name)}")
+        for name in ("rest", "shake", "distance_drift", "turn_drift", "step_noise"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ArenaError(f"SurveyRobot: {name} must be 0 or more, got {getattr(self, name)}")
+        if not 0 <= self.shake_memory < 1:
+            raise ArenaError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
+
     @property
     def vertical_mount(self) -> np.ndarray:
         """Pose of the vertical scanner in the robot, `[4, 4]`; its plane is the robot's y-z plane."""
@@ -101,7 +111,9 @@ def survey(
         progress: called with what is being done.
 
     Returns:
-        Poses come from localisation. `truth` holds the true poses and mixed beams, for judging; `report` the
+        Poses come from localisation: x, y and yaw of the robot's foot. Levelling finds its lean in the plane of each
+        scan; its pitch, across that plane, is seen by neither scanner, stays, and moves a point by its height above
+        the ground times the pitch. `truth` holds the true poses and mixed beams, for judging; `report` the
         localisation's errors against them.
 
     Raises:

@@ -148,6 +148,14 @@ def test_impossible_scanners_are_refused(change):
         LaserScanner(**change)
 
 
+@pytest.mark.parametrize(
+    "change", [{"speed": 0}, {"mast": -1}, {"shake": -1}, {"shake_memory": 1}, {"rest": np.nan}]
+)
+def test_impossible_robots_are_refused(change):
+    with pytest.raises(ArenaError, match=next(iter(change))):
+        SurveyRobot(**change)
+
+
 def test_an_edge_gives_mixed_readings_between_its_surfaces():
     def cast(origin, directions):
         return np.where(directions[:, 1] > 0.001, 2.0, 3.0) / directions[:, 0]
