@@ -46,6 +46,7 @@ def run(
             print(f"{name} ({time.perf_counter() - start:.0f} s)")
             for key, value in results[name].items():
                 print(f"  {key:32s} {value}")
+            results = {**_load_last(), name: results[name]}
             write_results("environment", results)
     return results
 

@@ -174,6 +174,6 @@ def _find_bad_end(
         faults.append("a module does not end upright")
     lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
     above = lowest[..., 2] - height(lowest[..., 0], lowest[..., 1])
-    if not np.nanmax(above) < _CLEARANCE:
+    if not np.max(above) < _CLEARANCE:
         faults.append("a module does not end on the ground")
     return faults

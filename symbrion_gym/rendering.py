@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+import os
+import sys
 from typing import Any
 
 import mujoco
@@ -11,6 +14,7 @@ from symbrion_gym.arena_spec import SURFACE_GROUP
 from symbrion_gym.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
+log = logging.getLogger(__name__)
 _LAG = 0.5
 """Time after which the camera has gone two thirds of the way to the body [s]."""
 
@@ -78,6 +82,7 @@ class Pictures:
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None
         self._time = 0.0
+        self._has_complained = False
 
     def follow(self, position: np.ndarray, at_once: bool = False) -> None:
         """Move the camera towards the middle of the modules, `[n, 3]`."""
@@ -108,6 +113,11 @@ class Pictures:
         return tuple(images) if mode == "rgbd_tuple" else images[0]
 
     def _draw_window(self) -> None:
+        if not _has_display():
+            if not self._has_complained:
+                log.warning("no display: the window is left out; render_mode='rgb_array' works without one")
+            self._has_complained = True
+            return
         if self._window is None:
             from mujoco import viewer
 
@@ -130,3 +140,10 @@ class Pictures:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def _has_display() -> bool:
+    """Return whether a window can be opened here."""
+    return not sys.platform.startswith("linux") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )

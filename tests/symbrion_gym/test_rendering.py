@@ -82,3 +82,13 @@ def test_without_a_mode_nothing_is_drawn():
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.render() is None
+
+
+def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
+    monkeypatch.setattr("symbrion_gym.rendering._has_display", lambda: False)
+    env = SnakePitEnv(modules=2, render_mode="human")
+    env.reset(seed=0)
+    env.step(np.zeros(1))
+    assert env.render() is None
+    assert caplog.text.count("no display") == 1
+    env.close()
