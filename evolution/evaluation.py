@@ -35,19 +35,23 @@ class Randomisation:
         torque_scale: strength of the hinges relative to the nominal one.
         start_offset: along the course [m].
         yaw: heading at the start [rad].
+        stretch: how much longer the arena may really be than the scan says; the trials take turns.
     """
 
     friction: Range = (0.55, 0.9)
     torque_scale: Range = (0.9, 1.1)
     start_offset: Range = (-0.05, 0.05)
     yaw: Range = (-0.0873, 0.0873)
+    stretch: tuple[float, ...] = (0.975, 1.0, 1.025)
 
     def draw(self, seed: Sequence[int], count: int) -> dict[str, np.ndarray]:
         """Return `[count]` values of each condition; equal seeds give equal values."""
         generator = np.random.default_rng(list(seed))
         ranges = (("friction", self.friction), ("torque_scale", self.torque_scale))
         ranges += (("start_offset", self.start_offset), ("yaw", self.yaw))
-        return {name: _spread(generator, limits, count) for name, limits in ranges}
+        conditions = {name: _spread(generator, limits, count) for name, limits in ranges}
+        turns = np.resize(generator.permutation(len(self.stretch)), count)
+        return conditions | {"stretch": np.asarray(self.stretch, dtype=float)[turns]}
 
 
 def _spread(generator: np.random.Generator, limits: Range, count: int) -> np.ndarray:

@@ -12,6 +12,9 @@ from evolution.rollout import make_environment_options
 from evolution.validation import Champion
 from symbrion_gym.snake_pit import SnakePitEnv
 
+AS_IT_IS = Randomisation(stretch=(1.0,))
+"""Conditions of a judgement: the arena is not in doubt."""
+
 log = logging.getLogger(__name__)
 
 
@@ -45,7 +48,7 @@ def judge(
     seed: int = 0,
     *,
     start: str = "floor",
-    randomisation: Randomisation | None = None,
+    randomisation: Randomisation = AS_IT_IS,
     workers: int = 1,
 ) -> Outcome:
     """Put a champion to randomised trials: start, yaw, friction and torque.
@@ -56,7 +59,7 @@ def judge(
         trials: how many.
         seed: of the conditions.
         start: "floor" or "pit".
-        randomisation: ranges of the conditions.
+        randomisation: ranges of the conditions; the arena is as it is, unless they say otherwise.
         workers: threads.
 
     Returns:
@@ -69,7 +72,7 @@ def judge(
         start=start,
         count=trials,
         seed=(seed, _JUDGE),
-        randomisation=randomisation or Randomisation(),
+        randomisation=randomisation,
         environment=champion.environment,
     )
     backend = make_backend("batch", workers)

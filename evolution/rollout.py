@@ -20,7 +20,7 @@ STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
 LANES = (8, 16, 32)
-_KEPT = 6
+_KEPT = 12
 
 _environments: OrderedDict[Any, SnakePitVectorEnv] = OrderedDict()
 
@@ -32,6 +32,7 @@ class Trial(NamedTuple):
         job: index of the job it belongs to.
         number: of the trial in its job.
         genotype: `[G]`.
+        stretch: of the arena.
         conditions: reset options.
         seed: of the environment's own noise.
     """
@@ -39,6 +40,7 @@ class Trial(NamedTuple):
     job: int
     number: int
     genotype: np.ndarray
+    stretch: float
     conditions: dict[str, float]
     seed: int
 
@@ -63,14 +65,14 @@ def simulate(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     Raises:
         RunError: the environment cannot be made.
     """
-    groups: dict[Any, list[int]] = defaultdict(list)
+    groups: dict[Any, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
-        groups[find_environment_key(job.trials)].append(index)
+        for trial in split_job(index, job):
+            groups[find_environment_key(job.trials), trial.stretch].append(trial)
     endings: dict[tuple[int, int], Ending] = {}
-    for indices in groups.values():
-        trials = [trial for index in indices for trial in split_job(index, jobs[index])]
-        first = jobs[indices[0]].trials
-        environment = _find_environment(first, len(trials), threads)
+    for trials in groups.values():
+        first = jobs[trials[0].job].trials
+        environment = _find_environment(first, trials[0].stretch, len(trials), threads)
         endings |= _run_lanes(environment, make_controller(first.controller, first.modules), trials)
     return [
         _summarise([endings[index, number] for number in range(job.trials.count)])
@@ -84,21 +86,23 @@ def find_environment_key(trials: Trials) -> Any:
     return arena, trials.modules, trials.controller, trials.start, trials.environment
 
 
-def make_environment_options(trials: Trials) -> dict[str, Any]:
+def make_environment_options(trials: Trials, stretch: float = 1.0) -> dict[str, Any]:
     """Return the options of the environment in which trials take place."""
-    options = {"sensors": SENSORS, "stuck_time": STUCK_TIME} | dict(trials.environment)
+    options = {"sensors": SENSORS, "stuck_time": STUCK_TIME, "stretch": stretch} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
     """Return the trials of a job, their conditions drawn from its seed."""
     drawn = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
+    stretches = drawn.pop("stretch")
     seeds = np.random.SeedSequence(list(job.trials.seed)).generate_state(job.trials.count)
     return [
         Trial(
             job=index,
             number=number,
             genotype=job.genotype,
+            stretch=float(stretches[number]),
             conditions={name: float(values[number]) for name, values in drawn.items()},
             seed=int(seeds[number]),
         )
@@ -106,10 +110,10 @@ def split_job(index: int, job: Job) -> list[Trial]:
     ]
 
 
-def _find_environment(trials: Trials, num_trials: int, threads: int) -> SnakePitVectorEnv:
+def _find_environment(trials: Trials, stretch: float, num_trials: int, threads: int) -> SnakePitVectorEnv:
     """Return an environment with enough lanes, compiled anew or kept from before."""
     lanes = next((size for size in LANES if size >= num_trials), LANES[-1])
-    key = (find_environment_key(trials), lanes, threads)
+    key = (find_environment_key(trials), stretch, lanes, threads)
     if key not in _environments:
         while len(_environments) >= _KEPT:
             _environments.popitem(last=False)[1].close()
@@ -118,7 +122,7 @@ def _find_environment(trials: Trials, num_trials: int, threads: int) -> SnakePit
                 num_envs=lanes,
                 num_threads=threads,
                 autoreset_mode=AutoresetMode.DISABLED,
-                **make_environment_options(trials),
+                **make_environment_options(trials, stretch),
             )
         except (ValueError, TypeError) as error:  # no genotype is to blame
             raise RunError(f"the environment cannot be made: {error}") from error

@@ -43,6 +43,7 @@ class SnakePitConfig:
     arena: Any = "truth"
     modules: Any = 8
     pit: float | None = None
+    stretch: float = 1.0
     friction: float | None = None
     track_speed: float = 0.10
     hinge_torque: float = 4.5
@@ -66,7 +67,7 @@ class SnakePitConfig:
     def __post_init__(self) -> None:
         for name in ("track_speed", "noise", "forward_weight", "success_bonus", "effort_weight"):
             _check(self, name, 0.0, True)
-        for name in ("hinge_torque", "timestep", "duration", "stuck_time"):
+        for name in ("stretch", "hinge_torque", "timestep", "duration", "stuck_time"):
             _check(self, name, 0.0, False)
         for name in ("pit", "friction"):
             if getattr(self, name) is not None:

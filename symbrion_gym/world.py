@@ -11,6 +11,7 @@ import numpy as np
 
 from symbrion_gym.arena import Arena, load_arena
 from symbrion_gym.arena_spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
+from symbrion_gym.arena_stretch import stretch_arena
 from symbrion_gym.config import SnakePitConfig
 from symbrion_gym.course import Course
 from symbrion_gym.errors import ArenaError, OrganismError
@@ -231,6 +232,10 @@ def find_arena(config: SnakePitConfig) -> Arena:
     Raises:
         ArenaError: there is no such arena, or its pit cannot be resized.
     """
+    return stretch_arena(_find_arena(config), config.stretch)
+
+
+def _find_arena(config: SnakePitConfig) -> Arena:
     arena = config.arena
     if isinstance(arena, Arena):
         if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
