@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from benchmarks.arena_behaviour import compare, draw_sled, time_steps
+from benchmarks.arena_behaviour import compare, compare_sleds, time_steps
 from benchmarks.report import write_results
 from reconstruction.formats import load_points
 from reconstruction.reconstruct import reconstruct
@@ -64,10 +64,8 @@ def run(quick: bool = False) -> dict:
         "steps_us": time_steps({"boxes": Arena.from_course(course), **arenas, **kinds}, 300),
     }
     print(results["steps_us"])
-    results["sled"] = {
-        name: draw_sled(arena) for name, arena in {"truth": Arena.from_course(course), **arenas}.items()
-    }
-    print(results["sled"])
+    results["sled"] = compare_sleds(Arena.from_course(course), arenas)
+    print_table(results["sled"])
     results["behaviour"] = measure_behaviour(quick)
     print_table(results["behaviour"])
     write_results("arena", results)

@@ -73,7 +73,7 @@ def fit_slabs(
     patches = [_refit(ground, patch) for patch in patches]
     closed: set[int] = set()
     while len(patches) < max_pieces and not is_late():
-        if sum(patch.error for patch in patches) < accuracy * len(ground):
+        if sum(patch.error for patch in patches) < 0.5 * accuracy * len(ground):
             break
         candidates = [i for i in range(len(patches)) if id(patches[i]) not in closed]
         if not candidates:
