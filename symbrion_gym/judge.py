@@ -19,7 +19,7 @@ UPRIGHT = 0.5
 """Smallest z component of the up axis of an upright module."""
 ROLLED_OVER = -0.3
 """Below this z component of its up axis a module has rolled over."""
-GROUND_BAND = (0.02, 0.085)
+GROUND_BAND = (0.02, 0.075)
 """Height of a module's centre above the ground that counts as standing on it [m]."""
 SPEED_SLACK = 0.05
 """What a body may be ahead of its tracks' path, for falling forwards [m]."""
