@@ -31,7 +31,9 @@ class ChampionPolicy:
         self._structure = structure
         missing = [name for name in SENSORS if name not in structure]
         if missing:
-            raise RunError(f"the observation lacks {', '.join(missing)}; make the environment with these sensors")
+            raise RunError(
+                f"the observation lacks {', '.join(missing)}; make the environment with these sensors"
+            )
         pitch = structure["pitch"]
         if pitch.stop - pitch.start != self.champion.modules:
             raise RunError(

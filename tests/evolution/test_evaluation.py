@@ -59,7 +59,9 @@ def test_conditions_are_equal_for_equal_seeds_spread_and_within_their_ranges():
 
 def test_fitness_is_progress_success_effort_and_body():
     outcome = Outcome(progress=1.2, effort=0.5, succeeded=(True, False))
-    assert Scoring(success=2.0, effort=0.1, module=0.01).score(outcome, 8) == pytest.approx(1.2 + 1.0 - 0.05 - 0.08)
+    assert Scoring(success=2.0, effort=0.1, module=0.01).score(outcome, 8) == pytest.approx(
+        1.2 + 1.0 - 0.05 - 0.08
+    )
 
 
 def test_evaluate_returns_one_fitness_and_outcome_each():
