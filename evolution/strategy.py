@@ -15,7 +15,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import cma
 import numpy as np
 
 LARGEST_DOUBLING = 4
@@ -70,6 +69,8 @@ class Strategy:
         self._noise = None
         self._begin(np.asarray(space.initial))
         if handle_noise:
+            import cma  # takes a second: worker processes do without
+
             self._noise = cma.NoiseHandler(len(space.names), maxevals=[1, 1, 8], parallel=True)
 
     @property
@@ -143,6 +144,8 @@ class Strategy:
             "verb_log": 0,
             "verb_disp": 0,
         }
+        import cma
+
         self._strategy = cma.CMAEvolutionStrategy(start, self._first_sigma, options)
 
     @contextmanager

@@ -6,7 +6,6 @@ import io
 import struct
 
 import numpy as np
-from pypcd4.pypcd4 import PointCloud
 
 from reconstruction.errors import ScanError
 from reconstruction.scan import Array
@@ -14,6 +13,8 @@ from reconstruction.scan import Array
 
 def read_pcd(data: bytes) -> Array:
     """Read x, y, z; the header is checked against the data before anything is allocated."""
+    from pypcd4.pypcd4 import PointCloud  # slow to import, and rarely needed
+
     header, body = _split(data)
     count, row = _check_header(header, body)
     if header["DATA"][0] == "ascii":
