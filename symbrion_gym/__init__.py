@@ -6,9 +6,10 @@ Importing this package registers the environments `symbrion_gym/SnakePit-v0` and
 import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)
 
 from symbrion_gym.arena import NAMED_ARENAS, Arena, load_arena, make_arena
+from symbrion_gym.audit import Audit, Trajectory, audit
 from symbrion_gym.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OrganismError
-from symbrion_gym.organism import Organism, snake
+from symbrion_gym.organism import Docking, Organism, cross, letter_h, snake
 from symbrion_gym.rangefinder import RangeFinder
 from symbrion_gym.registration import register
 from symbrion_gym.scout import ScoutConfig, make_scout
@@ -23,7 +24,9 @@ __all__ = [
     "NAMED_ARENAS",
     "Arena",
     "ArenaError",
+    "Audit",
     "Course",
+    "Docking",
     "Organism",
     "OrganismError",
     "RangeFinder",
@@ -32,6 +35,10 @@ __all__ = [
     "SnakePitVectorEnv",
     "StairsCourse",
     "Timing",
+    "Trajectory",
+    "audit",
+    "cross",
+    "letter_h",
     "load_arena",
     "make_arena",
     "make_scout",
