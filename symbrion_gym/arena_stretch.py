@@ -22,7 +22,9 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         return arena
     course, heights = arena.course, arena.height_field
     if course is not None:
-        names = ("pit", "floor", "ramp", "plateau") if isinstance(course, Course) else ("run", "floor", "plateau")
+        names = (
+            ("pit", "floor", "ramp", "plateau") if isinstance(course, Course) else ("run", "floor", "plateau")
+        )
         course = replace(course, **{name: factor * getattr(course, name) for name in names})
     if heights is not None:
         along = np.array([factor, 1.0])
