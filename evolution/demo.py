@@ -51,7 +51,7 @@ class DemoConfig:
     modules: int = 8
     gsrm_units: int = 2200
     gg_units: int = 7000
-    generations: int = 60
+    generations: int = 24
     workers: int = os.cpu_count() or 1
 
 
