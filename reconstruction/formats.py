@@ -7,7 +7,6 @@ import gzip
 import io
 import logging
 import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from reconstruction.errors import ScanError
 from reconstruction.pcd import read_pcd
 from reconstruction.scan import Array
 from reconstruction.text_points import read_obj, read_text, read_vtk
+from reconstruction.whole_file import write_whole
 
 _LOG = logging.getLogger(__name__)
 
@@ -94,9 +94,8 @@ def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
         raise ScanError(f"{path}: cannot write {path.suffix!r}; there are: {' '.join(_WRITERS)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=path.suffix, delete=False) as file:
+        with write_whole(path) as beside, beside.open("wb") as file:
             _WRITERS[path.suffix](file, points)
-        os.replace(file.name, path)
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error
     return path

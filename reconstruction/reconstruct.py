@@ -19,6 +19,7 @@ from reconstruction.orientation import orient_outwards
 from reconstruction.point_check import check_number, check_points
 from reconstruction.progress import Progress, silent
 from reconstruction.quality import Quality, measure_quality
+from reconstruction.whole_file import write_whole
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -128,13 +129,8 @@ class Reconstruction:
         arrays["points"] = self.points
         if self.viewpoint is not None:
             arrays["viewpoint"] = self.viewpoint
-        beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with beside.open("wb") as file:
-                np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
-            os.replace(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
+        with write_whole(path) as beside, beside.open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "Reconstruction":

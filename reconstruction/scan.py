@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import ScanError
+from reconstruction.whole_file import write_whole
 
 Array = NDArray[np.float64]
 _POSE_TOLERANCE = 1e-6
@@ -219,9 +219,8 @@ def write_npz(path: str | os.PathLike[str], arrays: dict[str, ArrayLike]) -> Pat
         raise ScanError(f"{path}: a scan log is written as .npz, not {path.suffix or 'without a suffix'}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        os.replace(file.name, path)
+        with write_whole(path) as beside:
+            np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error
     return path

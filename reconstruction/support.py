@@ -31,7 +31,7 @@ class Support:
             spacings: distance between samples round each of the tree's.
         """
         self._tree = tree
-        self._spacings = spacings
+        self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
 
     def measure_void(self, corners: np.ndarray) -> np.ndarray:
         """Return how much of each face `[F, 3, 3]` is far from all samples, in squared spacings: `[F]`."""

@@ -23,7 +23,7 @@ class Demo(Command):
     """Everything goes here; report.html is the page to open. An earlier demo there is replaced."""
     modules: int = 8
     """Modules in the snake."""
-    generations: int = 24
+    generations: int = 12
     """Generations of the evolution, at most."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""

@@ -13,6 +13,7 @@ from evolution.demo import DemoConfig, walk_road
 from evolution.paper import QUICK, PaperConfig, measure_costs, measure_networks
 from evolution.report.paper_page import write_paper_page
 from evolution.report.provenance import describe_machine
+from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,8 +55,7 @@ class Paper(Command):
                 "tables_2_and_3": [row._asdict() for row in costs],
                 "crosses": road.crosses,
             }
-            beside = self.out / ".results.json.part"
-            beside.write_text(json.dumps(results, indent=2) + "\n")
-            beside.replace(self.out / "results.json")
+            with write_whole(self.out / "results.json") as beside:
+                beside.write_text(json.dumps(results, indent=2) + "\n")
         console.say(f"report: {(self.out / 'report.html').resolve()}")
         return {"report": self.out / "report.html", **results}

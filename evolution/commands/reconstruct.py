@@ -11,6 +11,7 @@ import tyro
 import reconstruction as rc
 from evolution.commands.command import Command, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
+from reconstruction.whole_file import write_whole
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
@@ -99,10 +100,9 @@ def is_scan_log(path: Path) -> bool:
 
 
 def export_mesh(mesh: Any, path: Path) -> None:
-    """Write a mesh file in one step: beside it first, then renamed."""
-    beside = path.with_name(f".{path.name}.part{path.suffix}")
-    mesh.export(beside)
-    beside.replace(path)
+    """Write a mesh file; it appears whole or not at all."""
+    with write_whole(path) as beside:
+        mesh.export(beside)
 
 
 def format_value(value: object) -> str:

@@ -13,6 +13,7 @@ from evolution.commands.command import Command, UsageError, require_writable_fil
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report import encode_video
+from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -77,9 +78,8 @@ class Replay(Command):
             console.say("no video: this machine has no OpenGL; everything else is done")
             return None
         self.video.parent.mkdir(parents=True, exist_ok=True)
-        beside = self.video.with_name(f".{self.video.name}.part")
-        beside.write_bytes(encode_video(recording.frames, recording.fps))
-        beside.replace(self.video)
+        with write_whole(self.video) as beside:
+            beside.write_bytes(encode_video(recording.frames, recording.fps))
         verdict = "crosses" if recording.success else "does not cross"
         console.say(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")
         return self.video

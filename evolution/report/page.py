@@ -8,6 +8,8 @@ from typing import Any
 
 import jinja2
 
+from reconstruction.whole_file import write_whole
+
 _TEMPLATE = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
     autoescape=True,
@@ -57,13 +59,12 @@ class Page:
         self._blocks.append({"kind": "table", "columns": columns, "rows": rows, "caption": caption})
 
     def write(self, path: Path) -> None:
-        """Write the page in one step: beside it first, then renamed."""
+        """Write the page; it appears whole or not at all."""
         html = _TEMPLATE.render(
             title=self.title, summary=self.summary, footer=self.footer, blocks=self._blocks
         )
-        beside = path.with_name(f".{path.name}.part")
-        beside.write_text(html, encoding="utf-8")
-        beside.replace(path)
+        with write_whole(path) as beside:
+            beside.write_text(html, encoding="utf-8")
 
 
 def _inline(content: bytes, media_type: str) -> str:

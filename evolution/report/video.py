@@ -1,6 +1,7 @@
 """Film a robot and encode the frames, where OpenGL is to be had."""
 
 import tempfile
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,7 +23,8 @@ def encode_video(frames: Sequence[np.ndarray], fps: int = 25) -> bytes:
         raise ValueError("no frame to encode; film at least one")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        with imageio.get_writer(
+        # The encoder is a process of its own; JAX warns of every fork, though this one runs another program.
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning), imageio.get_writer(
             path, fps=fps, codec="libx264", quality=None, macro_block_size=2,
             output_params=["-crf", "27", "-preset", "veryfast", "-movflags", "+faststart"],
         ) as writer:  # fmt: skip
