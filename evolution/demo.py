@@ -13,6 +13,7 @@ import numpy as np
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from symbrion_gym.ready_made import SPACING
 
 TRIALS = 20
 
@@ -63,7 +64,7 @@ class Road:
         config: what was asked for.
         log: the scan log.
         raw_points: `[N, 3]` before the pre-processing [m].
-        points: `[N, 3]` after it [m].
+        points: `[N, 3]` after it, evenly spread [m].
         surfaces: network -> reconstruction.
         arenas: network -> arena.
         run: the evolution.
@@ -106,7 +107,7 @@ def walk_road(config: DemoConfig, track: Track) -> Road:
         log.save(config.folder / "survey.npz")
     seconds["survey"] = step.seconds
     with track("2/7 pre-processing") as step:
-        points = rc.preprocess(log)
+        points = rc.thin(rc.preprocess(log), SPACING)
         rc.save_points(config.folder / "cloud.ply", points)
     seconds["pre-processing"] = step.seconds
 

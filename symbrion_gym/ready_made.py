@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from reconstruction.preprocess import preprocess
+from reconstruction.preprocess import preprocess, thin
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruct import reconstruct
 from symbrion_gym.arena import Arena, load_arena, make_arena
@@ -24,6 +24,8 @@ class Recipe(NamedTuple):
 
 
 RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
+SPACING = 0.015
+"""One point in each cube of this edge [m]: the scanner sees the places near its turns very often."""
 EXACT = ("truth", "simple")
 """Arenas that need no scan."""
 
@@ -41,7 +43,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
     """
     arenas = {name: load_arena(name) for name in EXACT}
     progress("survey", 0.0)
-    points = preprocess(survey("truth", seed=seed))
+    points = thin(preprocess(survey("truth", seed=seed)), SPACING)
     for index, (name, recipe) in enumerate(RECIPES.items()):
         progress(f"{name}: network and pieces", 0.5 + 0.25 * index)
         mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh

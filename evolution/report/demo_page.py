@@ -82,10 +82,10 @@ def add_scan(page: Page, road: "Road") -> None:
     page.add_section(
         "Scan",
         f"{scans:,} vertical scans of {beams} beams; {len(road.raw_points):,} readings, of which "
-        f"{len(road.points):,} remain after levelling, smoothing and the removal of mixed pixels.",
+        f"{len(road.points):,} remain after levelling, smoothing, the removal of mixed pixels and even thinning.",
     )
     page.add_figure(draw_cloud(road.raw_points), "Raw readings, coloured by height.")
-    page.add_figure(draw_cloud(road.points), "The same after the pre-processing.")
+    page.add_figure(draw_cloud(road.points), "The same after the pre-processing, thinned to 15 mm.")
 
 
 def add_surfaces(page: Page, road: "Road") -> None:

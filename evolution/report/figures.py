@@ -29,7 +29,10 @@ def draw_cloud(points: np.ndarray, limit: int = 25_000) -> bytes:
     shown = points[:: max(1, len(points) // limit)]
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_scene(figure, points)
-    axes.scatter(*shown.T, c=shown[:, 2], s=0.6, cmap="viridis", depthshade=False, linewidths=0)
+    low, high = np.percentile(shown[:, 2], (1, 99))
+    axes.scatter(
+        *shown.T, c=shown[:, 2], s=0.6, cmap="viridis", vmin=low, vmax=high, depthshade=False, linewidths=0
+    )
     return _to_png(figure)
 
 
@@ -76,7 +79,7 @@ def draw_section(
         y: where the vertical cut is made [m].
         x_limits: the part of the course that is shown [m].
     """
-    figure = Figure(figsize=(10, 3.6), dpi=DPI)
+    figure = Figure(figsize=(10, 3.6), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     if points is not None:
         near = points[np.abs(points[:, 1] - y) < 0.03]
@@ -103,7 +106,7 @@ def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.nd
         best: `[G]` best fitness of the generation.
         median: `[G]` median fitness of the generation.
     """
-    figure = Figure(figsize=(10, 3.6), dpi=DPI)
+    figure = Figure(figsize=(10, 3.6), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
     axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
@@ -121,7 +124,7 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int 
         surface: the arena's surface.
         snapshots: moments drawn, from blue (early) to yellow (late).
     """
-    figure = Figure(figsize=(10, 3.0), dpi=DPI)
+    figure = Figure(figsize=(10, 3.0), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors="#1d2530", linewidths=1.6))
     colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
