@@ -115,8 +115,9 @@ def make_arena(
 ) -> Arena:
     """Make an arena of a surface: convex pieces to touch that follow it, and the surface itself to see.
 
-    A terrain is cut into convex slabs under the planes found in it, any other shape goes to coacd. What was
-    reached stands in `Arena.quality`; how, in `Arena.provenance`.
+    Planes found in a terrain make convex slabs, their union a closed solid, coacd of that the pieces; where these
+    are worse than the slabs, the slabs are kept. Any other shape goes to coacd as it is. What was reached stands
+    in `Arena.quality`; how, and why so, in `Arena.provenance`.
 
     Args:
         mesh: a terrain open at its rim, or any other surface or body, or a file of it; metres, z up.

@@ -21,9 +21,9 @@ from symbrion_gym.arena_quality import ArenaQuality
 from symbrion_gym.contact_builder import Contact, ContactOptions
 from symbrion_gym.contact_kinds import HeightField
 
-_FORMAT = 1
+_FORMAT = 2
 """Raised whenever the way pieces are made changes: old entries are then left alone."""
-_LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification")
+_LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
 

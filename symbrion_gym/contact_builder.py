@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import trimesh
@@ -23,13 +23,21 @@ from symbrion_gym.decomposition import decompose
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.planes import Planes, find_planes
 from symbrion_gym.slab_fit import fit_slabs
+from symbrion_gym.slab_union import decompose_slabs, has_moved
 from symbrion_gym.slabs import make_slabs
 from symbrion_gym.solid import close_downwards, close_holes, find_shape, simplify_solid, take_top, thicken
+from symbrion_gym.subdivision import split_long_edges
 
 _MAX_SOLID_FACES = 4000
 """coacd's time grows faster than the number of faces."""
 _SCALES = (1.0, 2.0, 4.0, 8.0)
 """Planes are looked for within these multiples of the accuracy, until few enough are found."""
+_MAX_SLABS_FOR_COACD = 24
+"""coacd's time grows faster than the number of slabs; of rough ground it also gives many more pieces."""
+_COACD_SHARE = 0.25
+"""coacd may take this share of the time limit for united slabs."""
+_AS_GOOD = 1e-4
+"""Pieces this much farther from the surface are as good [m]."""
 
 _logger = logging.getLogger(__name__)
 
@@ -125,7 +133,7 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
         shape = "closed"
     progress(f"the surface is a {shape}", 0.05)
     if shape == "terrain":
-        return _follow_terrain(take_top(mesh), mesh, options, watch, progress)
+        return _follow_terrain(split_long_edges(take_top(mesh)), mesh, options, watch, progress)
     solid = body if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
     return _decompose_solid(solid, mesh, options, watch, progress, {"shape": shape})
 
@@ -133,7 +141,7 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
 def _follow_terrain(
     top: trimesh.Trimesh, mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
 ) -> Contact:
-    """Slabs under planes, the finest that keep to the number of pieces; caps fitted where planes do not do."""
+    """Slabs under planes, the finest that are few enough, caps fitted where planes do not do; then coacd."""
     progress("planes", 0.1)
     planes, tolerance = _find_few_planes(top, options, watch)
     progress("slabs", 0.3)
@@ -146,20 +154,22 @@ def _follow_terrain(
     notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
     best = _measure(pieces, mesh, watch, notes)
     if _is_enough(best, max(options.accuracy, 1.5 * planes.noise), options):
-        return best
-    progress("fitting caps to rough ground", 0.5)
-    pieces = fit_slabs(
-        top,
-        slabs,
-        planes.slopes(),
-        options.accuracy,
-        options.max_pieces,
-        options.thickness,
-        lambda: watch.is_late(0.6),
-    )
-    best = _choose(best, _measure(pieces, mesh, watch, {**notes, "way": "slabs, fitted"}), options.max_pieces)
+        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
+    if slabs:
+        progress("fitting caps to rough ground", 0.5)
+        pieces = fit_slabs(
+            top,
+            slabs,
+            planes.slopes(),
+            options.accuracy,
+            options.max_pieces,
+            options.thickness,
+            lambda: watch.is_late(0.6),
+        )
+        fitted = _measure(pieces, mesh, watch, {**notes, "way": "slabs, fitted"})
+        best = _choose(best, fitted, options.max_pieces)
     if _is_enough(best, 3.0 * options.accuracy, options):
-        return best
+        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
     try:
         solid = simplify_solid(close_downwards(top, options.thickness))
         other = _decompose_solid(solid, mesh, options, watch, progress, {"shape": "terrain"})
@@ -169,6 +179,51 @@ def _follow_terrain(
             raise
         _logger.info("coacd gave nothing better: %s", error)
         return best
+
+
+def _prefer_coacd(
+    slabs: Contact,
+    planes: Planes,
+    top: trimesh.Trimesh,
+    mesh: trimesh.Trimesh,
+    options: ContactOptions,
+    watch: Watch,
+    progress: Progress,
+) -> Contact:
+    """coacd's pieces of the united slabs where they follow the surface as well; else the slabs, and why."""
+    if options.kind != "convex":
+        return slabs
+    way = slabs.notes["way"]
+    made, reason = None, ""
+    if len(slabs.pieces) > _MAX_SLABS_FOR_COACD:
+        reason = f"{len(slabs.pieces)} slabs would take coacd too long"
+    else:
+        progress("coacd", 0.7)
+        limit = min(_COACD_SHARE * options.time_limit, watch.left())
+        try:
+            pieces = decompose_slabs(slabs.pieces, planes, top.area_faces, options.seed, limit)
+            made = _measure(pieces, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
+            reason = _find_fault(made, slabs, options.max_pieces)
+        except ArenaError as error:
+            reason = str(error)
+    if made is not None and not reason:
+        notes = {**made.notes, "why": f"as close as the {len(slabs.pieces)} slabs"}
+        return replace(made, notes=notes)
+    _logger.info("slabs are kept: %s", reason)
+    quality = replace(slabs.quality, seconds=watch.elapsed)
+    return replace(slabs, quality=quality, notes={**slabs.notes, "why": f"slabs are kept: {reason}"})
+
+
+def _find_fault(made: Contact, slabs: Contact, max_pieces: int) -> str:
+    """What is worse about coacd's pieces than about the slabs that they cover; nothing if they are as good."""
+    allowed = min(max_pieces, max(int(1.5 * len(slabs.pieces)), len(slabs.pieces) + 3))
+    if len(made.pieces) > allowed:
+        return f"coacd gave {len(made.pieces)} pieces for {len(slabs.pieces)} slabs"
+    for name in ("mean", "p95", "uncovered"):
+        got, kept = getattr(made.quality, name), getattr(slabs.quality, name)
+        if got > max(1.1 * kept, kept + _AS_GOOD):
+            return f"coacd's pieces have {name} {got:.3g} against {kept:.3g}"
+    return "coacd's pieces move walls" if has_moved(made.pieces, slabs.pieces) else ""
 
 
 def _find_few_planes(top: trimesh.Trimesh, options: ContactOptions, watch: Watch) -> tuple[Planes, float]:

@@ -23,8 +23,8 @@ from symbrion_gym.planes import Planes
 
 _FEW = 24
 """So many slabs are tried in every pair; of more, only neighbours and those with a plane in common."""
-STEEP = 0.3
-"""A plane whose normal rises less than this is a wall: it bounds, but carries no samples."""
+STEEP = 0.34
+"""A plane whose normal rises less than this (70 degrees) is a wall: it bounds, but carries no samples."""
 
 
 class Ground(NamedTuple):
@@ -120,7 +120,7 @@ def make_slabs(
     thickness: float,
     is_late: Callable[[], bool] = lambda: False,
 ) -> tuple[list[Slab], list[trimesh.Trimesh]]:
-    """Return convex slabs, and solids, whose union has the terrain as its top.
+    """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes.
 
     Args:
         mesh: open terrain, normals up.
@@ -130,6 +130,8 @@ def make_slabs(
         thickness: how far the solids reach below the lowest ground [m].
         is_late: asked now and then; once true, cutting and joining end where they are.
     """
+    if not len(planes.normals):
+        return [], []
     ground = make_ground(mesh, planes)
     cells = _split(ground, find_crease_lines(mesh, planes, STEEP), accuracy, max_pieces, is_late)
     slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]

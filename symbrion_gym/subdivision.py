@@ -1,0 +1,69 @@
+"""Coarse meshes cut finer: what looks at neighbouring faces needs some on every plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+_MAX_EDGE = 1.0 / 25.0
+"""Longest edge, relative to the extent, of a mesh cut finer."""
+_COARSE = 1.0 / 20.0
+"""A face with an edge longer than this, relative to the extent, is coarse."""
+_MAX_FACES = 8000
+"""Halving ends beyond: a broken mesh can be large and all slivers."""
+_COARSE_SHARE = 0.2
+"""Meshes with less of their area in coarse faces stay as they are."""
+
+
+def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the same surface without long edges, if coarse faces make up much of it; else the mesh itself.
+
+    The longest edges of faces are halved until there are none, or faces abound. Neighbours are cut to suit.
+    """
+    extent = float(mesh.extents.max())
+    lengths = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, -1, axis=1), axis=2)
+    is_coarse = lengths.max(axis=1) > _COARSE * extent
+    if mesh.area_faces[is_coarse].sum() < _COARSE_SHARE * mesh.area:
+        return mesh
+    vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
+    for _ in range(60):
+        edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        edges, number = np.unique(edges, axis=0, return_inverse=True)
+        length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+        number = number.reshape(-1, 3)
+        is_longest = np.zeros(len(edges), dtype=bool)
+        is_longest[number[np.arange(len(faces)), np.argmax(length[number], axis=1)]] = True
+        is_long = is_longest & (length > _MAX_EDGE * extent)
+        if not is_long.any() or len(faces) > _MAX_FACES:
+            break
+        middle = np.full(len(edges), -1)
+        middle[is_long] = len(vertices) + np.arange(is_long.sum())
+        vertices = np.concatenate([vertices, vertices[edges[is_long]].mean(axis=1)])
+        faces = _cut_faces(faces, middle[number])
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _cut_faces(faces: np.ndarray, middles: np.ndarray) -> np.ndarray:
+    """Faces cut at the middles of their edges.
+
+    Args:
+        faces: `[F, 3]`.
+        middles: `[F, 3]` vertex in the middle of the edges 01, 12 and 20; -1 where the edge stays whole.
+    """
+    count = (middles >= 0).sum(axis=1)
+    # The whole edge of two, or the cut edge of one, goes to a known place.
+    first = np.where(count == 1, np.argmax(middles >= 0, axis=1), np.argmin(middles >= 0, axis=1))
+    turned = (first[:, None] + np.arange(3)) % 3
+    faces, middles = np.take_along_axis(faces, turned, 1), np.take_along_axis(middles, turned, 1)
+    a, b, c = faces.T
+    ab, bc, ca = middles.T
+    templates = {
+        0: [(a, b, c)],
+        1: [(a, ab, c), (ab, b, c)],
+        2: [(bc, c, ca), (a, b, bc), (a, bc, ca)],
+        3: [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)],
+    }
+    parts = [
+        np.stack(corners, axis=1)[count == number] for number, cut in templates.items() for corners in cut
+    ]
+    return np.concatenate(parts)
