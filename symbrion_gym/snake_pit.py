@@ -85,6 +85,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `arena`               | "truth"   | a name, a folder, a mesh file or an `Arena`                     |
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of arenas made in code; 0.40 by default   |
+    | `stretch`             | 1.0       | all lengths along x times this: what a scan may be wrong by     |
     | `friction`            | None      | of tracks and bodies on everything; the arena's own by default  |
     | `track_speed`         | 0.10      | [m/s]                                                           |
     | `hinge_torque`        | 4.5       | [N m]                                                           |
