@@ -1,4 +1,4 @@
-"""Judge a mesh of the scanned staircase step by step."""
+"""The scanned staircase: its beams in order, and a judge of a mesh of it, step by step."""
 
 from typing import Any
 
@@ -15,6 +15,94 @@ SIDES = (-3.5, 1.2)
 """Where both the steps and the scan are whole, across the stairs [m]."""
 TOLERANCE = 0.010
 """A tread is told apart where its height in the mesh is within this of the scan's [m]."""
+
+
+FLOOR = 3.4
+"""Where the crop begins: room for a snake before the first riser [m]."""
+CROP = (-3.6, 1.3)
+"""Across the stairs, between the walls [m]."""
+HIGHEST = 2.0
+"""Above are walls and the ceiling [m]."""
+MAX_GAP = 0.45
+"""Beams farther apart than a tread and a riser met different things [m]."""
+_LEAN = 0.1
+"""Horizontal over vertical extent of a riser that hid beneath its nosing."""
+_UNDERCUT = 0.1
+"""No nosing juts out farther [m]."""
+
+
+def order_beams(points: np.ndarray) -> np.ndarray:
+    """Return the scan as a grid `[sweep, beam, 3]`, NaN where nothing was hit; its file has sweep after sweep.
+
+    The sweeps follow one another from high to low; a sweep's beams are 1 degree apart, to the left.
+    """
+    azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+    sweep = np.cumsum(np.append(0, np.diff(azimuth) < -20))
+    beam = np.round(azimuth).astype(int)
+    beam -= beam.min()
+    grid = np.full((sweep[-1] + 1, beam.max() + 1, 3), np.nan)
+    grid[sweep, beam] = points
+    return grid
+
+
+def crop_stairs(points: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    """Tell which points `[..., 3]` lie on the stairs or the floor before them."""
+    x, y, z = np.moveaxis(_turn(points), -1, 0)
+    return (x > FLOOR - margin) & (y > CROP[0]) & (y < CROP[1]) & (z < HIGHEST + margin)
+
+
+def fill_undercuts(grid: np.ndarray) -> np.ndarray:
+    """Return the beams with risers that stand under the nosings, not behind them.
+
+    What lies beneath a nosing cannot be touched from above, and convex solids under a terrain cannot be hollow.
+    """
+    turned = np.where(crop_stairs(grid, 0.3)[..., None], _turn(grid), np.nan)
+    for column in np.moveaxis(turned, 1, 0):
+        above = None
+        for place in np.flatnonzero(np.isfinite(column[:, 0])):
+            x, _, z = column[place]
+            if above is not None:
+                limit = above[0] - _LEAN * max(0.0, above[1] - z)
+                if limit < x < above[0] + _UNDERCUT:
+                    column[place, 0] = x = limit
+            above = x, z
+    return _turn_back(turned)
+
+
+def fill_between_beams(grid: np.ndarray, spacing: float, squeeze: float) -> np.ndarray:
+    """Return points `[N, 3]` on the patches between four beams that met the same surface.
+
+    On the upper treads a column of beams has one or two points, on the risers four: what is between two beams is
+    taken as straight, so that samples lie evenly.
+
+    Args:
+        grid: `[sweep, beam, 3]` [m].
+        spacing: of the points [m].
+        squeeze: factor on distances across the stairs, as in `squeeze_stairs`.
+    """
+    scale = np.array([1.0, squeeze, 1.0])
+    low, high, low_left, high_left = grid[:-1, :-1], grid[1:, :-1], grid[:-1, 1:], grid[1:, 1:]
+    sides = ((high, low), (high_left, low_left), (low_left, low), (high_left, high))
+    lengths = np.stack([np.linalg.norm(a - b, axis=-1) for a, b in sides])
+    scaled = np.stack([np.linalg.norm((a - b) * scale, axis=-1) for a, b in sides])
+    points = []
+    for patch in zip(*np.nonzero((lengths < MAX_GAP).all(axis=0)), strict=True):
+        up, left = (int(np.ceil(scaled[i : i + 2, *patch].max() / spacing)) for i in (0, 2))
+        s, t = np.meshgrid(np.arange(up) / up, np.arange(left) / left, indexing="ij")
+        s, t = s.ravel()[:, None], t.ravel()[:, None]
+        below, above = ((1 - t) * a[patch] + t * b[patch] for a, b in ((low, low_left), (high, high_left)))
+        points.append((1 - s) * below + s * above)
+    return np.concatenate(points)
+
+
+def squeeze_stairs(points: np.ndarray, squeeze: float) -> np.ndarray:
+    """Return points in the stairs' own frame, nearer together across the stairs: units become long there."""
+    return _turn(points) * [1.0, squeeze, 1.0]
+
+
+def stretch_stairs(points: np.ndarray, squeeze: float) -> np.ndarray:
+    """Undo `squeeze_stairs`."""
+    return _turn_back(points / [1.0, squeeze, 1.0])
 
 
 def judge_stairs(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
@@ -57,8 +145,14 @@ def judge_stairs(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
 
 def _turn(points: np.ndarray) -> np.ndarray:
     """Return the points with x along the stairs."""
-    cos, sin = np.cos(YAW), np.sin(YAW)
-    return points @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    return points @ _TURN
+
+
+def _turn_back(points: np.ndarray) -> np.ndarray:
+    return points @ _TURN.T
+
+
+_TURN = np.array([[np.cos(YAW), np.sin(YAW), 0], [-np.sin(YAW), np.cos(YAW), 0], [0, 0, 1]])
 
 
 def _heights(points: np.ndarray, low: float, high: float) -> np.ndarray:
