@@ -188,11 +188,9 @@ def judge(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
         off = values - RISE * steps
         result[f"{name}_from_regular"] = (off - np.median(off)).tolist()
     edges = find_risers(mesh)
-    result["risers"] = edges.tolist()
     seen = np.isfinite(edges)
-    result["tread"] = (
-        float(np.polyfit(np.flatnonzero(seen), edges[seen], 1)[0]) if seen.sum() > 1 else math.nan
-    )
+    result["risers"] = [float(x) if is_seen else None for x, is_seen in zip(edges, seen, strict=True)]
+    result["tread"] = float(np.polyfit(np.flatnonzero(seen), edges[seen], 1)[0]) if seen.sum() > 1 else None
     return result
 
 
