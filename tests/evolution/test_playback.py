@@ -1,0 +1,55 @@
+"""Champions are judged by equal trials for equal seeds, and filmed where there is OpenGL."""
+
+import numpy as np
+import pytest
+
+from evolution.controller import make_controller
+from evolution.playback import judge, play
+from evolution.validation import Champion
+from symbrion_gym.snake_pit import SnakePitEnv
+
+
+@pytest.fixture
+def champion() -> Champion:
+    """A short body with the law that a search begins with."""
+    controller = make_controller("reactive", 3)
+    return Champion(
+        genotype=controller.initial,
+        names=controller.parameters,
+        controller="reactive",
+        modules=3,
+        arena="truth",
+        generation=0,
+        fitness=0.0,
+        environment=(("duration", 2.0),),
+    )
+
+
+def test_equal_seeds_give_equal_judgements(champion: Champion) -> None:
+    first, second = (judge(champion, trials=3, seed=4, workers=workers) for workers in (1, 2))
+    assert first == second
+    assert first.trials == 3
+    assert judge(champion, trials=3, seed=5) != first
+
+
+def test_a_recording_holds_the_whole_body(champion: Champion) -> None:
+    recording = play(champion)
+    assert recording.positions.shape == (100, 3, 3)
+    assert recording.rotations.shape == (100, 3, 3, 3)
+    assert recording.seconds == pytest.approx(2.0)
+    assert not recording.success
+    assert recording.frames == []
+    assert np.all(np.diff(recording.positions[-1, :, 0]) < 0)  # head first
+
+
+def test_without_opengl_there_are_no_frames_and_all_else(
+    champion: Champion, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(self: SnakePitEnv) -> None:
+        raise RuntimeError("no context")
+
+    monkeypatch.setattr(SnakePitEnv, "render", fail)
+    recording = play(champion, film=True)
+    assert recording.frames == []
+    assert len(recording.positions) == 100
+    assert "no video" in caplog.text
