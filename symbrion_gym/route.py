@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from symbrion_gym.config import SnakePitConfig
 from symbrion_gym.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.organism import Organism
+from symbrion_gym.pit_search import find_pit
 
 _MARGIN = 0.10
 """Room before the foot of a ramp or step at the start [m]."""
@@ -56,7 +57,8 @@ class Route:
 def find_route(arena: Arena, organism: Organism, config: SnakePitConfig) -> Route:
     """Find the way through an arena from the course behind it or from the options `start` and `goal`.
 
-    Without either, the way runs through the middle of the surface along its longer side.
+    Without either, the way runs through the middle of the surface along its longer side; where it meets a
+    pit, the finish lies beyond that.
 
     Raises:
         ArenaError: the start lies off the surface, or the arena has no pit although the start is "pit".
@@ -85,11 +87,23 @@ def find_route(arena: Arena, organism: Organism, config: SnakePitConfig) -> Rout
                 (near, far, float(low[2])),
             )
         return _follow_stairs(course, config, scout.arm_reach, half, lowest)
+    route = _follow_surface(arena, config, length, low, high, lowest)
+    pit = _find_pit_on(route, arena, length) if config.goal is None else None
+    if pit is not None:
+        start = pit[0] - _PIT_MARGIN - scout.arm_reach if config.start == "pit" else route.start
+        return replace(route, start=start, finish=pit[1] + scout.pitch / 2, pit=pit)
     if config.start == "pit":
         raise ArenaError(
             f"arena {arena.name!r} has no known pit to start before; use start='floor' or (x, y)"
         )
-    return _follow_surface(arena, config, length, low, high, lowest)
+    return route
+
+
+def _find_pit_on(route: Route, arena: Arena, length: float) -> tuple[float, float, float] | None:
+    """Return s of the edges of the first pit on a way across a surface, and the height of its floor."""
+    start = np.array(route.place(route.start))
+    found = find_pit(arena, start, np.array(route.direction), route.finish + length - route.start)
+    return None if found is None else (route.start + found[0], route.start + found[1], found[2])
 
 
 def _follow_stairs(

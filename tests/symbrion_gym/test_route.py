@@ -34,12 +34,21 @@ def test_a_way_between_two_places_has_their_direction(truth):
     assert (x, y) == (pytest.approx(-2.0), pytest.approx(0.5))
 
 
-def test_a_surface_without_course_is_crossed_along_its_longer_side(truth):
-    bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
+def test_a_surface_without_course_is_crossed_along_its_longer_side():
+    ramps = Arena.from_course(Course(pit=0.0))
+    bare = Arena("bare", ramps.pieces, ramps.surface, ramps.quality)
     route = find_route(bare, snake(4), SnakePitConfig())
     assert route.heading == 0.0
     assert -3.3 < route.start < -2.0
     assert 2.0 < route.finish < 3.3
+    assert route.pit is None
+
+
+def test_the_pit_of_a_surface_without_course_is_the_finish(truth):
+    bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
+    route = find_route(bare, snake(4), SnakePitConfig())
+    assert -3.3 < route.start < -2.0
+    assert 0.2 < route.finish < 0.3
 
 
 @pytest.mark.parametrize(
