@@ -49,7 +49,7 @@ def run(arguments: Sequence[str]) -> int:
         command = _parse(arguments)
     except SystemExit as end:  # --help, or wrong use already reported
         return int(end.code or 0)
-    console = Console(quiet=command.quiet or command.json)
+    console = Console(quiet=command.quiet or command.json, mute=command.json)
     logging.basicConfig(level=logging.WARNING, format="symbrion: %(message)s", stream=sys.stderr)
     try:
         with console:

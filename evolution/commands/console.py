@@ -15,12 +15,13 @@ class Console:
     """Draws progress on standard error, so that standard output holds results only.
 
     Args:
-        quiet: draw nothing.
+        quiet: draw no progress.
+        mute: print no results either.
     """
 
-    def __init__(self, quiet: bool = False):
+    def __init__(self, quiet: bool = False, mute: bool = False):
         self.quiet = quiet
-        self._out = RichConsole(file=sys.stdout, quiet=quiet, highlight=False, soft_wrap=True)
+        self._out = RichConsole(file=sys.stdout, quiet=mute, highlight=False, soft_wrap=True)
         self._rich = RichConsole(file=sys.stderr, quiet=quiet, highlight=False)
         self._bars = Progress(
             TextColumn("{task.description}"),

@@ -12,6 +12,7 @@ import reconstruction as rc
 from evolution.commands.command import Command, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from reconstruction.whole_file import write_whole
+from symbrion_gym.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
@@ -39,7 +40,8 @@ class Reconstruct(Command):
     crop: tuple[float, float, float, float, float, float] | None = None
     """Keep the points in this box alone: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
     thin: float | None = None
-    """Keep one point in each cube of this edge [m]."""
+    """Keep one point in each cube of this edge [m]; scan logs are thinned to 0.015 unless told otherwise, since a
+    scanner sees the places near its turns very often."""
     raw: bool = False
     """Take the points as they are: no levelling, smoothing or filtering."""
 
@@ -73,7 +75,9 @@ class Reconstruct(Command):
             export_mesh(result.mesh, self.out)
         console.say(f"{len(result.mesh.vertices)} vertices, {len(result.mesh.faces)} faces in {self.out}")
         console.show_table(
-            "Quality", ["measure", "value"], [[name, format_value(value)] for name, value in quality.items()]
+            "Quality",
+            ["measure", "value"],
+            [[name, format_value(value)] for name, value in flatten(quality).items()],
         )
         return {"mesh": self.out, "points": len(points), "seconds": step.seconds, "quality": quality}
 
@@ -86,7 +90,8 @@ class Reconstruct(Command):
             points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
-        return points if self.thin is None else rc.thin(points, self.thin)
+        spacing = SPACING if self.thin is None and isinstance(source, rc.ScanLog) else self.thin
+        return points if spacing is None else rc.thin(points, spacing)
 
 
 def is_scan_log(path: Path) -> bool:
@@ -103,6 +108,18 @@ def export_mesh(mesh: Any, path: Path) -> None:
     """Write a mesh file; it appears whole or not at all."""
     with write_whole(path) as beside:
         mesh.export(beside)
+
+
+def flatten(measures: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested measures as one table, "group name" -> value; those that were not taken are left out."""
+    rows: dict[str, Any] = {}
+    for name, value in measures.items():
+        label = f"{prefix}{name}".replace("_", " ")
+        if isinstance(value, dict):
+            rows |= flatten(value, f"{label}: ")
+        elif value is not None:
+            rows[label] = value
+    return rows
 
 
 def format_value(value: object) -> str:
