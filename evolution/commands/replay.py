@@ -18,7 +18,7 @@ from reconstruction.whole_file import write_whole
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Replay(Command):
-    """Judge the champion of a run by randomised trials, and film one trial or show it in MuJoCo's viewer.
+    """Judge the champion of a run by randomised trials, and film one trial.
 
     Example: symbrion replay runs/a --arena truth --video champion.mp4
     """
