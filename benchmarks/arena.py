@@ -14,15 +14,15 @@ import trimesh
 
 from benchmarks.arena_behaviour import compare, compare_sleds, time_steps
 from benchmarks.report import write_results
-from reconstruction.formats import load_points
 from reconstruction.reconstruct import reconstruct
-from symbrion_gym.arena import Arena, make_arena
-from symbrion_gym.arena_quality import measure_arena
-from symbrion_gym.course import Course, StairsCourse
-from symbrion_gym.decomposition import decompose
-from symbrion_gym.mesh_repair import repair_mesh
-from symbrion_gym.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.solid import close_downwards
+from reconstruction.scans.formats import load_points
+from symbrion_gym.arenas.arena import Arena, make_arena
+from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.quality import measure_arena
+from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
+from symbrion_gym.pieces.decomposition import decompose
+from symbrion_gym.pieces.mesh_repair import repair_mesh
+from symbrion_gym.pieces.solid import close_downwards
 
 STAIRS = Path(__file__).resolve().parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]

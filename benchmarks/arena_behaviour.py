@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from scipy.stats import spearmanr
 
-from symbrion_gym.arena import Arena
-from symbrion_gym.vector import SnakePitVectorEnv
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 MODULES = 8
 

@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers, evolve
 from benchmarks.report import RESULTS, write_results
 from symbrion_gym import ArenaError, load_arena
-from symbrion_gym.snake_pit import SnakePitEnv
-from symbrion_gym.vector import SnakePitVectorEnv
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 RANDOM_EPISODES = 10_000
 MINUTES = 20.0

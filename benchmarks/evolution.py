@@ -22,7 +22,7 @@ from evolution.playback import judge
 from evolution.rollout import simulate
 from evolution.run import Run
 from evolution.stages import Stage
-from symbrion_gym import vector
+from symbrion_gym.environment import vector
 
 TRIALS = 20
 PASS = 18

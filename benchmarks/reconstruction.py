@@ -21,8 +21,8 @@ from benchmarks.material.c_gsrm import run_c_gsrm
 from benchmarks.material.clouds import CLOUDS, DATA, REAL, Cloud, make_arena
 from benchmarks.material.stairs import judge_stairs
 from benchmarks.report import write_results
-from reconstruction.quality import Quality, measure_quality
 from reconstruction.reconstruct import reconstruct
+from reconstruction.surfaces.quality import Quality, measure_quality
 
 SIZES: dict[str, tuple[str, dict[str, Any]]] = {
     "gsrm 800": ("gsrm", {"units": 800}),

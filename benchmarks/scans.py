@@ -16,12 +16,12 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from benchmarks.report import write_results
-from reconstruction.levelling import level_floor
-from reconstruction.preprocess import preprocess, remove_mixed_pixels, thin
-from reconstruction.scan import ScanLog, load_scan_log
-from symbrion_gym.course import Course
-from symbrion_gym.survey import SurveyRobot, make_path, survey
-from symbrion_gym.survey_world import SurveyWorld
+from reconstruction.scans.levelling import level_floor
+from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels, thin
+from reconstruction.scans.scan import ScanLog, load_scan_log
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.sensing.survey import SurveyRobot, make_path, survey
+from symbrion_gym.sensing.survey_world import SurveyWorld
 
 REAL_SCAN = Path(__file__).parents[2] / "shared" / "data" / "3dtk_scan000.3d"
 FAR = 0.03

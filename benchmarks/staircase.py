@@ -34,10 +34,10 @@ from benchmarks.report import write_results
 from evolution.controller import SENSORS
 from evolution.policy import ChampionPolicy
 from evolution.validation import Champion
-from reconstruction.formats import load_points
 from reconstruction.reconstruct import reconstruct
-from symbrion_gym.arena import Arena, make_arena
-from symbrion_gym.elevation import Elevation
+from reconstruction.scans.formats import load_points
+from symbrion_gym.arenas.arena import Arena, make_arena
+from symbrion_gym.arenas.elevation import Elevation
 
 SCAN = Path(__file__).parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 UNITS, SPACING, SQUEEZE = 1500, 0.03, 0.15

@@ -13,7 +13,7 @@ import numpy as np
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from symbrion_gym.ready_made import SPACING
+from symbrion_gym.arenas.ready_made import SPACING
 
 TRIALS = 20
 

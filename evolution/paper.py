@@ -13,7 +13,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.controller import SENSORS
 from evolution.policy import ChampionPolicy
-from symbrion_gym.rangefinder import RangeFinder
+from symbrion_gym.sensing.rangefinder import RangeFinder
 
 SCAN_SITE = "module_0"
 

@@ -10,7 +10,7 @@ from evolution.controller import make_controller
 from evolution.evaluation import Job, Outcome, Randomisation, Trials, make_backend
 from evolution.rollout import make_environment_options
 from evolution.validation import Champion
-from symbrion_gym.snake_pit import SnakePitEnv
+from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 AS_IT_IS = Randomisation(stretch=(1.0,))
 """Conditions of a judgement: the arena is not in doubt."""

@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from evolution.controller import SENSORS, Controller, make_controller
 from evolution.errors import RunError
 from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
-from symbrion_gym.vector import SnakePitVectorEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is

@@ -1,15 +1,22 @@
 """Points in, surface out: read and clean laser scans, and reconstruct surfaces with self-organising networks."""
 
 from reconstruction.errors import ReconstructionError, ScanError
-from reconstruction.formats import load_points, save_points
-from reconstruction.growing_grid import GrowingGridConfig
-from reconstruction.gsrm import GSRMConfig
-from reconstruction.localisation import localise
-from reconstruction.preprocess import crop, level_floor, preprocess, remove_mixed_pixels, smooth_ranges, thin
+from reconstruction.networks.growing_grid import GrowingGridConfig
+from reconstruction.networks.gsrm import GSRMConfig
 from reconstruction.progress import Progress, silent
-from reconstruction.quality import Quality, measure_quality
 from reconstruction.reconstruct import Reconstruction, reconstruct
-from reconstruction.scan import ScanLog, load_scan_log
+from reconstruction.scans.formats import load_points, save_points
+from reconstruction.scans.localisation import localise
+from reconstruction.scans.preprocess import (
+    crop,
+    level_floor,
+    preprocess,
+    remove_mixed_pixels,
+    smooth_ranges,
+    thin,
+)
+from reconstruction.scans.scan import ScanLog, load_scan_log
+from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
     "GSRMConfig",

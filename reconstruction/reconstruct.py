@@ -12,13 +12,13 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
-from reconstruction import growing_grid, gsrm
-from reconstruction.compilation import keep_compiled_programs
 from reconstruction.errors import ReconstructionError
-from reconstruction.orientation import orient_outwards
-from reconstruction.point_check import check_number, check_points
+from reconstruction.networks import growing_grid, gsrm
+from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
-from reconstruction.quality import Quality, measure_quality
+from reconstruction.scans.point_check import check_number, check_points
+from reconstruction.surfaces.orientation import orient_outwards
+from reconstruction.surfaces.quality import Quality, measure_quality
 from reconstruction.whole_file import write_whole
 
 FORMAT = "symbrion reconstruction"

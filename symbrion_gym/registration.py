@@ -21,7 +21,7 @@ def register() -> None:
         if name not in gym.registry:
             gym.register(
                 name,
-                entry_point="symbrion_gym.snake_pit:SnakePitEnv",
-                vector_entry_point="symbrion_gym.vector:SnakePitVectorEnv",
+                entry_point="symbrion_gym.environment.snake_pit:SnakePitEnv",
+                vector_entry_point="symbrion_gym.environment.vector:SnakePitVectorEnv",
                 kwargs=dict(options),
             )

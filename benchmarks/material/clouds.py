@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.formats import load_points
-from reconstruction.quality import sample_area
-from symbrion_gym.course import Course, StairsCourse
+from reconstruction.scans.formats import load_points
+from reconstruction.surfaces.quality import sample_area
+from symbrion_gym.arenas.course import Course, StairsCourse
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 """Where the real scans lie; they are no part of this repository."""

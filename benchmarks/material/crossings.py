@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 
-from symbrion_gym.audit import Trajectory, audit
-from symbrion_gym.vector import SnakePitVectorEnv
+from symbrion_gym.environment.audit import Trajectory, audit
+from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Where the posture has its knots, along the course from the middle of the pit [m]."""

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.orientation import find_components
-from reconstruction.quality import count_topology, find_distances, sample_area
+from reconstruction.surfaces.orientation import find_components
+from reconstruction.surfaces.quality import count_topology, find_distances, sample_area
 
 YAW = np.deg2rad(2.25)
 FIRST_RISER, TREAD, RISE, NUM_STEPS = 5.14, 0.34, 0.144, 12

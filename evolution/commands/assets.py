@@ -6,7 +6,7 @@ from typing import Any
 
 from evolution.commands.command import Command, require_writable_folder
 from evolution.commands.console import Console
-from symbrion_gym.ready_made import make_ready_made
+from symbrion_gym.arenas.ready_made import make_ready_made
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import reconstruction as rc
 from evolution.commands.command import Command, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from reconstruction.whole_file import write_whole
-from symbrion_gym.ready_made import SPACING
+from symbrion_gym.arenas.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4

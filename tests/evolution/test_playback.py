@@ -6,7 +6,7 @@ import pytest
 from evolution.controller import make_controller
 from evolution.playback import judge, play
 from evolution.validation import Champion
-from symbrion_gym.snake_pit import SnakePitEnv
+from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from evolution import report
-from symbrion_gym.course import Course
+from symbrion_gym.arenas.course import Course
 
 
 def open_picture(png: bytes) -> np.ndarray:

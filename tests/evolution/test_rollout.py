@@ -14,7 +14,7 @@ from evolution.evaluation import Job, Outcome, Randomisation, Trials, evaluate, 
 from evolution.policy import ChampionPolicy
 from evolution.rollout import make_environment_options, simulate, split_job
 from evolution.validation import Champion
-from symbrion_gym.snake_pit import SnakePitEnv
+from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 SHORT = Trials(modules=4, count=3, seed=(4,), environment=(("duration", 3.0),))
 

@@ -11,9 +11,9 @@ import pytest
 import trimesh
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.orientation import orient_outwards
-from reconstruction.point_check import check_points
 from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.scans.point_check import check_points
+from reconstruction.surfaces.orientation import orient_outwards
 
 METHODS = ("gsrm", "gg")
 

@@ -4,8 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from symbrion_gym.arena import Arena
-from symbrion_gym.course import StairsCourse
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import StairsCourse
 from symbrion_gym.registration import ENVIRONMENTS, register
 
 

@@ -1,0 +1,1 @@
+"""Readings in, clean points out: files, levelling, smoothing, filters, localisation."""

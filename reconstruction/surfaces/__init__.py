@@ -1,0 +1,1 @@
+"""Triangle meshes: topology, two-manifolds, fitting, quality."""

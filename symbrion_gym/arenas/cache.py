@@ -1,0 +1,116 @@
+"""Decomposed arenas in the user's cache: one file an entry, named by the hash of all that went in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from filelock import FileLock
+
+from reconstruction.cache import find_cache_folder
+from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
+from symbrion_gym.arenas.contact_kinds import HeightField
+from symbrion_gym.arenas.quality import ArenaQuality
+
+_FORMAT = 2
+"""Raised whenever the way pieces are made changes: old entries are then left alone."""
+_LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
+
+_logger = logging.getLogger(__name__)
+
+
+def hash_arena(mesh: trimesh.Trimesh, options: ContactOptions) -> str:
+    """Return the key of a surface, options and library versions."""
+    digest = hashlib.sha256()
+    for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8")):
+        digest.update(repr(np.shape(array)).encode())
+        digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
+    digest.update(json.dumps([_FORMAT, options.as_dict(), find_versions()], sort_keys=True).encode())
+    return digest.hexdigest()[:32]
+
+
+def find_versions() -> dict[str, str]:
+    """Return the versions of the libraries that shape the pieces."""
+    versions = {}
+    for name in _LIBRARIES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "absent"
+    return versions
+
+
+def get_or_make(
+    mesh: trimesh.Trimesh,
+    options: ContactOptions,
+    make: Callable[[], Contact],
+    folder: Path | None = None,
+) -> Contact:
+    """Return the cached contact of a surface, or make it and keep it.
+
+    Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
+    read is made again. A cache that cannot be written costs a warning, not the arena.
+
+    Args:
+        mesh: the repaired surface.
+        options: what is wanted.
+        make: makes it.
+        folder: where entries lie; the user's cache unless given.
+    """
+    folder = find_cache_folder("arenas") if folder is None else folder
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{hash_arena(mesh, options)}.npz"
+    with FileLock(f"{path}.lock"):
+        kept = read_entry(path)
+        if kept is not None:
+            return kept
+        contact = make()
+        try:
+            write_entry(path, contact)
+        except OSError as error:
+            _logger.warning("the arena cannot be kept in %s: %s", path, error)
+        return contact
+
+
+def write_entry(path: Path, contact: Contact) -> None:
+    """Write an entry beside and rename it."""
+    arrays = {
+        "vertices": np.concatenate([p.vertices for p in contact.pieces] or [np.zeros((0, 3))]),
+        "faces": np.concatenate([p.faces for p in contact.pieces] or [np.zeros((0, 3), dtype=np.int64)]),
+        "num_vertices": np.array([len(p.vertices) for p in contact.pieces], dtype=np.int64),
+        "num_faces": np.array([len(p.faces) for p in contact.pieces], dtype=np.int64),
+        "about": np.array(json.dumps({"quality": contact.quality.as_dict(), "notes": contact.notes})),
+    }
+    if contact.height_field is not None:
+        arrays |= {f"field_{name}": value for name, value in contact.height_field._asdict().items()}
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+        np.savez_compressed(file, **arrays)
+    os.replace(file.name, path)
+
+
+def read_entry(path: Path) -> Contact | None:
+    """Return an entry; None where there is none, or none that can be read."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            vertices = np.split(arrays["vertices"], np.cumsum(arrays["num_vertices"]))[:-1]
+            faces = np.split(arrays["faces"], np.cumsum(arrays["num_faces"]))[:-1]
+            about = json.loads(str(arrays["about"]))
+            height_field = None
+            if "field_heights" in arrays:
+                height_field = HeightField(*(arrays[f"field_{name}"] for name in HeightField._fields))
+        pieces = [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=True)]
+        return Contact(pieces, ArenaQuality(**about["quality"]), height_field, about["notes"])
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        _logger.warning("the cache entry %s cannot be read (%s); it is made again", path, error)
+        return None

@@ -1,0 +1,304 @@
+"""From a repaired surface to contact geometry that meets an accuracy within a time."""
+
+from __future__ import annotations
+
+import logging
+import time
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import trimesh
+
+from reconstruction.progress import Progress, silent
+from symbrion_gym.arenas.contact_kinds import (
+    CONTACT_KINDS,
+    HeightField,
+    find_uncovered,
+    make_boxes,
+    make_height_field,
+    make_prisms,
+)
+from symbrion_gym.arenas.quality import ArenaQuality, measure_arena
+from symbrion_gym.errors import ArenaError
+from symbrion_gym.pieces.decomposition import decompose
+from symbrion_gym.pieces.planes import Planes, find_planes
+from symbrion_gym.pieces.slab_fit import fit_slabs
+from symbrion_gym.pieces.slab_union import decompose_slabs, has_moved
+from symbrion_gym.pieces.slabs import make_slabs
+from symbrion_gym.pieces.solid import (
+    close_downwards,
+    close_holes,
+    find_shape,
+    simplify_solid,
+    take_top,
+    thicken,
+)
+from symbrion_gym.pieces.subdivision import split_long_edges
+
+_MAX_SOLID_FACES = 4000
+"""coacd's time grows faster than the number of faces."""
+_SCALES = (1.0, 2.0, 4.0, 8.0)
+"""Planes are looked for within these multiples of the accuracy, until few enough are found."""
+_MAX_SLABS_FOR_COACD = 24
+"""coacd's time grows faster than the number of slabs; of rough ground it also gives many more pieces."""
+_COACD_SHARE = 0.25
+"""coacd may take this share of the time limit for united slabs."""
+_AS_GOOD = 1e-4
+"""Pieces this much farther from the surface are as good [m]."""
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ContactOptions:
+    """What contact geometry is wanted.
+
+    Attributes:
+        accuracy: distance between contact and surface that is good enough [m].
+        max_pieces: no more convex pieces than these.
+        kind: one of `CONTACT_KINDS`.
+        thickness: how far pieces reach below the lowest ground, or inwards from an overhang [m].
+        seed: of coacd's search.
+        time_limit: building ends by then, with what there is or an error [s].
+    """
+
+    accuracy: float = 0.003
+    max_pieces: int = 64
+    kind: str = "convex"
+    thickness: float = 0.2
+    seed: int = 0
+    time_limit: float = 120.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in CONTACT_KINDS:
+            raise ArenaError(f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        for name in ("accuracy", "thickness", "time_limit"):
+            if not 0.0 < getattr(self, name) < float("inf"):
+                raise ArenaError(f"{name} must be above 0, got {getattr(self, name)}")
+        if self.max_pieces < 1:
+            raise ArenaError(f"max_pieces must be 1 or more, got {self.max_pieces}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What is touched, and how well it follows the surface.
+
+    Attributes:
+        pieces: convex solids.
+        height_field: in place of pieces, for the kind "hfield".
+        quality: distances from the surface.
+        notes: how it came about, for JSON.
+    """
+
+    pieces: list[trimesh.Trimesh]
+    quality: ArenaQuality
+    height_field: HeightField | None = None
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+class Watch:
+    """A time limit that long work looks at."""
+
+    def __init__(self, limit: float) -> None:
+        self._end = time.perf_counter() + limit
+        self._start = time.perf_counter()
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start [s]."""
+        return time.perf_counter() - self._start
+
+    def left(self) -> float:
+        """Time until the limit, not below 0 [s]."""
+        return max(self._end - time.perf_counter(), 0.0)
+
+    def is_late(self, share: float = 1.0) -> bool:
+        """Whether this share of the time is used up."""
+        return self.elapsed >= share * (self._end - self._start)
+
+
+def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progress = silent) -> Contact:
+    """Make contact geometry of a repaired surface.
+
+    Raises:
+        ArenaError: no geometry of this kind can be made of this surface in time.
+    """
+    watch = Watch(options.time_limit)
+    if options.kind == "prisms":
+        return _measure(make_prisms(mesh), mesh, watch, {"way": "prisms"})
+    if options.kind == "hfield":
+        heights = make_height_field(mesh)
+        quality = measure_arena([heights.as_mesh()], mesh, seconds=watch.elapsed)
+        return Contact([], quality, heights, {"way": "height field"})
+    shape = find_shape(mesh)
+    body = close_holes(mesh) if shape == "overhang" else mesh
+    if body is not mesh and body.is_watertight:
+        shape = "closed"
+    progress(f"the surface is a {shape}", 0.05)
+    if shape == "terrain":
+        return _follow_terrain(split_long_edges(take_top(mesh)), mesh, options, watch, progress)
+    solid = body if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
+    return _decompose_solid(solid, mesh, options, watch, progress, {"shape": shape})
+
+
+def _follow_terrain(
+    top: trimesh.Trimesh, mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
+) -> Contact:
+    """Slabs under planes, the finest that are few enough, caps fitted where planes do not do; then coacd."""
+    progress("planes", 0.1)
+    planes, tolerance = _find_few_planes(top, options, watch)
+    progress("slabs", 0.3)
+    slabs, pieces = make_slabs(
+        top, planes, tolerance, options.max_pieces, options.thickness, lambda: watch.is_late(0.4)
+    )
+    if options.kind == "primitives":
+        boxes = make_boxes(top, planes, tolerance)
+        pieces = boxes + find_uncovered(pieces, boxes, tolerance)
+    notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
+    best = _measure(pieces, mesh, watch, notes)
+    if _is_enough(best, max(options.accuracy, 1.5 * planes.noise), options):
+        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
+    if slabs:
+        progress("fitting caps to rough ground", 0.5)
+        pieces = fit_slabs(
+            top,
+            slabs,
+            planes.slopes(),
+            options.accuracy,
+            options.max_pieces,
+            options.thickness,
+            lambda: watch.is_late(0.6),
+        )
+        fitted = _measure(pieces, mesh, watch, {**notes, "way": "slabs, fitted"})
+        best = _choose(best, fitted, options.max_pieces)
+    if _is_enough(best, 3.0 * options.accuracy, options):
+        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
+    try:
+        solid = simplify_solid(close_downwards(top, options.thickness))
+        other = _decompose_solid(solid, mesh, options, watch, progress, {"shape": "terrain"})
+        return _choose(best, other, options.max_pieces)
+    except ArenaError as error:
+        if not best.pieces:
+            raise
+        _logger.info("coacd gave nothing better: %s", error)
+        return best
+
+
+def _prefer_coacd(
+    slabs: Contact,
+    planes: Planes,
+    top: trimesh.Trimesh,
+    mesh: trimesh.Trimesh,
+    options: ContactOptions,
+    watch: Watch,
+    progress: Progress,
+) -> Contact:
+    """coacd's pieces of the united slabs where they follow the surface as well; else the slabs, and why."""
+    if options.kind != "convex":
+        return slabs
+    way = slabs.notes["way"]
+    made, reason = None, ""
+    if len(slabs.pieces) > _MAX_SLABS_FOR_COACD:
+        reason = f"{len(slabs.pieces)} slabs would take coacd too long"
+    else:
+        progress("coacd", 0.7)
+        limit = min(_COACD_SHARE * options.time_limit, watch.left())
+        try:
+            pieces = decompose_slabs(slabs.pieces, planes, top.area_faces, options.seed, limit)
+            made = _measure(pieces, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
+            reason = _find_fault(made, slabs, options.max_pieces)
+        except ArenaError as error:
+            reason = str(error)
+    if made is not None and not reason:
+        notes = {**made.notes, "why": f"as close as the {len(slabs.pieces)} slabs"}
+        return replace(made, notes=notes)
+    _logger.info("slabs are kept: %s", reason)
+    quality = replace(slabs.quality, seconds=watch.elapsed)
+    return replace(slabs, quality=quality, notes={**slabs.notes, "why": f"slabs are kept: {reason}"})
+
+
+def _find_fault(made: Contact, slabs: Contact, max_pieces: int) -> str:
+    """What is worse about coacd's pieces than about the slabs that they cover; nothing if they are as good."""
+    allowed = min(max_pieces, max(int(1.5 * len(slabs.pieces)), len(slabs.pieces) + 3))
+    if len(made.pieces) > allowed:
+        return f"coacd gave {len(made.pieces)} pieces for {len(slabs.pieces)} slabs"
+    for name in ("mean", "p95", "uncovered"):
+        got, kept = getattr(made.quality, name), getattr(slabs.quality, name)
+        if got > max(1.1 * kept, kept + _AS_GOOD):
+            return f"coacd's pieces have {name} {got:.3g} against {kept:.3g}"
+    return "coacd's pieces move walls" if has_moved(made.pieces, slabs.pieces) else ""
+
+
+def _find_few_planes(top: trimesh.Trimesh, options: ContactOptions, watch: Watch) -> tuple[Planes, float]:
+    """The finest planes that are few enough, or about as few as coarser ones; and their tolerance."""
+    found = []
+    for scale in _SCALES:
+        planes = find_planes(top, scale * options.accuracy, is_late=lambda: watch.is_late(0.25))
+        found.append((planes, scale * options.accuracy))
+        if len(planes.normals) <= max(options.max_pieces / 2, 8) or watch.is_late(0.25):
+            return found[-1]
+    fewest = min(len(planes.normals) for planes, _ in found)
+    return next(pair for pair in found if len(pair[0].normals) <= 1.25 * fewest)
+
+
+def _is_enough(contact: Contact, accuracy: float, options: ContactOptions) -> bool:
+    return 0 < len(contact.pieces) <= options.max_pieces and contact.quality.mean <= accuracy
+
+
+def _decompose_solid(
+    solid: trimesh.Trimesh,
+    mesh: trimesh.Trimesh,
+    options: ContactOptions,
+    watch: Watch,
+    progress: Progress,
+    notes: dict[str, Any],
+) -> Contact:
+    """coacd with finer and finer thresholds, until the accuracy is met or pieces or time run out."""
+    best: Contact | None = None
+    failure: ArenaError | None = None
+    if len(solid.faces) > _MAX_SOLID_FACES:
+        solid = simplify_solid(solid, _MAX_SOLID_FACES)
+    for step, threshold in enumerate((0.05, 0.02, 0.01)):
+        progress(f"coacd at threshold {threshold}", 0.4 + 0.15 * step)
+        if step and (watch.left() < 3.0 * watch.elapsed or watch.is_late(0.5)):
+            break
+        try:
+            pieces = decompose(solid, threshold, options.seed, max(watch.left(), 1.0), max_convex_hull=-1)
+        except ArenaError as error:
+            failure = error
+            break
+        made = _measure(pieces, mesh, watch, {**notes, "way": "coacd", "threshold": threshold})
+        best = _choose(best, made, options.max_pieces)
+        if len(pieces) > options.max_pieces or made.quality.mean <= options.accuracy:
+            break
+    if best is None:
+        raise failure or ArenaError("no convex pieces were found")
+    return best
+
+
+def _measure(
+    pieces: list[trimesh.Trimesh], mesh: trimesh.Trimesh, watch: Watch, notes: dict[str, Any]
+) -> Contact:
+    seconds = watch.elapsed
+    return Contact(pieces, measure_arena(pieces, mesh, seconds=seconds), None, notes)
+
+
+def _choose(first: Contact | None, second: Contact, max_pieces: int) -> Contact:
+    """The one that keeps to the number of pieces; of two, the more accurate."""
+    if first is None:
+        return second
+
+    def rank(contact: Contact) -> tuple[int, float]:
+        too_many = max(len(contact.pieces) - max_pieces, 0)
+        return too_many, contact.quality.mean + contact.quality.uncovered
+
+    return min(first, second, key=rank)
+
+
+def _limit_thickness(mesh: trimesh.Trimesh, thickness: float) -> float:
+    """A shell no thicker than a tenth of the extent: small things stay hollow where they were."""
+    return min(thickness, 0.1 * float(mesh.extents.max()))

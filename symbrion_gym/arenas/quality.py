@@ -1,0 +1,96 @@
+"""How far the contact pieces of an arena lie from its surface."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from symbrion_gym.arenas.elevation import Elevation
+
+_MAX_RAYS = 400_000
+
+
+@dataclass(frozen=True)
+class ArenaQuality:
+    """Vertical distances between what is touched and the surface, on a grid; 2 cm around walls left out.
+
+    Attributes:
+        mean: mean distance [m].
+        p95: 95th percentile [m].
+        max: largest [m].
+        bias: mean of touched minus surface: above 0 where the ground is lifted [m].
+        uncovered: share of the surface with nothing to touch beneath it.
+        num_pieces: number of contact pieces.
+        seconds: time that the decomposition took [s].
+    """
+
+    mean: float
+    p95: float
+    max: float
+    num_pieces: int
+    bias: float = 0.0
+    uncovered: float = 0.0
+    seconds: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
+
+
+def measure_arena(
+    pieces: list[trimesh.Trimesh],
+    surface: trimesh.Trimesh,
+    *,
+    region: trimesh.Trimesh | None = None,
+    spacing: float = 0.01,
+    margin: float = 0.02,
+    seconds: float = 0.0,
+) -> ArenaQuality:
+    """Compare the top of the pieces with a surface along vertical lines.
+
+    Args:
+        pieces: contact pieces.
+        surface: what they should be: the mesh they were made of, or the truth.
+        region: a mesh that bounds where to look, if not the whole surface.
+        spacing: of the grid; wider where the surface is large (at most 400,000 lines) [m].
+        margin: distance around walls (a rise of more than 2 per 1) that is left out [m].
+        seconds: to be noted in the result.
+    """
+    low, high = (region or surface).bounds[:, :2]
+    spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
+    axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
+    x, y = np.meshgrid(*axes, indexing="ij")
+    wanted = Elevation(surface).height(x, y)
+    is_there = np.isfinite(wanted)
+    if region is not None:
+        is_there &= np.isfinite(Elevation(region).height(x, y))
+    is_open = is_there & (_find_relief(wanted, margin / spacing) < 2.0 * margin)
+    touched = Elevation(*pieces).height(x, y)
+    is_touched = np.isfinite(touched)
+    gap = (touched - wanted)[is_open & is_touched]
+    if not len(gap):
+        return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
+    return ArenaQuality(
+        mean=float(np.abs(gap).mean()),
+        p95=float(np.percentile(np.abs(gap), 95)),
+        max=float(np.abs(gap).max()),
+        bias=float(gap.mean()),
+        uncovered=float(1.0 - is_touched[is_there].mean()),
+        num_pieces=len(pieces),
+        seconds=seconds,
+    )
+
+
+def _find_relief(heights: np.ndarray, radius: float) -> np.ndarray:
+    """Difference of the highest and lowest point within a radius (in cells) on a grid with gaps (NaN)."""
+    reach = max(int(np.ceil(radius - 1e-6)), 1)
+    steps = np.arange(-reach, reach + 1)
+    disc = np.hypot(*np.meshgrid(steps, steps)) <= max(radius, 1.0) + 1e-6
+    is_gap = np.isnan(heights)
+    highest = maximum_filter(np.where(is_gap, -np.inf, heights), footprint=disc, mode="nearest")
+    lowest = minimum_filter(np.where(is_gap, np.inf, heights), footprint=disc, mode="nearest")
+    return highest - lowest

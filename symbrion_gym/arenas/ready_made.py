@@ -1,0 +1,54 @@
+"""The ready-made arenas that ship with the package, and how they are made: survey, networks, convex pieces."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from reconstruction.progress import Progress, silent
+from reconstruction.reconstruct import reconstruct
+from reconstruction.scans.preprocess import preprocess, thin
+from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.sensing.survey import survey
+
+
+class Recipe(NamedTuple):
+    """How a scanned arena is made.
+
+    Attributes:
+        method: the network, "gsrm" or "gg".
+        units: its resolution.
+    """
+
+    method: str
+    units: int
+
+
+RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
+SPACING = 0.015
+"""One point in each cube of this edge [m]: the scanner sees the places near its turns very often."""
+EXACT = ("truth", "simple")
+"""Arenas that need no scan."""
+
+
+def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) -> dict[str, Arena]:
+    """Make the ready-made arenas and save each in a folder of its name.
+
+    Args:
+        folder: where the arenas' folders go.
+        seed: of the survey and the networks.
+        progress: told how far the work is.
+
+    Returns:
+        Name -> arena, as saved.
+    """
+    arenas = {name: load_arena(name) for name in EXACT}
+    progress("survey", 0.0)
+    points = thin(preprocess(survey("truth", seed=seed)), SPACING)
+    for index, (name, recipe) in enumerate(RECIPES.items()):
+        progress(f"{name}: network and pieces", 0.5 + 0.25 * index)
+        mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
+        arenas[name] = make_arena(mesh, name=name, course=Course(), seed=seed)
+    for name, arena in arenas.items():
+        arena.save(folder / name)
+    progress("done", 1.0)
+    return arenas

@@ -1,0 +1,1 @@
+"""The Gymnasium environments: episodes, observation, judges, pictures, many at once."""

@@ -1,0 +1,114 @@
+"""The strict test of success, and everything else that ends an episode.
+
+Success means that EVERY module lies beyond the finish, at ground height and upright, for 0.3 s, that none
+ever rolled over on the way, and that the body was not faster than its tracks. A test of the tail alone is
+cheated at once by somersaults and by folding the body through itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from symbrion_gym.environment.world import Physics, World
+
+HOLD_TIME = 0.3
+"""How long the body must have arrived [s]."""
+UPRIGHT = 0.5
+"""Smallest z component of the up axis of an upright module."""
+ROLLED_OVER = -0.3
+"""Below this z component of its up axis a module has rolled over."""
+GROUND_BAND = (0.02, 0.075)
+"""Height of a module's centre above the ground that counts as standing on it [m]."""
+SPEED_SLACK = 0.05
+"""What a body may be ahead of its tracks' path, for falling forwards [m]."""
+LARGEST_SPEED = 50.0
+"""A coordinate faster than this [m/s or rad/s] means that the simulation has diverged."""
+_TOUCH_BAND = 0.01
+"""A module this close to the floor of the pit [m] touches it."""
+
+
+class Measures(NamedTuple):
+    """What is measured of one simulation at a tick.
+
+    Attributes:
+        head: how far along the route the head is [m].
+        mean: how far the modules are in the mean [m].
+        rearmost: how far the rearmost module is [m].
+        progress: likewise in the mean, no module counted farther than the finish [m].
+        aside: largest distance of a module from the middle of the route [m].
+        lowest: height of the lowest module [m].
+        uprightness: smallest z component of the modules' up axes.
+        is_sound: whether the numbers are still physics.
+    """
+
+    head: float
+    mean: float
+    rearmost: float
+    progress: float
+    aside: float
+    lowest: float
+    uprightness: float
+    is_sound: bool
+
+
+class Judge:
+    """Measures simulations and tells what ends an episode; it remembers nothing."""
+
+    def __init__(self, world: World) -> None:
+        self._arena, self._route = world.arena, world.route
+        self._direction = world.route.direction
+        self._is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
+        self._half = world.organism.scout.size[2] / 2
+        self._share = 1.0 / world.num_modules
+        self.hold_ticks = max(1, int(np.ceil(HOLD_TIME / world.config.dt - 1e-9)))
+        self.is_abyss = world.config.abyss and world.route.pit is not None
+
+    def measure(self, physics: Physics, row: int) -> Measures:
+        """Measure one simulation; plain numbers are faster than small arrays."""
+        rates = physics.qvel[row].tolist()
+        if not (min(rates) > -LARGEST_SPEED and max(rates) < LARGEST_SPEED and sum(rates) == sum(rates)):
+            return Measures(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
+        along, across, heights = zip(*physics.position[row].tolist(), strict=True)
+        if not self._is_plain:
+            c, s = self._direction
+            offset, places = self._route.lateral, list(zip(along, across, strict=True))
+            along = [c * x + s * y for x, y in places]
+            across = [c * y - s * x - offset for x, y in places]
+        finish, share = self._route.finish, self._share
+        return Measures(
+            along[0],
+            sum(along) * share,
+            min(along),
+            sum([s if s < finish else finish for s in along]) * share,
+            max(max(across), -min(across)),
+            min(heights),
+            min(physics.rotation[row, :, 8].tolist()),
+            True,
+        )
+
+    def find_distance(self, position: np.ndarray) -> np.ndarray:
+        """Return how far along the route each module is, `[N, n]` [m]."""
+        if self._is_plain:
+            return position[:, :, 0]
+        c, s = self._direction
+        return c * position[:, :, 0] + s * position[:, :, 1]
+
+    def is_off(self, aside: float, lowest: float) -> bool:
+        """Return whether a module has left the arena."""
+        return aside > self._route.half_width or lowest < self._route.lowest
+
+    def is_standing(self, physics: Physics, row: int) -> bool:
+        """Return whether every module of one simulation is upright and at ground height."""
+        position, up = physics.position[row], physics.rotation[row, :, 8]
+        above = position[:, 2] - self._arena.height(position[:, 0], position[:, 1])
+        return bool(((above > GROUND_BAND[0]) & (above < GROUND_BAND[1]) & (up > UPRIGHT)).all())
+
+    def has_touched_pit(self, physics: Physics, row: int) -> bool:
+        """Return whether a module of one simulation touches the floor of the pit."""
+        near, far, floor = self._route.pit or (0.0, 0.0, 0.0)
+        distance = self.find_distance(physics.position[row][None])[0]
+        reach = self._half * np.abs(physics.rotation[row, :, 6:9:2]).sum(axis=1)
+        is_down = physics.position[row, :, 2] - reach < floor + _TOUCH_BAND
+        return bool((is_down & (distance > near) & (distance < far)).any())

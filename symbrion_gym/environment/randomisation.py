@@ -1,0 +1,117 @@
+"""What may differ from episode to episode: values and ranges, drawn from the environment's generator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from symbrion_gym.environment.config import RANDOM_OPTIONS
+from symbrion_gym.environment.world import World
+from symbrion_gym.robot.tracks import find_track_field
+
+
+class Domain(NamedTuple):
+    """The circumstances of one episode.
+
+    Attributes:
+        friction: sliding friction of the robot on everything.
+        torque_scale: factor on the largest hinge torque.
+        start_offset: the start moved along the route [m].
+        start_lateral: and to its left [m].
+        yaw: the body turned about its head [rad].
+        track_speed: [m/s].
+    """
+
+    friction: float
+    torque_scale: float
+    start_offset: float
+    start_lateral: float
+    yaw: float
+    track_speed: float
+
+
+_LIMITS = {
+    "friction": (1e-3, 5.0),
+    "torque_scale": (1e-3, 10.0),
+    "start_offset": (-5.0, 5.0),
+    "start_lateral": (-5.0, 5.0),
+    "yaw": (-np.pi, np.pi),
+    "track_speed": (0.0, 2.0),
+}
+
+
+def draw_domain(
+    usual: Mapping[str, float], options: Mapping[str, Any] | None, generator: np.random.Generator
+) -> Domain:
+    """Return the circumstances of one episode.
+
+    Args:
+        usual: value of everything that is not asked for.
+        options: name -> a number, or a pair (low, high) to draw from uniformly.
+        generator: drawn from once per range, in the order of `Domain`.
+
+    Raises:
+        ValueError: an unknown name, or a value out of range.
+    """
+    options = options or {}
+    for name in options:
+        if name not in RANDOM_OPTIONS:
+            raise ValueError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
+    return Domain(*(_draw(name, options.get(name, usual.get(name)), generator) for name in Domain._fields))
+
+
+def _draw(name: str, value: Any, generator: np.random.Generator) -> float:
+    low, high = _LIMITS[name]
+    try:
+        bounds = np.asarray(value, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        bounds = np.zeros(0)
+    if len(bounds) not in (1, 2) or not (
+        np.isfinite(bounds).all() and low <= bounds.min() and bounds.max() <= high
+    ):
+        raise ValueError(
+            f"{name} must be a number or a pair (low, high) within {low:g} to {high:g}, got {value!r}"
+        )
+    if len(bounds) == 1:
+        return float(bounds[0])
+    if bounds[0] > bounds[1]:
+        raise ValueError(f"{name}: the range {value!r} is upside down")
+    return float(generator.uniform(bounds[0], bounds[1]))
+
+
+def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str, Any]]:
+    """Return the reset options of each of `num` simulations.
+
+    An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
+
+    Raises:
+        ValueError: an array of another length.
+    """
+    split: list[dict[str, Any]] = [{} for _ in range(num)]
+    for name, value in (options or {}).items():
+        if isinstance(value, tuple) or np.ndim(value) == 0:
+            values = [value] * num
+        elif len(value) == num:
+            values = list(value)
+        else:
+            raise ValueError(f"{name} has {len(value)} values for {num} simulations; give one each or a pair")
+        for options_of_one, one in zip(split, values, strict=True):
+            options_of_one[name] = one
+    return split
+
+
+def make_usual_domain(world: World) -> Domain:
+    """Return the circumstances of an episode for which nothing was asked."""
+    return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
+
+
+def apply_domain(world: World, fields: Any, domain: Domain) -> None:
+    """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
+    scout = world.organism.scout
+    fields.geom_friction[world.robot_geoms, 0] = domain.friction
+    torque = scout.hinge_torque * domain.torque_scale
+    fields.actuator_forcerange[world.hinge_servos] = (-torque, torque)
+    if scout.tracks == "spheres":
+        fields.geom_surfacevel[world.track_geoms] = find_track_field(scout, domain.track_speed)

@@ -1,0 +1,279 @@
+"""The environment many at once: one `mujoco.batch.Batch` steps all simulations on threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from mujoco.batch import Batch
+
+from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.episodes import FLAGS, NUMBERS, Episodes, Tick
+from symbrion_gym.environment.observation import add_noise
+from symbrion_gym.environment.randomisation import (
+    Domain,
+    apply_domain,
+    draw_domain,
+    make_usual_domain,
+    split_options,
+)
+from symbrion_gym.environment.rendering import RENDER_MODES, Pictures
+from symbrion_gym.environment.snake_pit import SnakePitEnv, make_spaces
+from symbrion_gym.environment.world import World
+
+_VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
+"""Fields of the model that differ between simulations."""
+
+
+class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many `SnakePitEnv` at once, equal to them to the bit for equal seeds and actions.
+
+    Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` or directly. It takes the
+    options of `SnakePitEnv`, all simulations having the same arena and body, and these:
+
+    | argument            | meaning                                                            |
+    |---------------------|--------------------------------------------------------------------|
+    | `num_envs`          | how many simulations                                               |
+    | `num_threads`       | threads that step them; as many as there are processors by default |
+    | `autoreset_mode`    | Gymnasium's; "NextStep" by default                                 |
+    | `max_episode_steps` | truncates sooner than `duration`                                   |
+
+    With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
+    is reset with `options={"reset_mask": ...}`.
+
+    With `timers`, `symbrion_gym.timing.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
+
+    Reset options are those of `SnakePitEnv`. A number or a tuple (low, high) goes to all, an array or a list
+    gives each simulation its own; they also hold for the automatic resets that follow. Generators are one
+    per simulation, seeded `seed + i`, or `seed[i]` where a list is given.
+    """
+
+    metadata = {**SnakePitEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        num_threads: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 400,
+        **options: Any,
+    ) -> None:
+        for name, value in (("num_envs", num_envs), ("num_threads", num_threads or 1)):
+            if int(value) != value or value < 1:
+                raise ValueError(f"{name} must be a whole number above 0, got {value}")
+        if render_mode not in (None, *RENDER_MODES[1:]):
+            raise ValueError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
+        self.config = SnakePitConfig.from_options(options)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {
+            **self.metadata,
+            "autoreset_mode": self.autoreset_mode,
+            "render_fps": round(1.0 / self.config.dt),
+        }
+        self.render_mode, self._picture_size = render_mode, (width, height)
+        self.num_envs = int(num_envs)
+        self.world = World(self.config, (width, height))
+        self.model = self.world.model
+        self._max_ticks = max_episode_steps
+        self._episodes = Episodes(self.world, self.num_envs)
+        self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
+        self.observation_structure = self._episodes.observer.structure
+        self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._usual = make_usual_domain(self.world)
+        self._generators: list[np.random.Generator] = []
+        self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self._is_done = np.ones(self.num_envs, dtype=bool)
+        self._numbers = np.zeros((self.num_envs, len(NUMBERS)))
+        self._flags = np.zeros((self.num_envs, len(FLAGS)), dtype=bool)
+        self._pictures: list[tuple[mujoco.MjData, Pictures]] = []
+
+    def _make_batch(self, num_threads: int) -> None:
+        self.batch = Batch(self.model, self.num_envs, num_threads, persistent=self.config.timers)
+        self._fields = {name: self.batch.expand(name) for name in _VARIED}
+        self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
+        self._physics = self.world.view(self.batch.bind)
+
+    def _refresh(self) -> None:
+        if not self.world.is_sliced:
+            self._physics = self.world.view(self.batch.bind)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Lay the bodies down at their starts.
+
+        Args:
+            seed: environment i gets `seed + i`, or `seed[i]`.
+            options: see the class; `reset_mask`, `[num_envs]` of truth values, resets only some.
+
+        Raises:
+            ValueError: an unknown option, or not one value for each simulation.
+        """
+        options = dict(options or {})
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}")
+        rows = [int(row) for row in np.flatnonzero(mask)]
+        self._seed(seed, rows)
+        split = split_options(options, self.num_envs)
+        for row in rows:
+            self._options[row] = split[row]
+        domains = self._begin(rows)
+        info = self._make_info(mask)
+        for name in Domain._fields:
+            values = np.zeros(self.num_envs)
+            values[rows] = [getattr(domain, name) for domain in domains]
+            info[name], info[f"_{name}"] = values, mask
+        return self._add_noise(self._episodes.observe(self._physics), rows), info
+
+    def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
+        if not self._generators:
+            self._generators = [seeding.np_random(None)[0] for _ in range(self.num_envs)]
+        if seed is None:
+            return
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments; give one each")
+        for row in rows:
+            one = seeds[row]
+            if one is not None:
+                self._generators[row] = seeding.np_random(int(one))[0]
+
+    def _begin(self, rows: list[int]) -> list[Domain]:
+        """Lay down the bodies of some simulations; return their circumstances."""
+        world, domains = self.world, []
+        self.batch.reset(rows, stage=0)
+        for row in rows:
+            wanted = {**self.config.randomise, **self._options[row]}
+            domain = draw_domain(self._usual._asdict(), wanted, self._generators[row])
+            fields = SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
+            apply_domain(world, fields, domain)
+            self._qpos[row] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
+            target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
+            world.write_control(self._control[row : row + 1], target, speed)
+            domains.append(domain)
+        self.batch.forward(rows)
+        self._refresh()
+        self._episodes.begin(rows, self._physics, [domain.track_speed for domain in domains])
+        self._is_done[rows] = False
+        for row in rows:
+            start = self._episodes.describe_start(self._physics, row)
+            self._numbers[row], self._flags[row] = start[: len(NUMBERS)], start[len(NUMBERS) :]
+        return domains
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Move the targets of the hinges and let a tick pass in every simulation that is not done.
+
+        Raises:
+            ValueError: actions of another shape.
+        """
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != self.action_space.shape:
+            raise ValueError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
+        was_done = self._is_done.copy()
+        rows = np.flatnonzero(~was_done).tolist()
+        ticks = self._advance(actions, rows)
+        reward, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
+        truncated = terminated.copy()
+        for row, tick in zip(rows, ticks, strict=True):
+            reward[row], terminated[row], truncated[row] = tick.reward, tick.terminated, tick.truncated
+        ended = terminated | truncated
+        self._is_done = was_done | ended
+        info = self._make_info(~was_done)
+        observation = self._add_noise(self._episodes.observe(self._physics), rows)
+        diverged = np.flatnonzero(self._flags[:, FLAGS.index("diverged")] & ended)
+        if len(diverged):
+            self.batch.reset(diverged)
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
+            observation = self._restart(was_done, observation)
+        elif self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
+            final = np.full(self.num_envs, None, dtype=object)
+            for row in np.flatnonzero(ended):
+                final[row] = observation[row].copy()
+            kept = {name: info[name] for name in NUMBERS + FLAGS}
+            observation = self._restart(ended, observation)
+            info = {**self._make_info(~was_done), "final_obs": final, "_final_obs": ended}
+            info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
+        return observation, reward, terminated, truncated, info
+
+    def _advance(self, actions: np.ndarray, rows: list[int]) -> list[Tick]:
+        """Step the physics of some simulations and judge them."""
+        if not rows:
+            return []
+        episodes, world = self._episodes, self.world
+        target, speed = episodes.command(actions, None if len(rows) == self.num_envs else rows)
+        world.write_control(self._control, target, speed)
+        if episodes.num_tracks:
+            world.write_track_speed(self._fields["geom_surfacevel"], speed)
+        self.batch.step(rows, nstep=self.config.frame_skip)
+        self._refresh()
+        ticks = episodes.finish_tick(self._physics, rows)
+        if self._max_ticks is not None:
+            limit = (self._max_ticks - 0.5) * self.config.dt
+            late = NUMBERS.index("time")
+            ticks = [
+                tick._replace(truncated=not tick.terminated) if tick.numbers[late] > limit else tick
+                for tick in ticks
+            ]
+        self._numbers[rows] = [tick.numbers for tick in ticks]
+        self._flags[rows] = [tick.flags for tick in ticks]
+        return ticks
+
+    def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
+        rows = np.flatnonzero(mask).tolist()
+        self._begin(rows)
+        fresh = self._add_noise(self._episodes.observe(self._physics), rows)
+        return np.where(mask[:, None], fresh, observation)
+
+    def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
+        """Return `info` with Gymnasium's `_name` masks: which simulations a value is news of."""
+        numbers, flags = self._numbers.T.copy(), self._flags.T.copy()
+        info: dict[str, Any] = dict(zip(NUMBERS, numbers, strict=True))
+        info.update(zip(FLAGS, flags, strict=True))
+        info.update([(f"_{name}", mask) for name in NUMBERS + FLAGS])
+        return info
+
+    def _add_noise(self, observation: np.ndarray, rows: list[int]) -> np.ndarray:
+        if self.config.noise:
+            for row in rows:
+                observer = self._episodes.observer
+                observation[row] = add_noise(observation[row], observer, self._generators[row])
+        return observation
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Return one picture per simulation in the render mode; None without one."""
+        if self.render_mode is None:
+            return None
+        if not self._pictures:
+            length = self.world.num_modules * self.world.organism.scout.pitch
+            data = mujoco.MjData(self.model)
+            for _ in range(self.num_envs):
+                pictures = Pictures(self.model, data, *self._picture_size, length, self.world.route.heading)
+                self._pictures.append((data, pictures))
+        frames = []
+        for row, (data, pictures) in enumerate(self._pictures):
+            self.batch.get_data(row, data)
+            mujoco.mj_forward(self.model, data)
+            pictures.follow(self._physics.position[row])
+            frames.append(pictures.draw(self.render_mode))
+        return tuple(frames)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what pictures need."""
+        for _, pictures in self._pictures:
+            pictures.close()
+        self._pictures = []

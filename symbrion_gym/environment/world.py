@@ -1,0 +1,315 @@
+"""A body in an arena, compiled: the model, what is where in it, and how a body is laid on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from symbrion_gym.arenas.arena import Arena, load_arena
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
+from symbrion_gym.arenas.stretch import stretch_arena
+from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.rendering import add_stage
+from symbrion_gym.errors import ArenaError, OrganismError
+from symbrion_gym.robot.organism import Organism, snake
+from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym.robot.scout_sensors import add_sensors
+from symbrion_gym.robot.tracks import find_wheel_radius
+from symbrion_gym.sensing.route import find_route
+
+_LIFT = 0.002
+"""Gap between the tracks and the ground at the start [m]."""
+_SAMPLES = 0.005
+"""Spacing of the heights along the start line [m]."""
+
+
+class Physics(NamedTuple):
+    """The state of N simulations, as live views or copies.
+
+    Attributes:
+        qpos: `[N, nq]`.
+        qvel: `[N, nv]`.
+        position: `[N, n, 3]` centres of the modules [m], one physics step behind qpos.
+        rotation: `[N, n, 9]` their rotation matrices, row by row, likewise.
+        sensordata: `[N, S]`, likewise.
+        actuator_force: `[N, h]` torque of the hinges [N m], likewise.
+    """
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    position: np.ndarray
+    rotation: np.ndarray
+    sensordata: np.ndarray
+    actuator_force: np.ndarray
+
+
+class World:
+    """A compiled arena with a body in it.
+
+    Attributes:
+        config: the options.
+        arena: where.
+        organism: who.
+        route: the way to go.
+        model: the compiled model; whoever changes it takes a copy.
+        friction: sliding friction of the robot on everything.
+        modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
+        is_by_site: whether the modules are found by their sites, as some share a body.
+        hinge_qpos: addresses of the hinges in qpos, `[h]`.
+        hinge_dof: addresses of the hinges in qvel, `[h]`.
+        is_sliced: whether `modules` is a slice, so that a view stays live.
+        wheel_radius: of what drives [m].
+        robot_geoms: ids of the geoms of the robot that touch.
+        hinge_servos: ids of the hinges' actuators, `[h]`.
+        wheel_servos: ids of the wheels' actuators, module by module; none with sphere tracks.
+        track_geoms: `[n, T]` ids of the geoms that drive, per module.
+    """
+
+    def __init__(self, config: SnakePitConfig, picture_size: tuple[int, int] = (640, 400)) -> None:
+        self._picture_size = picture_size
+        self.config = config
+        self.arena = find_arena(config)
+        self.friction = float(self.arena.friction if config.friction is None else config.friction)
+        self.organism = find_organism(config, self.friction)
+        self.route = find_route(self.arena, self.organism, config)
+        self.model = self._make_spec().compile()
+        self._find_ids()
+
+    def _make_spec(self) -> mujoco.MjSpec:
+        spec = self.arena.spec()
+        add_stage(spec, *self._picture_size)
+        self.organism.add_to(spec, spec.worldbody)
+        add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
+        for geom in spec.worldbody.geoms:
+            if geom.group == ARENA_CONTACT_GROUP:
+                geom.rgba[3] = 0.0  # rays shall see the exact surface alone
+        option = spec.option
+        option.timestep = self.config.timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        return spec
+
+    def _find_ids(self) -> None:
+        model, organism = self.model, self.organism
+        sites = [model.site(f"module_{i}") for i in range(organism.num_modules)]
+        self.is_by_site = any(np.abs(site.pos).max() > 1e-9 or abs(site.quat[3]) > 1e-9 for site in sites)
+        ids = [site.id if self.is_by_site else site.bodyid[0] for site in sites]
+        follow = ids == list(range(ids[0], ids[0] + len(ids)))
+        self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
+        self.is_sliced = follow
+        self.wheel_radius = find_wheel_radius(organism.scout)
+        hinges = [model.joint(f"hinge_{i}") for i in organism.hinges]
+        self.hinge_qpos = np.array([hinge.qposadr[0] for hinge in hinges], dtype=np.int64)
+        self.hinge_dof = np.array([hinge.dofadr[0] for hinge in hinges], dtype=np.int64)
+        self.hinge_servos = np.array(
+            [model.actuator(f"hinge_{i}").id for i in organism.hinges], dtype=np.int64
+        )
+        self._servos = make_slice(self.hinge_servos)
+        self.wheel_servos = np.array(
+            [i for i in range(model.nu) if "_wheel_" in model.actuator(i).name], dtype=np.int64
+        )
+        self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
+        names = [model.geom(int(i)).name for i in self.robot_geoms]
+        self.track_geoms = np.array(
+            [
+                [
+                    g
+                    for g, name in zip(self.robot_geoms, names, strict=True)
+                    if name.startswith(f"module_{i}_track")
+                ]
+                for i in range(organism.num_modules)
+            ]
+        )
+
+    @property
+    def num_modules(self) -> int:
+        """Number of modules."""
+        return self.organism.num_modules
+
+    @property
+    def num_hinges(self) -> int:
+        """Number of working hinges."""
+        return len(self.hinge_qpos)
+
+    def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
+        """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
+
+        Args:
+            fields: from the name of a field of `MjData` to its values in every simulation.
+        """
+        places = ("site_xpos", "site_xmat") if self.is_by_site else ("xpos", "xmat")
+        position, rotation = (fields(name)[:, self.modules] for name in places)
+        qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
+        return Physics(qpos, qvel, position, rotation, sensordata, force)
+
+    def write_control(self, control: np.ndarray, target: np.ndarray, track_speed: np.ndarray) -> None:
+        """Write the servos' controls.
+
+        Args:
+            control: `[N, nu]`, written in place.
+            target: `[N, h]` of the hinges [rad].
+            track_speed: `[N, 1 or n]` [m/s]; only wheels with joints read it here.
+        """
+        control[:, self._servos] = target
+        if len(self.wheel_servos):
+            rate = np.broadcast_to(track_speed, (len(control), self.num_modules)) / self.wheel_radius
+            control[:, self.wheel_servos] = np.repeat(
+                rate, len(self.wheel_servos) // self.num_modules, axis=1
+            )
+
+    def write_track_speed(self, field: np.ndarray, track_speed: np.ndarray) -> None:
+        """Write the surface velocity of sphere tracks.
+
+        Args:
+            field: `[N, ngeom, 6]` values of `geom_surfacevel`, written in place.
+            track_speed: `[N, 1 or n]` [m/s].
+        """
+        if not len(self.wheel_servos):
+            field[:, self.track_geoms, 4] = (track_speed / self.wheel_radius)[:, :, None]
+
+    def lay_down(self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+        """Return qpos `[nq]` of a body at rest on the ground at the start, bent as the ground is.
+
+        Args:
+            offset: the start moved along the route [m].
+            lateral: and to its left [m].
+            yaw: the body turned about its head [rad].
+        """
+        route, organism = self.route, self.organism
+        poses = organism.find_poses()
+        head_x, head_y = (float(v) for v in route.place(route.start + offset, lateral))
+        heading = route.heading + yaw
+        qpos = self.model.qpos0.copy()
+        is_snake = organism == snake(organism.num_modules, organism.scout)
+        back = np.arange(-0.2, (organism.num_modules + 1) * organism.scout.pitch + 0.2, _SAMPLES)
+        x, y = head_x - np.cos(heading) * back, head_y - np.sin(heading) * back
+        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
+        if is_snake:
+            z, pitch, hinges = _follow_ground(back, heights, organism)
+            qpos[self.hinge_qpos] = hinges
+        else:
+            pitch = 0.0
+            world = [
+                (
+                    head_x + np.cos(heading) * p.x - np.sin(heading) * p.y,
+                    head_y + np.sin(heading) * p.x + np.cos(heading) * p.y,
+                )
+                for p in poses
+            ]
+            xy = np.array(world)
+            spots = np.concatenate([xy + d for d in ([0.06, 0], [-0.06, 0], [0, 0.06], [0, -0.06], [0, 0])])
+            z = (
+                float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
+                + organism.scout.size[2] / 2
+                + _LIFT
+            )
+        qpos[:3] = head_x, head_y, z
+        qpos[3:7] = _make_quaternion(heading, pitch)
+        return qpos
+
+    def _find_heights(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return ground heights; beyond the rim, the nearest known one along the line."""
+        heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
+        known = np.flatnonzero(np.isfinite(heights))
+        if not len(known):
+            raise ArenaError(
+                f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self.arena.name!r}"
+            )
+        return np.interp(np.arange(len(heights)), known, heights[known])
+
+
+def find_arena(config: SnakePitConfig) -> Arena:
+    """Return the arena of the options; `pit` resizes the arenas made in code.
+
+    Raises:
+        ArenaError: there is no such arena, or its pit cannot be resized.
+    """
+    return stretch_arena(_find_arena(config), config.stretch)
+
+
+def _find_arena(config: SnakePitConfig) -> Arena:
+    arena = config.arena
+    if isinstance(arena, Arena):
+        if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
+            raise ArenaError(f"the pit of a ready arena cannot be set to {config.pit}; build another arena")
+        return arena
+    if not isinstance(arena, str | Path):
+        raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
+    if config.pit is None:
+        return load_arena(arena)
+    if arena in ("truth", "simple"):
+        return load_arena(arena, course=Course(pit=config.pit))
+    loaded = load_arena(arena)
+    if getattr(loaded.course, "pit", None) != config.pit:
+        raise ArenaError(
+            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with 'truth' and 'simple' only"
+        )
+    return loaded
+
+
+def find_organism(config: SnakePitConfig, friction: float) -> Organism:
+    """Return the body of the options.
+
+    Raises:
+        OrganismError: neither a number of modules nor an Organism.
+    """
+    if isinstance(config.modules, Organism):
+        return config.modules
+    if not isinstance(config.modules, int | np.integer):
+        raise OrganismError(f"modules must be a number or an Organism, got {config.modules!r}")
+    scout = ScoutConfig(
+        friction=friction,
+        hinge_torque=config.hinge_torque,
+        track_speed=config.track_speed,
+        tracks=config.tracks,
+    )
+    return snake(int(config.modules), scout)
+
+
+def _roll_over(heights: np.ndarray, radius: float) -> np.ndarray:
+    """Return how high the centre of a disc rolls over ground heights sampled every `_SAMPLES`."""
+    reach = int(radius / _SAMPLES)
+    padded = np.pad(heights, reach, mode="edge")
+    shift = np.arange(-reach, reach + 1)
+    rise = np.sqrt(np.maximum(radius**2 - (shift * _SAMPLES) ** 2, 0.0))
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    return (windows + rise).max(axis=1)
+
+
+def _follow_ground(
+    back: np.ndarray, heights: np.ndarray, organism: Organism
+) -> tuple[float, float, np.ndarray]:
+    """Lay a snake on a height line, head at 0; return head height, head pitch and hinge angles."""
+    pitch, count = organism.scout.pitch, organism.num_modules
+    s, z = np.zeros(count + 1), np.zeros(count + 1)
+    z[0] = np.interp(0.0, back, heights)
+    for i in range(1, count + 1):
+        step = pitch
+        for _ in range(8):
+            z[i] = np.interp(s[i - 1] + step, back, heights)
+            step = np.sqrt(max(pitch**2 - (z[i] - z[i - 1]) ** 2, (0.2 * pitch) ** 2))
+        s[i] = s[i - 1] + step
+    nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
+    limit = organism.scout.hinge_range
+    return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
+
+
+def _make_quaternion(heading: float, nose_up: float) -> np.ndarray:
+    """Return the rotation by `heading` about z after lifting the nose by `nose_up`."""
+    ch, sh, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(nose_up / 2), -np.sin(nose_up / 2)
+    return np.array([ch * cp, -sh * sp, ch * sp, sh * cp])
+
+
+def make_slice(ids: np.ndarray) -> slice | np.ndarray:
+    """Return ids as a slice where they follow each other: a view costs less than a copy."""
+    if len(ids) and (np.diff(ids) == 1).all():
+        return slice(int(ids[0]), int(ids[-1]) + 1)
+    return ids

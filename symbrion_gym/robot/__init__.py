@@ -1,0 +1,1 @@
+"""Scout modules and the bodies they dock into."""

@@ -1,0 +1,163 @@
+"""One Scout module of the Symbrion project as part of a MuJoCo model.
+
+Frame of a module: origin in the centre of the chassis, x forward (towards the hinged arm), y left, z up.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from symbrion_gym.robot.pose import Pose
+from symbrion_gym.robot.scout_constants import ARM_RADIUS, SIDES, TRACK_MODELS, ScoutConfig
+from symbrion_gym.robot.scout_look import dress_arm, dress_chassis
+from symbrion_gym.robot.scout_sensors import add_sensor_sites
+from symbrion_gym.robot.tracks import add_contact, add_tracks
+
+__all__ = [
+    "SIDES",
+    "TRACK_MODELS",
+    "Pose",
+    "ScoutConfig",
+    "add_arm",
+    "add_chassis",
+    "add_hinge",
+    "make_scout",
+]
+
+_BODY_RECESS = 0.009
+"""How far the chassis lies within the tracks [m] (estimate)."""
+_CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
+"""Half sizes of the chassis within the authors' cylinders [m] (estimate)."""
+
+
+def add_chassis(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig
+) -> None:
+    """Add chassis, tracks, docks and sensors of one module to a body.
+
+    Args:
+        spec: the model under construction.
+        body: what carries the chassis.
+        prefix: put before every name, such as "module_3_".
+        pose: the module in the frame of the body.
+        config: constants.
+    """
+    frame = body.add_frame(pos=pose.position, quat=pose.quaternion)
+    add_contact(
+        frame,
+        body,
+        f"{prefix}chassis",
+        mujoco.mjtGeom.mjGEOM_BOX,
+        _CYLINDER_CHASSIS if config.tracks == "cylinders" else np.array(config.size) / 2 - _BODY_RECESS,
+        config,
+        mass=config.chassis_mass,
+    ).rgba[3] = 1.0  # rays shall see it
+    dress_chassis(spec, frame, body, config)
+    add_tracks(spec, frame, body, prefix, pose, config)
+    body.add_site(name=prefix.rstrip("_"), size=[0.004] * 3, group=5).set_frame(frame)
+    for side in ("back", "left", "right"):
+        _add_dock(frame, body, prefix, side, config)
+    add_sensor_sites(frame, body, prefix, config)
+
+
+def add_arm(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    prefix: str,
+    pose: Pose,
+    config: ScoutConfig,
+    is_folded: bool = False,
+) -> None:
+    """Add the hinged arm of one module, with the front dock, to the body that it is part of.
+
+    Args:
+        spec: the model under construction.
+        body: what carries the arm.
+        prefix: put before every name.
+        pose: the module in the frame of the body.
+        config: constants.
+        is_folded: a free arm is held up, out of the way of the tracks.
+    """
+    lift = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0] if is_folded else [1.0, 0.0, 0.0, 0.0]
+    quaternion = np.empty(4)
+    mujoco.mju_mulQuat(quaternion, np.array(pose.quaternion), np.array(lift))
+    frame = body.add_frame(pos=pose.position, quat=quaternion)
+    nose = add_contact(
+        frame,
+        body,
+        f"{prefix}arm",
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        [ARM_RADIUS, ARM_RADIUS],
+        config,
+        pos=[config.arm_reach - ARM_RADIUS, 0, 0],
+        mass=config.arm_mass,
+    )
+    nose.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
+    dress_arm(spec, frame, body, config)
+    _add_dock(frame, body, prefix, "front", config)
+
+
+def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> mujoco.MjSpec:
+    """Return one module alone, on a free joint, with its hinge and servo."""
+    config = config or ScoutConfig()
+    spec = mujoco.MjSpec()
+    spec.modelname = "scout"
+    spec.compiler.degree = False
+    body = spec.worldbody.add_body(name="scout")
+    body.add_freejoint(name="root")
+    add_chassis(spec, body, "module_0_", Pose(), config)
+    arm = body
+    if is_hinged:
+        arm = body.add_body(name="arm")
+        add_hinge(spec, arm, "hinge_0", Pose(), config, lifts=True)
+    add_arm(spec, arm, "module_0_", Pose(), config)
+    return spec
+
+
+def add_hinge(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, pose: Pose, config: ScoutConfig, lifts: bool
+) -> None:
+    """Add the main hinge of a module, with its servo, to the body that it moves.
+
+    A positive angle lifts the arm, and what is docked to it, against the chassis.
+
+    Args:
+        spec: the model under construction.
+        body: the moving side.
+        name: of joint and actuator.
+        pose: the module in the frame of the body.
+        config: constants.
+        lifts: whether the body is the side of the arm (else that of the chassis).
+    """
+    sign = -1.0 if lifts else 1.0
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        pos=pose.position,
+        axis=[-sign * np.sin(pose.heading), sign * np.cos(pose.heading), 0.0],
+        limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        range=[-config.hinge_range, config.hinge_range],
+        armature=config.hinge_armature,
+        damping=[config.hinge_damping, 0, 0],
+    )
+    servo = spec.add_actuator(
+        name=name,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        target=name,
+        ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        ctrlrange=[-config.hinge_range, config.hinge_range],
+        forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+        forcerange=[-config.hinge_torque, config.hinge_torque],
+    )
+    servo.set_to_position(kp=config.hinge_stiffness, kv=config.hinge_derivative)
+
+
+def _add_dock(
+    frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, side: str, config: ScoutConfig
+) -> None:
+    dock = Pose(*config.find_dock(side))
+    site = body.add_site(
+        name=f"{prefix}dock_{side}", pos=dock.position, quat=dock.quaternion, size=[0.004] * 3, group=5
+    )
+    site.set_frame(frame)

@@ -1,0 +1,268 @@
+"""A virtual robot with two laser scanners drives around an arena and logs it (paper, section II-A)."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike
+
+from reconstruction.progress import Progress, silent
+from reconstruction.scans.localisation import localise
+from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth, make_pose
+from symbrion_gym.errors import ArenaError
+from symbrion_gym.sensing.laser_scanner import LaserScanner
+from symbrion_gym.sensing.survey_world import SurveyWorld
+
+_FIRST_WAYPOINT = 2
+"""The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
+
+_LEAST_VERTICES = 4
+"""A mesh with fewer is cut finer: MuJoCo takes none."""
+
+
+@dataclass(frozen=True)
+class SurveyRobot:
+    """A differential-drive robot with a mast: speeds, places of its scanners, its shaking, its wheels' errors.
+
+    Attributes:
+        scanner: both scanners' model.
+        speed: driving speed [m/s].
+        turn_rate: turning speed on the spot [rad/s].
+        scan_rate: scans a second [Hz]; the LMS 200 reaches 75 Hz at one degree, 37.5 Hz at half a degree.
+        rest: standing still at the start [s]: the sway averages out of the first place.
+        mast: height of the vertical scanner above the ground [m]; more over high arenas, see `survey`.
+        tilt: its middle beam points to the right and this far below the horizon [rad]; at 60 degrees it sees
+            the ground on both sides of the robot, which levelling needs.
+        low_height: height of the horizontal scanner above the ground [m].
+        shake: standard deviation of roll and pitch [rad], about the point of contact with the ground.
+        shake_memory: correlation of the shaking from one scan to the next.
+        distance_drift, turn_drift: relative error of the wheels in distance and turning, drawn once a survey
+            (standard deviations).
+        step_noise: random error of the wheels, per square root of a metre [m] (and [rad]).
+    """
+
+    scanner: LaserScanner = field(default_factory=LaserScanner)
+    speed: float = 0.25
+    turn_rate: float = 1.0
+    scan_rate: float = 20.0
+    rest: float = 4.0
+    mast: float = 2.2
+    tilt: float = np.pi / 3
+    low_height: float = 0.3
+    shake: float = np.radians(0.7)
+    shake_memory: float = 0.5
+    distance_drift: float = 0.01
+    turn_drift: float = 0.02
+    step_noise: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "turn_rate", "scan_rate", "mast", "low_height"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ArenaError(f"SurveyRobot: {name} must be above 0, got {getattr(self, name)}")
+        for name in ("rest", "shake", "distance_drift", "turn_drift", "step_noise"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise ArenaError(f"SurveyRobot: {name} must be 0 or more, got {getattr(self, name)}")
+        if not 0 <= self.shake_memory < 1:
+            raise ArenaError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
+
+    @property
+    def vertical_mount(self) -> np.ndarray:
+        """Pose of the vertical scanner in the robot, `[4, 4]`; its plane is the robot's y-z plane."""
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        mount = np.eye(4)
+        mount[:3, :3] = np.array([[0, -c, -s], [0, -s, c], [-1, 0, 0]]).T
+        mount[2, 3] = self.mast
+        return mount
+
+    @property
+    def horizontal_mount(self) -> np.ndarray:
+        """Pose of the horizontal scanner in the robot, `[4, 4]`: its middle beam ahead."""
+        mount = np.eye(4)
+        mount[2, 3] = self.low_height
+        return mount
+
+
+def survey(
+    arena: Any,
+    path: ArrayLike | None = None,
+    sensor: SurveyRobot | LaserScanner | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> ScanLog:
+    """Drive a virtual robot around an arena and return its scan log, localised.
+
+    The robot drives on the level ground around the arena (the height of the arena's lowest point), its
+    vertical scanner on a mast of 2.2 m, or 1 m above the arena's highest point. The ground begins 0.1 m off
+    the arena's bounding box; the open sides of the arena are hung with black skirting that returns nothing. A
+    room with pilasters stands around; only the horizontal scanner sees it.
+
+    Args:
+        arena: a name, an `Arena`, a trimesh, or a mesh file.
+        path: `[W, 2]` waypoints [m] on the ground; straight legs, turns on the spot. Default: see
+            `make_path`.
+        sensor: robot, or scanner on the default robot.
+        seed: decides every error; equal seeds give equal logs.
+        progress: called with what is being done.
+
+    Returns:
+        Poses come from localisation: x, y and yaw of the robot's foot. Levelling finds its lean in the plane of each
+        scan; its pitch, across that plane, is seen by neither scanner, stays, and moves a point by its height above
+        the ground times the pitch. `truth` holds the true poses and mixed beams, for judging; `report` the
+        localisation's errors against them.
+
+    Raises:
+        ArenaError: the arena is unknown or empty, or the path unusable.
+    """
+    robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
+    surface = _find_surface(arena)
+    bounds = np.asarray(surface.bounds, float)
+    if bounds[1, 2] - bounds[0, 2] + 1.0 > robot.mast:
+        robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + 1.0))
+    waypoints = make_path(bounds) if path is None else _check_path(path)
+    rng = np.random.default_rng(seed)
+    true_planar = drive(waypoints, robot)
+    odometry = _count_wheels(true_planar, robot, rng)
+    roll, pitch = _shake(len(true_planar), robot, rng)
+    robot_poses = make_pose(*true_planar.T, roll=roll, pitch=pitch)
+    robot_poses[:, 2, 3] = bounds[0, 2]
+    caster = SurveyWorld(surface, waypoints)
+    vertical, mixed, low = [], [], []
+    for i, pose in enumerate(robot_poses):
+        ranges, is_mixed = robot.scanner.scan(caster.see_arena, pose @ robot.vertical_mount, rng)
+        vertical.append(ranges)
+        mixed.append(is_mixed)
+        low.append(robot.scanner.scan(caster.see_walls, pose @ robot.horizontal_mount, rng)[0])
+        if i % 100 == 0:
+            progress("scanning", i / len(robot_poses))
+    horizontal = HorizontalScans(
+        np.stack(low), robot.scanner.angles, robot.horizontal_mount, odometry, true_planar[0]
+    )
+    flat = make_pose(*odometry.T)
+    flat[:, 2, 3] = bounds[0, 2]
+    log = ScanLog(
+        np.stack(vertical),
+        robot.scanner.angles,
+        flat @ robot.vertical_mount,
+        mount=robot.vertical_mount,
+        box=bounds,
+        horizontal=horizontal,
+        truth=ScanTruth(robot_poses, np.stack(mixed)),
+        report={"seed": float(seed)},
+    )
+    return localise(log, progress=progress)
+
+
+def make_path(bounds: np.ndarray, clearance: float = 0.4, stride: float = 1.2) -> np.ndarray:
+    """Make the default path, `[W, 2]`: once around the arena, clockwise, in zigzag.
+
+    The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
+    right, sweeps
+    every place in two diagonal directions from either side: walls that face any way are seen, and pits to
+    their ground, but nothing is looked at along its whole length.
+
+    Args:
+        bounds: `[2, 3]` the arena's bounding box [m].
+        clearance: distance of the nearest waypoints from the box [m].
+        stride: depth of the zigzag, and length of a leg along the side, about [m].
+    """
+    (x0, y0), (x1, y1) = bounds[0, :2] - clearance, bounds[1, :2] + clearance
+    corners = np.array([(x0, y1), (x1, y1), (x1, y0), (x0, y0), (x0, y1)])
+    sides = [_zigzag(a, b, stride) for a, b in itertools.pairwise(corners)]
+    loop = np.roll(np.concatenate(sides), -_FIRST_WAYPOINT, axis=0)
+    return np.concatenate([loop, loop[:1]])
+
+
+def _zigzag(start: np.ndarray, stop: np.ndarray, stride: float) -> np.ndarray:
+    """Go from start towards stop (left out), every other waypoint as far to the left as the legs are long."""
+    along = stop - start
+    length = float(np.hypot(*along))
+    num_legs = 2 * max(1, round(length / stride / 2))
+    left = np.array([-along[1], along[0]]) / num_legs
+    i = np.arange(num_legs)[:, None]
+    return start + i / num_legs * along + (i % 2) * left
+
+
+def drive(waypoints: np.ndarray, robot: SurveyRobot) -> np.ndarray:
+    """Follow the waypoints at constant speed, turn on the spot; returns x, y, yaw at every scan, `[S, 3]`."""
+    legs = np.diff(waypoints, axis=0)
+    yaws = np.arctan2(legs[:, 1], legs[:, 0])
+    yaws = yaws[0] + np.concatenate([[0.0], np.cumsum((np.diff(yaws) + np.pi) % (2 * np.pi) - np.pi)])
+    times, knots = [0.0, robot.rest], [[*waypoints[0], yaws[0]]] * 2
+    for i, leg in enumerate(legs):
+        if i:
+            times.append(times[-1] + abs(yaws[i] - yaws[i - 1]) / robot.turn_rate)
+            knots.append([*waypoints[i], yaws[i]])
+        times.append(times[-1] + float(np.hypot(*leg)) / robot.speed)
+        knots.append([*waypoints[i + 1], yaws[i]])
+    at = np.arange(0.0, times[-1], 1.0 / robot.scan_rate)
+    table = np.array(knots)
+    return np.stack([np.interp(at, times, table[:, k]) for k in range(3)], axis=1)
+
+
+def _count_wheels(true: np.ndarray, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarray:
+    """Add up the wheels' steps with their errors; starts at the true start."""
+    step = np.diff(true, axis=0)
+    middle = true[:-1, 2] + step[:, 2] / 2
+    ahead = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
+    scale = 1 + np.array([robot.distance_drift, robot.turn_drift]) * rng.standard_normal(2)
+    way = np.sqrt(np.abs(ahead) + 0.2 * np.abs(step[:, 2]))
+    ahead = ahead * scale[0] + robot.step_noise * way * rng.standard_normal(len(step))
+    turn = step[:, 2] * scale[1] + robot.step_noise * way * rng.standard_normal(len(step))
+    yaw = true[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
+    middle = yaw[:-1] + turn / 2
+    x = true[0, 0] + np.concatenate([[0.0], np.cumsum(ahead * np.cos(middle))])
+    y = true[0, 1] + np.concatenate([[0.0], np.cumsum(ahead * np.sin(middle))])
+    return np.stack([x, y, yaw], axis=1)
+
+
+def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarray:
+    """Draw roll and pitch at every scan, `[2, S]` [rad]: an autoregressive process."""
+    draws, shake = rng.standard_normal((count, 2)), np.zeros((count, 2))
+    fresh = np.sqrt(1 - robot.shake_memory**2)
+    for i in range(count):
+        shake[i] = robot.shake_memory * shake[i - 1] * (i > 0) + (fresh if i else 1.0) * draws[i]
+    return robot.shake * shake.T
+
+
+def _find_surface(arena: Any) -> trimesh.Trimesh:
+    surface = arena
+    if isinstance(arena, (str, os.PathLike)):
+        from symbrion_gym.arenas.arena import NAMED_ARENAS, load_arena
+
+        if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
+            surface = load_arena(str(arena))
+        else:
+            try:
+                surface = trimesh.load_mesh(arena)
+            except Exception as error:
+                raise ArenaError(
+                    f"{arena}: no named arena ({', '.join(NAMED_ARENAS)}) and no mesh file: {error}"
+                ) from error
+    surface = getattr(surface, "surface", surface)
+    surface = surface() if isinstance(surface, Callable) else surface
+    if not isinstance(surface, trimesh.Trimesh) or not len(surface.faces):
+        raise ArenaError(f"survey needs a mesh with faces, got {surface!r}")
+    if not np.isfinite(surface.vertices).all():
+        raise ArenaError("survey: the mesh has vertices that are not finite")
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
+
+
+def _check_path(path: ArrayLike) -> np.ndarray:
+    waypoints = np.asarray(path, float)
+    if (
+        waypoints.ndim != 2
+        or waypoints.shape[1] != 2
+        or len(waypoints) < 2
+        or not np.isfinite(waypoints).all()
+    ):
+        raise ArenaError(f"path must be [W, 2] finite waypoints, W >= 2, got shape {waypoints.shape}")
+    keep = np.r_[True, np.hypot(*np.diff(waypoints, axis=0).T) > 1e-6]
+    if keep.sum() < 2:
+        raise ArenaError("path must lead somewhere: all waypoints are the same")
+    return waypoints[keep]

@@ -1,0 +1,44 @@
+"""Spacing of samples, and what belongs to no surface."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+from shapes import make_sheet
+
+from reconstruction.networks.density import Density, study_density
+
+
+def _study(points: np.ndarray) -> Density:
+    return study_density(points, cKDTree(points), np.random.default_rng(0))
+
+
+def test_an_even_cloud_has_one_spacing() -> None:
+    points = make_sheet(10000)
+    density = _study(points)
+    assert len(np.unique(density.spacing)) == 1
+    assert (density.weights == 1).all()
+    assert 0.8 < density.spacing[0] / np.sqrt(2.2 / 10000) < 1.3
+
+
+def test_outliers_weigh_nothing() -> None:
+    points = make_sheet(10000)
+    outliers = np.random.default_rng(1).uniform([-1, -0.5, 0.4], [1, 0.5, 1.5], size=(400, 3))
+    weights = _study(np.concatenate([points, outliers])).weights
+    assert (weights[:10000] == 0).mean() < 0.001
+    assert (weights[10000:] == 0).mean() > 0.9
+
+
+def test_sparse_samples_weigh_more() -> None:
+    points = make_sheet(20000)
+    keep = (points[:, 0] < 0) | (np.arange(20000) % 20 == 0)
+    points = points[keep]
+    density = _study(points)
+    left, right = points[:, 0] < -0.2, points[:, 0] > 0.2
+    assert 3.5 < np.median(density.spacing[right]) / np.median(density.spacing[left]) < 5.5
+    assert np.median(density.weights[right]) > 4 * np.median(density.weights[left])
+    assert (density.weights > 0).mean() > 0.99
+
+
+def test_scan_lines_are_as_far_apart_as_they_are() -> None:
+    along, lines = np.meshgrid(np.linspace(0, 2, 401), np.arange(0, 1, 0.05))
+    points = np.stack([along.ravel(), lines.ravel(), np.zeros(along.size)], axis=1)
+    assert np.median(_study(points).spacing) > 0.012

@@ -1,0 +1,94 @@
+"""A grown map goes on learning: what is contradicted changes, the rest stays put."""
+
+import numpy as np
+import pytest
+
+from reconstruction.networks.compilation import keep_compiled_programs
+from reconstruction.networks.gsrm import GSRMConfig, State, refine, train
+from reconstruction.surfaces.quality import count_topology, find_distances
+
+keep_compiled_programs()
+NOISE = 0.004
+CONFIG = GSRMConfig(units=700)
+
+
+def _floor(x: tuple[float, float], y: tuple[float, float], number: int, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    points = np.stack([rng.uniform(*x, number), rng.uniform(*y, number), np.zeros(number)], axis=1)
+    return points + rng.normal(size=points.shape) * NOISE
+
+
+def _wall(x: float, number: int, seed: int = 2) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    points = np.stack([np.full(number, x), rng.uniform(-1, 1, number), rng.uniform(0, 0.5, number)], axis=1)
+    return points + rng.normal(size=points.shape) * NOISE
+
+
+@pytest.fixture(scope="module")
+def room() -> tuple[State, np.ndarray]:
+    points = np.concatenate([_floor((-2, 1), (-1, 1), 14000), _wall(1.0, 2500)])
+    return train(points, CONFIG, 0), points
+
+
+def _check(state: State) -> None:
+    topology = count_topology(state.faces, len(state.units))
+    assert topology.is_manifold
+    assert topology.unused_vertices == 0
+    assert topology.components == 1
+
+
+def test_readings_that_agree_change_nothing(room: tuple[State, np.ndarray]) -> None:
+    state, points = room
+    new = np.concatenate([_floor((-2, 1), (-1, 1), 1500, 7), _wall(1.0, 300, 8)])
+    again, known = refine(state, points, new, CONFIG)
+    np.testing.assert_array_equal(again.units, state.units)
+    assert len(known) == len(points) + len(new)
+
+
+def test_a_wall_that_moved_moves(room: tuple[State, np.ndarray]) -> None:
+    state, points = room
+    new = np.concatenate([_wall(1.2, 1500, 8), _floor((0.5, 1.2), (-1, 1), 1500, 9)])
+    moved, known = refine(state, points, new, CONFIG)
+    _check(moved)
+    assert find_distances(new, moved.units, moved.faces).mean() < 0.006
+    high = moved.units[moved.units[:, 2] > 0.1]
+    assert (np.abs(high[:, 0] - 1.2) < 0.03).mean() > 0.95
+    assert len(known) < len(points) + len(new)
+    far = points[points[:, 0] < 0]
+    before, after = (find_distances(far, s.units, s.faces) for s in (state, moved))
+    np.testing.assert_allclose(after, before, atol=0.002)
+
+
+def test_a_new_part_grows(room: tuple[State, np.ndarray]) -> None:
+    state, points = room
+    new = _floor((-2, 1), (1, 1.6), 4000, 10)
+    grown, known = refine(state, points, new, CONFIG)
+    _check(grown)
+    assert 1.1 < len(grown.units) / len(state.units) < 1.45
+    assert find_distances(new, grown.units, grown.faces).mean() < 0.006
+    assert len(known) > 0.99 * (len(points) + len(new))
+
+
+def test_a_part_that_is_no_longer_there_goes() -> None:
+    floor = _floor((-1, 1), (-1, 1), 12000)
+    on_box = (np.abs(floor[:, :2]) < 0.3).all(axis=1)
+    floor[on_box, 2] += 0.3
+    rng = np.random.default_rng(3)
+    turns = [np.stack([np.full(800, 0.3), rng.uniform(-0.3, 0.3, 800), rng.uniform(0, 0.3, 800)], 1)]
+    turns += [turns[0] * [-1, 1, 1], turns[0][:, [1, 0, 2]], turns[0][:, [1, 0, 2]] * [1, -1, 1]]
+    points = np.concatenate([floor, *turns])
+    state = train(points, CONFIG, 0)
+    assert (state.units[:, 2] > 0.1).sum() > 50
+    new = _floor((-1, 1), (-1, 1), 6000, 11)
+    cleared, _ = refine(state, points, new, CONFIG)
+    _check(cleared)
+    assert (cleared.units[:, 2] > 0.1).sum() <= 2
+    assert find_distances(new, cleared.units, cleared.faces).mean() < 0.006
+
+
+def test_equal_seeds_give_equal_maps(room: tuple[State, np.ndarray]) -> None:
+    state, points = room
+    new = _wall(1.2, 1500, 8)
+    first, second = (refine(state, points, new, CONFIG, 3)[0] for _ in range(2))
+    np.testing.assert_array_equal(first.units, second.units)
+    np.testing.assert_array_equal(first.faces, second.faces)

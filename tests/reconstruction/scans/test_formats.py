@@ -1,0 +1,312 @@
+"""Point files: what is read, what is written, and what every broken file is told."""
+
+import bz2
+import gzip
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pypcd4.pypcd4 import Encoding, PointCloud
+
+from reconstruction.errors import ScanError
+from reconstruction.scans.formats import load_points, read_points, save_points
+from reconstruction.scans.scan import load_scan_log
+
+POINTS = np.array([[0.0, 0.25, 0.5], [1.0, 2.0, -3.0], [4.0, 5.5, 6.0], [-1.5, 0.125, 2.0], [8.0, 1.0, 0.75]])
+TEXT = "\n".join(" ".join(map(str, row)) for row in POINTS) + "\n"
+
+
+def pcd(encoding: str, points: np.ndarray = POINTS) -> bytes:
+    file = io.BytesIO()
+    cloud = PointCloud.from_xyz_points(points.astype(np.float32))
+    cloud.save(file, Encoding(encoding))
+    return file.getvalue()
+
+
+def vtk(body: bytes, kind: str = "ASCII", count: str = "5", dtype: str = "float") -> bytes:
+    head = f"# vtk DataFile Version 3.0\nmade by hand\n{kind}\nDATASET POLYDATA\nPOINTS {count} {dtype}\n"
+    return head.encode() + body
+
+
+def ply(body: bytes, count: int = 5, form: str = "ascii", names: str = "xyz") -> bytes:
+    properties = "".join(f"property float {name}\n" for name in names)
+    return f"ply\nformat {form} 1.0\nelement vertex {count}\n{properties}end_header\n".encode() + body
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+def npy(array: np.ndarray, **options: bool) -> bytes:
+    file = io.BytesIO()
+    np.save(file, array, **options)
+    return file.getvalue()
+
+
+SINGLE = POINTS.astype("<f4").tobytes()
+OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS) + "vn 0 0 1\nf 1 2 3\n"
+GOOD = {
+    "a.xyz": TEXT.encode(),
+    "a.txt": b"# a comment\n\n" + TEXT.replace(" ", "\t").encode(),
+    "a.csv": b"\xef\xbb\xbfi,Y,X,z\n" + "".join(f"7,{y},{x},{z}\n" for x, y, z in POINTS).encode(),
+    "semicolon.csv": TEXT.replace(" ", ";").encode(),
+    "a.dat.bz2": bz2.compress(TEXT.encode()),
+    "a.xyz.gz": gzip.compress(TEXT.encode()),
+    "a.npy": npy(np.c_[POINTS, np.ones(5)].astype(np.float32)),
+    "a.npz": npz(points=POINTS, other=np.ones(2)),
+    "a.ply": ply(TEXT.encode()),
+    "binary.ply": ply(SINGLE, form="binary_little_endian"),
+    "big.ply": ply(POINTS.astype(">f4").tobytes(), form="binary_big_endian"),
+    "a.pcd": pcd("ascii"),
+    "binary.pcd": pcd("binary"),
+    "compressed.pcd": pcd("binary_compressed"),
+    "a.vtk": vtk(TEXT.encode()),
+    "binary.vtk": vtk(POINTS.astype(">f4").tobytes(), "BINARY"),
+    "double.vtk": vtk(POINTS.astype(">f8").tobytes(), "BINARY", dtype="double"),
+    "a.obj": OBJ.encode(),
+    "a.ply.gz": gzip.compress(ply(SINGLE, form="binary_little_endian")),
+}
+PCD_HEAD = b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 5\nHEIGHT 1\n"
+LYING = (b"POINTS 5", b"POINTS 500000000")
+BROKEN = {
+    "empty.xyz": b"",
+    "empty.ply": b"",
+    "empty.npy": b"",
+    "empty.txt.gz": b"",
+    "packed_nothing.txt.gz": gzip.compress(b""),
+    "comments.txt": b"# nothing\n# here\n",
+    "blank.csv": b"\n\n  \n",
+    "one.xyz": b"1 2 3\n",
+    "two.csv": b"x,y,z\n1,2,3\n4,5,6\n",
+    "nan.xyz": b"nan nan nan\n" * 10,
+    "inf.xyz": b"inf 1 2\n" * 10,
+    "nan.npy": npy(np.full((9, 3), np.nan)),
+    "words.xyz": b"1 2 3\n4 five 6\n7 8 9\n",
+    "words_only.txt": b"the quick brown fox\njumps over the dog\n",
+    "columns.xyz": b"1 2\n3 4\n5 6\n",
+    "ragged.csv": b"1,2,3\n4,5\n6,7,8\n",
+    "cut.xyz": TEXT.encode() + b"1.0 2",
+    "garbage.xyz": bytes(range(256)) * 20,
+    "latin.csv": b"x,y,z\n1,2,\xff\xfe\n" * 4,
+    "garbage.ply": b"ply\n" + bytes(range(256)),
+    "cut_header.ply": ply(TEXT.encode())[:40],
+    "cut.ply": ply(SINGLE, form="binary_little_endian")[:-9],
+    "few.ply": ply(TEXT.encode(), count=9),
+    "huge.ply": ply(TEXT.encode(), count=10**12),
+    "no_z.ply": ply(TEXT.encode(), names="xyw"),
+    "no_vertex.ply": ply(TEXT.encode()).replace(b"vertex", b"corner"),
+    "words.ply": ply(b"1 2 three\n" * 5),
+    "list.npy": npy(np.arange(9.0)),
+    "columns.npy": npy(np.ones((9, 2))),
+    "strings.npy": npy(np.array([["a", "b", "c"]] * 4)),
+    "pickle.npy": npy(np.array([{}] * 4), allow_pickle=True),
+    "cut.npy": npy(POINTS)[:-20],
+    "garbage.npy": b"\x93NUMPY" + bytes(100),
+    "zip.npy": npz(points=POINTS),
+    "several.npz": npz(a=POINTS, b=POINTS),
+    "bare.npz": npy(POINTS),
+    "cut.npz": npz(points=POINTS)[:-40],
+    "garbage.npz": b"PK\x03\x04" + bytes(200),
+    "cut.pcd": pcd("binary")[:-11],
+    "lies.pcd": pcd("binary").replace(*LYING),
+    "lies_ascii.pcd": pcd("ascii").replace(b"WIDTH 5", b"WIDTH 7").replace(b"POINTS 5", b"POINTS 7"),
+    "cut_compressed.pcd": pcd("binary_compressed")[:-5],
+    "zeroed_compressed.pcd": pcd("binary_compressed")[:-20] + bytes(20),
+    "no_data.pcd": PCD_HEAD,
+    "no_points.pcd": PCD_HEAD + b"DATA ascii\n" + TEXT.encode(),
+    "words.pcd": PCD_HEAD + b"POINTS 5\nDATA ascii\n" + b"a b c\n" * 5,
+    "type.pcd": pcd("binary").replace(b"TYPE F F F", b"TYPE F Q F"),
+    "sizes.pcd": pcd("binary").replace(b"SIZE 4 4 4", b"SIZE 4 4"),
+    "fields.pcd": pcd("binary").replace(b"FIELDS x y z", b"FIELDS u v w"),
+    "encoding.pcd": pcd("binary").replace(b"DATA binary", b"DATA morse"),
+    "other.vtk": b"<VTKFile></VTKFile>",
+    "cut.vtk": vtk(b"1 2 3 4 5"),
+    "words.vtk": vtk(b"one two three " * 5),
+    "short.vtk": vtk(SINGLE[:30], "BINARY"),
+    "huge.vtk": vtk(TEXT.encode(), count="99999999999"),
+    "kind.vtk": vtk(TEXT.encode(), dtype="complex"),
+    "count.vtk": vtk(TEXT.encode(), count="-5"),
+    "no_points.vtk": b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n",
+    "no_vertices.obj": b"# an empty scene\nf 1 2 3\n",
+    "cut.obj": b"v 1 2 3\nv 4 5 6\nv 7 8\n",
+    "words.obj": b"v 1 2 three\n" * 4,
+    "no_gzip.xyz.gz": TEXT.encode(),
+    "cut.xyz.gz": gzip.compress(TEXT.encode())[:-9],
+    "cut.xyz.bz2": bz2.compress(TEXT.encode())[:-9],
+    "binary.3d": bytes(300),
+    "unknown.stp": TEXT.encode(),
+    "no_suffix": TEXT.encode(),
+}
+
+
+def write(folder: Path, name: str, data: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_every_format_gives_the_same_points(tmp_path, name):
+    points = load_points(write(tmp_path, name, GOOD[name]))
+    assert points.dtype == np.float64
+    np.testing.assert_allclose(points, POINTS, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_are_named_with_the_reason(tmp_path, name):
+    path = write(tmp_path, name, BROKEN[name])
+    with pytest.raises(ScanError) as error:
+        load_points(path)
+    message = str(error.value)
+    assert message.startswith(f"{path}: ")
+    assert len(message) >= len(f"{path}: is empty")
+
+
+def test_there_are_enough_broken_files():
+    assert len(BROKEN) >= 40
+
+
+def test_absent_files_and_folders_are_refused(tmp_path):
+    with pytest.raises(ScanError, match="no such file"):
+        load_points(tmp_path / "absent.ply")
+    (tmp_path / "folder.ply").mkdir()
+    with pytest.raises(ScanError, match="folder"):
+        load_points(tmp_path / "folder.ply")
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".xyz", ".txt", ".csv", ".npy", ".npz"])
+def test_what_is_written_is_read(tmp_path, suffix):
+    path = save_points(tmp_path / "new" / f"a{suffix}", POINTS)
+    np.testing.assert_allclose(load_points(path), POINTS, atol=1e-8)
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def test_what_cannot_be_written_leaves_nothing(tmp_path):
+    with pytest.raises(ScanError, match=r"\.stl"):
+        save_points(tmp_path / "a.stl", POINTS)
+    with pytest.raises(ScanError, match="shape"):
+        save_points(tmp_path / "a.xyz", POINTS[:, :2])
+    assert not list(tmp_path.iterdir())
+
+
+def test_units_are_metres(tmp_path):
+    path = write(tmp_path, "a.xyz", TEXT.encode())
+    np.testing.assert_allclose(load_points(path, unit="cm"), POINTS / 100)
+    np.testing.assert_allclose(load_points(path, unit="mm"), POINTS / 1000)
+    with pytest.raises(ScanError, match="inch"):
+        load_points(path, unit="inch")
+
+
+def test_a_unit_is_guessed_or_refused(tmp_path):
+    scenes = {"m": 1.0, "cm": 150.0}
+    for name, factor in scenes.items():
+        path = write(tmp_path, f"{name}.npy", npy(POINTS * factor))
+        expected = POINTS * factor * {"m": 1.0, "cm": 0.01}[name]
+        np.testing.assert_allclose(load_points(path, unit="auto"), expected)
+    for factor in (0.01, 1000.0):  # nothing fits; cm and mm both fit
+        with pytest.raises(ScanError, match="cannot guess the unit"):
+            load_points(write(tmp_path, "x.npy", npy(POINTS * factor)), unit="auto")
+
+
+def test_rows_that_are_not_finite_are_dropped_and_counted(tmp_path, caplog):
+    path = write(tmp_path, "a.xyz", TEXT.encode() + b"nan 1 2\n1 inf 2\n")
+    points, num_dropped = read_points(path)
+    assert (len(points), num_dropped) == (5, 2)
+    load_points(path)
+    assert "dropped 2 rows" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "a.ply", "binary.ply", "a.npy", "a.npz", "a.pcd", "binary.pcd"])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_give_points_or_the_error(tmp_path, name, data):
+    content = bytearray(GOOD[name])
+    for _ in range(data.draw(st.integers(1, 6))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    content = content[: data.draw(st.integers(0, len(content)))]
+    try:
+        points = load_points(write(tmp_path, name, bytes(content)))
+    except ScanError:
+        return
+    assert points.ndim == 2
+    assert points.shape[1] == 3
+    assert np.isfinite(points).all()
+
+
+@pytest.mark.parametrize("suffix", ["xyz", "csv", "npy", "npz", "ply", "pcd", "vtk", "obj", "3d", "xyz.gz"])
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(content=st.binary(max_size=400))
+def test_any_bytes_give_points_or_the_error(tmp_path, suffix, content):
+    try:
+        points = load_points(write(tmp_path, f"a.{suffix}", content))
+    except ScanError:
+        return
+    assert np.isfinite(points).all()
+
+
+def make_3dtk(num_sweeps: int = 4, num_beams: int = 9) -> tuple[np.ndarray, str]:
+    angle = np.linspace(0, np.pi, num_beams)
+    rows = []
+    for tilt in np.linspace(-0.3, 0.3, num_sweeps):
+        r = 100.0 + 10 * np.arange(num_beams)
+        ahead = r * np.sin(angle)
+        rows.append(np.stack([r * np.cos(angle), ahead * np.sin(tilt), ahead * np.cos(tilt)], axis=1))
+    points = np.concatenate(rows)
+    return points, "\n".join(" ".join(f"{v:.6f}" for v in row) for row in points)
+
+
+def test_a_raw_scan_of_3dtk_becomes_a_log(tmp_path):
+    points, text = make_3dtk()
+    path = write(tmp_path, "scan000.3d", text.encode())
+    write(tmp_path, "scan000.pose", b"0 0 0\n0 0 0\n")
+    log = load_scan_log(path)
+    assert log.ranges.shape == (4, 9)
+    expected = np.stack([points[:, 2], -points[:, 0], points[:, 1]], axis=1) / 100
+    np.testing.assert_allclose(log.points(), expected, atol=1e-6)
+    np.testing.assert_allclose(load_points(path), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "pose", "reason"),
+    [
+        ("1 2 3\n4 5 6\n7 8 9\n", "0 0 0 0 0 0", "not ordered"),
+        (None, "0 0 0", "6 finite numbers"),
+        (None, "0 0 0 a b c", "pose"),
+        (None, None, "scan000"),
+        ("", "0 0 0 0 0 0", "no line"),
+    ],
+)
+def test_broken_raw_scans_are_refused(tmp_path, text, pose, reason):
+    path = write(tmp_path, "scan000.3d", (make_3dtk()[1] if text is None else text).encode())
+    if pose is not None:
+        write(tmp_path, "scan000.pose", pose.encode())
+    with pytest.raises(ScanError, match=reason):
+        load_scan_log(path)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("octomap_stairs_scan.dat.bz2", 88206),
+        ("3dtk_scan000.3d", 81360),
+        ("libpointmatcher_apartment_cloud_0.vtk", 36674),
+        ("stanford-bunny.obj", 35947),
+    ],
+)
+def test_real_files_are_read(shared_data, name, count):
+    assert load_points(shared_data / name).shape == (count, 3)
+
+
+def test_the_lzf_header_is_checked_before_anything_is_allocated(tmp_path):
+    data = pcd("binary_compressed")
+    at = data.index(b"binary_compressed\n") + len(b"binary_compressed\n")
+    lying = data[:at] + struct.pack("<II", 4, 2**32 - 1) + data[at + 8 :]
+    with pytest.raises(ScanError, match="promises"):
+        load_points(write(tmp_path, "a.pcd", lying))

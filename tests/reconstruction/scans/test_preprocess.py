@@ -1,0 +1,238 @@
+"""Levelling, smoothing, mixed pixels, cropping and thinning."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from reconstruction.errors import ScanError
+from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
+from reconstruction.scans.levelling import find_declination, level_floor
+from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams
+from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
+from reconstruction.scans.scan import ScanLog, load_scan_log, make_pose
+from reconstruction.scans.smoothing import find_creases, smooth_ranges
+
+HEIGHT = 2.0
+ANGLES = np.radians(np.linspace(-90, 90, 361))
+
+
+def vertical_mount() -> np.ndarray:
+    """A scanner 2 m up, its middle beam 60 degrees down to the right, as the survey's robot carries it."""
+    c, s = 0.5, np.sqrt(0.75)
+    mount = np.eye(4)
+    mount[:3, :3] = np.array([[0, -c, -s], [0, -s, c], [-1, 0, 0]]).T
+    mount[2, 3] = HEIGHT
+    return mount
+
+
+def scan_floor(roll: np.ndarray, step_at: float = np.inf, noise: float = 0.0) -> np.ndarray:
+    """Ranges on the floor z = 0 from a robot that leans by roll; to the right of step_at it lies 0.25 m up."""
+    down = np.sqrt(0.75) * np.cos(ANGLES) - 0.5 * np.sin(ANGLES)
+    right = 0.5 * np.cos(ANGLES) + np.sqrt(0.75) * np.sin(ANGLES)
+    rows = []
+    for angle in roll:
+        c, s = np.cos(angle), np.sin(angle)
+        x, z = right * c - down * s, -(right * s + down * c)  # to the right and up
+        foot = HEIGHT * s
+        origin_x, origin_z = foot, HEIGHT * c
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low, high = -origin_z / z, (0.25 - origin_z) / z
+            wall = (step_at - origin_x) / x
+        on_high = (z < 0) & (origin_x + high * x >= step_at)
+        ranges = np.where(z < 0, np.where(on_high, high, low), np.nan)
+        at_wall = (x > 0) & (origin_z + wall * z > 0) & (origin_z + wall * z < 0.25)
+        rows.append(np.where(at_wall, wall, ranges))
+    ranges = np.stack(rows)
+    ranges += noise * np.random.default_rng(0).standard_normal(ranges.shape)
+    ranges[ranges > 8] = np.nan
+    return ranges
+
+
+def make_log(roll, **options) -> ScanLog:
+    mount = vertical_mount()
+    flat = make_pose(np.linspace(0, 1, len(roll)), 0.0, 0.3)
+    return ScanLog(scan_floor(np.asarray(roll), **options), ANGLES, flat @ mount, mount=mount)
+
+
+def test_the_floor_is_level_after_levelling():
+    log = level_floor(make_log([-0.04, -0.01, 0.0, 0.02, 0.05]))
+    assert np.abs(log.points()[:, 2]).max() < 1e-3
+
+
+@pytest.mark.parametrize("step_at", [1.0, 2.0])
+def test_declination_is_found_beside_a_plateau_and_through_noise(step_at):
+    roll = np.radians(np.linspace(-2, 2, 21))
+    log = make_log(roll, step_at=step_at, noise=0.006)
+    error = np.degrees(np.abs(np.abs(find_declination(log)) - np.abs(roll)))
+    assert error.max() < 0.1
+
+
+def test_a_log_without_a_mount_is_levelled_about_its_sensor():
+    mount = vertical_mount()
+    mount[:3, 3] = 0
+    poses = make_pose(np.arange(5.0), 0.0, 0.0) @ mount
+    level = level_floor(ScanLog(scan_floor(np.linspace(-0.03, 0.03, 5)), ANGLES, poses, mount=mount))
+    assert np.ptp(level.points()[:, 2]) < 0.01
+
+
+def test_scans_that_are_not_vertical_or_see_no_floor_are_left_alone():
+    flat = ScanLog(np.ones((2, 361)), ANGLES, np.tile(np.eye(4), (2, 1, 1)))
+    assert level_floor(flat).poses == pytest.approx(flat.poses)
+    blind = make_log([0.0, 0.0]).replace(ranges=np.full((2, 361), np.nan))
+    assert level_floor(blind).poses == pytest.approx(blind.poses)
+
+
+def test_smoothing_keeps_planes_and_halves_noise():
+    exact, noisy = make_log([0.0] * 20), make_log([0.0] * 20, noise=0.006)
+    near = exact.ranges < 4
+    assert np.nanmax(np.abs(smooth_ranges(exact).ranges - exact.ranges)[near]) < 1e-3
+    error = (smooth_ranges(noisy).ranges - exact.ranges)[near & np.isfinite(noisy.ranges)]
+    assert np.sqrt(np.mean(error**2)) < 0.6 * 0.006
+
+
+def test_smoothing_stops_at_jumps_unless_asked():
+    log = ScanLog(np.where(np.arange(40) < 20, 1.0, 2.0)[None], np.zeros(40), np.eye(4)[None])
+    np.testing.assert_allclose(smooth_ranges(log).ranges, log.ranges)
+    across = smooth_ranges(log, across_jumps=True).ranges[0]
+    assert across[19] == pytest.approx(1.4)
+    assert across[18] == pytest.approx(1.2)
+
+
+def test_window_one_changes_nothing():
+    log = make_log([0.0], noise=0.006)
+    np.testing.assert_allclose(smooth_ranges(log, window=1).ranges, log.ranges)
+
+
+def test_smoothing_keeps_creases_sharp():
+    """A floor 2 m below that meets a wall 3 m away: no range jump, but a corner."""
+    angles = np.radians(np.arange(-60, 20, 0.5))
+    floor = np.where(angles < 0, 2.0 / -np.sin(np.minimum(angles, -1e-9)), np.inf)
+    ranges = np.minimum(floor, 3.0 / np.cos(angles))[None]
+    log = ScanLog(ranges, angles, np.eye(4)[None])
+    corner = int(np.argmax(floor > 3.0 / np.cos(angles)))
+    assert not find_jumps(ranges).any()
+    assert set(np.flatnonzero(find_creases(ranges))) <= {corner - 1, corner}
+    inner = slice(2, -2)
+    sharp, round_ = smooth_ranges(log).ranges, smooth_ranges(log, across_jumps=True).ranges
+    assert np.abs(sharp - ranges)[0, inner].max() < 0.01
+    assert np.abs(round_ - ranges)[0, inner].max() > 0.02
+
+
+@pytest.mark.parametrize("window", [0, 2, -1])
+def test_windows_without_a_middle_are_refused(window):
+    with pytest.raises(ScanError, match="window"):
+        smooth_ranges(make_log([0.0]), window=window)
+
+
+def test_jumps_are_edges_and_not_slanted_planes():
+    floor = scan_floor(np.zeros(1))
+    assert not find_jumps(floor).any()
+    broken = np.where(np.arange(361) < 150, floor, floor + 0.2)
+    jumps = np.flatnonzero(find_jumps(broken))
+    assert jumps.tolist() == [149]
+
+
+def test_a_mixed_pixel_goes_and_its_surroundings_stay():
+    ranges = np.where(np.arange(60) < 30, 1.5, 2.5)[None] + np.zeros((4, 1))
+    ranges[:, 30] = 2.0
+    is_mixed = find_mixed_beams(ranges, max_share=0.0)
+    assert np.argwhere(is_mixed).tolist() == [[i, 30] for i in range(4)]
+    assert find_mixed_beams(ranges, max_share=1.0)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
+
+
+def test_the_share_of_doubtful_beams_is_kept():
+    ranges = np.random.default_rng(0).uniform(1, 5, (50, 100))
+    least, most = find_mixed_beams(ranges, max_share=0.0), find_mixed_beams(ranges, max_share=0.1)
+    assert 0 < most.sum() - least.sum() <= 0.1 * ranges.size
+
+
+def test_stray_points_go_and_a_surface_stays():
+    rng = np.random.default_rng(0)
+    surface = np.c_[rng.uniform(0, 2, (20000, 2)), np.zeros(20000)]
+    stray = np.c_[rng.uniform(0, 2, (100, 2)), rng.uniform(0.3, 2, 100)]
+    is_sparse = find_sparse_points(np.concatenate([surface, stray]))
+    assert is_sparse[:20000].mean() < 0.01
+    assert is_sparse[20000:].mean() > 0.97
+    assert len(remove_mixed_pixels(np.concatenate([surface, stray]))) < 20100
+
+
+def test_crop_keeps_the_box():
+    points = np.array([[0, 0, 0], [0.5, 0.5, 1.04], [2, 0, 0], [0, -1, 0.0]])
+    np.testing.assert_allclose(crop(points, [[0, 0, 0], [1, 1, 1]]), points[:2])
+    np.testing.assert_allclose(crop(points, [[0, 0, 0], [1, 1, 1]], margin=0), points[:1])
+    with pytest.raises(ScanError, match="box"):
+        crop(points, [0, 1])
+
+
+def test_thinning_gives_one_mean_a_cube():
+    points = np.array([[0.01, 0, 0], [0.03, 0, 0], [0.5, 0.5, 0.5]])
+    np.testing.assert_allclose(thin(points, 0.1), [[0.02, 0, 0], [0.5, 0.5, 0.5]])
+    assert thin(np.empty((0, 3)), 0.1).shape == (0, 3)
+    for voxel in (0.0, -1.0, np.nan, 1e-12):
+        with pytest.raises(ScanError, match=r"voxel|cells"):
+            thin(points * 1e9, voxel)
+
+
+def test_points_of_another_shape_are_refused():
+    for bad in (np.ones(3), np.ones((3, 2)), [["a", "b", "c"]]):
+        with pytest.raises(ScanError, match="points"):
+            as_points(bad)
+
+
+RANGES = arrays.arrays(
+    np.float64,
+    st.tuples(st.integers(1, 4), st.integers(1, 30)),
+    elements=st.floats(-1, 40, width=32) | st.sampled_from([np.nan, np.inf]),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(ranges=RANGES, across=st.booleans())
+def test_any_log_is_processed(ranges, across):
+    num_scans, num_beams = ranges.shape
+    mount = vertical_mount()
+    log = ScanLog(
+        ranges, np.linspace(-1, 1, num_beams), make_pose(np.arange(num_scans), 0.0, 0.0) @ mount, mount=mount
+    )
+    points = preprocess(log, across_jumps=across)
+    assert points.shape[1] == 3
+    assert np.isfinite(points).all()
+    assert len(points) <= log.is_valid.sum()
+    for step in (level_floor, smooth_ranges, remove_mixed_pixels):
+        assert step(log).ranges.shape == ranges.shape
+    assert (remove_mixed_pixels(log).is_valid <= log.is_valid).all()
+    assert (smooth_ranges(log).is_valid == log.is_valid).all()
+    np.testing.assert_array_equal(points, preprocess(log, across_jumps=across))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    points=arrays.arrays(
+        np.float64,
+        st.tuples(st.integers(0, 120), st.just(3)),
+        elements=st.floats(-100, 100, width=32) | st.sampled_from([np.nan, 0.0]),
+    )
+)
+def test_any_cloud_is_processed(points):
+    clean = preprocess(points)
+    assert np.isfinite(clean).all()
+    assert clean.shape[1] == 3
+    assert len(thin(points, 0.5)) <= len(as_points(points))
+    assert len(crop(points, [[-1, -1, -1], [1, 1, 1]])) <= len(points)
+
+
+@pytest.mark.data
+def test_a_real_scan_loses_its_veils_and_keeps_the_rest(shared_data):
+    log = load_scan_log(shared_data / "3dtk_scan000.3d")
+    assert log.ranges.shape == (226, 360)
+    step = np.diff(log.ranges, axis=1)
+    is_veil = np.zeros(log.ranges.shape, bool)
+    before, after = step[:, :-1], step[:, 1:]
+    is_veil[:, 1:-1] = (np.abs(before) > 0.1) & (np.abs(after) > 0.1) & (before * after > 0)
+    kept = remove_mixed_pixels(log).is_valid
+    assert is_veil.sum() == pytest.approx(0.028 * log.is_valid.sum(), rel=0.02)
+    assert (is_veil & ~kept).sum() >= 0.90 * is_veil.sum()
+    others = log.is_valid & ~is_veil
+    assert (others & kept).sum() >= 0.97 * others.sum()

@@ -1,0 +1,143 @@
+"""Scan logs: their checks, their points, their file."""
+
+import numpy as np
+import pytest
+
+from reconstruction.errors import ScanError
+from reconstruction.scans.scan import (
+    HorizontalScans,
+    ScanLog,
+    ScanTruth,
+    load_scan_log,
+    make_pose,
+    planar_pose,
+)
+
+
+def make_log(**changes) -> ScanLog:
+    rng = np.random.default_rng(0)
+    ranges = rng.uniform(1, 4, (3, 5))
+    ranges[0, 0] = np.nan
+    scans = rng.uniform(1, 4, (3, 4))
+    parts = {
+        "horizontal": HorizontalScans(scans, np.arange(4.0), np.eye(4), np.zeros((3, 3)), np.zeros(3)),
+        "truth": ScanTruth(make_pose(np.zeros(3), 0.0, 0.0), np.zeros((3, 5), bool)),
+        "report": {"seed": 3.0},
+        "box": [[-1, -1, 0], [1, 1, 2]],
+    }
+    poses = make_pose([0.0, 1.0, 2.0], 0.0, 0.1)
+    return ScanLog(ranges, np.linspace(-1, 1, 5), poses, **(parts | changes))
+
+
+def test_a_beam_ends_where_geometry_says():
+    pose = make_pose(1.0, 2.0, np.pi / 2)[None]
+    log = ScanLog([[2.0, 3.0]], [0.0, np.pi / 2], pose)
+    np.testing.assert_allclose(log.points(), [[1, 4, 0], [-2, 2, 0]], atol=1e-12)
+
+
+def test_poses_are_turned_about_x_then_y_then_z():
+    roll, pitch, yaw = 0.1, -0.2, 0.7
+
+    def turn(axis, angle):
+        c, s = np.cos(angle), np.sin(angle)
+        i, j = [(1, 2), (2, 0), (0, 1)][axis]
+        matrix = np.eye(3)
+        matrix[i, i] = matrix[j, j] = c
+        matrix[i, j], matrix[j, i] = -s, s
+        return matrix
+
+    pose = make_pose(0, 0, yaw, roll=roll, pitch=pitch)
+    np.testing.assert_allclose(pose[:3, :3], turn(2, yaw) @ turn(1, pitch) @ turn(0, roll), atol=1e-12)
+    np.testing.assert_allclose(planar_pose(make_pose([3.0], [4.0], [yaw])), [[3, 4, yaw]])
+
+
+def test_no_return_is_nan_however_it_is_written():
+    log = ScanLog([[1.0, np.inf, -1.0, 0.0, np.nan]], np.arange(5.0), np.eye(4)[None])
+    assert log.is_valid.tolist() == [[True, False, False, False, False]]
+    assert log.points().shape == (1, 3)
+
+
+def test_what_is_saved_is_loaded(tmp_path):
+    log = make_log()
+    loaded = load_scan_log(log.save(tmp_path / "new" / "log.npz"))
+    for name in ("ranges", "angles", "poses", "mount", "box"):
+        np.testing.assert_array_equal(getattr(log, name), getattr(loaded, name))
+    for name, part in (("horizontal", log.horizontal), ("truth", log.truth)):
+        for key, value in vars(part).items():
+            np.testing.assert_array_equal(value, getattr(getattr(loaded, name), key))
+    assert loaded.report == log.report
+    assert len(list((tmp_path / "new").iterdir())) == 1
+
+
+def test_a_bare_log_is_saved_and_loaded(tmp_path):
+    log = ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1)))
+    loaded = load_scan_log(log.save(tmp_path / "log.npz"))
+    assert loaded.horizontal is None
+    assert loaded.truth is None
+    assert loaded.box is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        ((np.ones(3), np.zeros(3), np.eye(4)[None]), "2 axes"),
+        ((np.ones((1, 3)), np.zeros(2), np.eye(4)[None]), "3 beams"),
+        ((np.ones((1, 3)), np.zeros(3), np.eye(4)), "3 axes"),
+        ((np.ones((2, 3)), np.zeros(3), np.eye(4)[None]), r"\(2, 4, 4\)"),
+        ((np.ones((1, 3)), [0, np.nan, 1], np.eye(4)[None]), "finite"),
+        ((np.ones((1, 3)), np.zeros(3), 2 * np.eye(4)[None]), "rigid"),
+        ((np.array([["a"] * 3]), np.zeros(3), np.eye(4)[None]), "numbers"),
+    ],
+)
+def test_a_log_that_contradicts_itself_is_refused(arguments, reason):
+    with pytest.raises(ScanError, match=reason):
+        ScanLog(*arguments)
+
+
+def test_boxes_are_checked():
+    with pytest.raises(ScanError, match="box"):
+        make_log(box=[[1, 1, 1], [0, 0, 0]])
+
+
+def save_npz(path, **arrays):
+    np.savez(path, **arrays)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arrays", "reason"),
+    [
+        ({"points": np.ones((9, 3))}, "not a scan log"),
+        ({"ranges": np.ones((1, 3)), "angles": np.zeros(3)}, "not a scan log"),
+        ({"report_names": np.array([["a"]])}, "not a scan log"),
+    ],
+)
+def test_other_npz_files_are_refused(tmp_path, arrays, reason):
+    path = save_npz(tmp_path / "a.npz", **arrays)
+    with pytest.raises(ScanError, match=reason) as error:
+        load_scan_log(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize("cut", [0, 10, 300, 900])
+def test_truncated_logs_are_refused(tmp_path, cut):
+    path = make_log().save(tmp_path / "a.npz")
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(ScanError, match=r"a\.npz"):
+        load_scan_log(path)
+
+
+def test_a_log_with_missing_parts_is_refused(tmp_path):
+    path = make_log().save(tmp_path / "a.npz")
+    with np.load(path) as file:
+        arrays = dict(file)
+    del arrays["horizontal.angles"]
+    with pytest.raises(ScanError, match="angles"):
+        load_scan_log(save_npz(tmp_path / "b.npz", **arrays))
+
+
+def test_absent_logs_and_other_suffixes_are_refused(tmp_path):
+    with pytest.raises(ScanError, match="absent"):
+        load_scan_log(tmp_path / "absent.npz")
+    with pytest.raises(ScanError, match=r"\.npz"):
+        make_log().save(tmp_path / "a.csv")

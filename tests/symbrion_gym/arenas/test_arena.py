@@ -1,0 +1,261 @@
+"""Arenas: built, measured, kept, loaded, compiled."""
+
+import multiprocessing
+import pickle
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.quality import measure_arena
+from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
+from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP, find_box
+from symbrion_gym.errors import ArenaError
+
+SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
+SLANTED_PIT += [(1.7, 0), (3, 0)]
+
+
+def make_hump():
+    x = np.linspace(-0.5, 0.5, 60)
+    return np.array([(-2.5, 0), *zip(x, 0.1 * (1 + np.cos(2 * np.pi * x)), strict=True), (2.5, 0)])
+
+
+def turn(mesh, yaw):
+    return mesh.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
+
+
+@pytest.fixture(scope="module")
+def scanned():
+    return make_scanned_surface(Course().profile(), num_vertices=1500, noise=0.002)
+
+
+@pytest.fixture(scope="module")
+def arena(scanned):
+    return make_arena(scanned, course=Course(), cache=False, name="scanned")
+
+
+@pytest.mark.parametrize(("num_vertices", "is_grid"), [(800, False), (2200, False), (7000, True)])
+@pytest.mark.parametrize("yaw", [0.0, np.radians(20)])
+def test_the_course_is_met_in_any_direction(num_vertices, is_grid, yaw):
+    mesh = make_scanned_surface(Course().profile(), num_vertices=num_vertices, is_grid=is_grid)
+    mesh = cut_irregular(mesh, yaw) if yaw else mesh
+    truth = turn(Course().surface(), yaw)
+    arena = make_arena(mesh, cache=False)
+    quality = measure_arena(arena.pieces, truth, region=mesh)
+    mean, p95 = (0.002, 0.010) if num_vertices == 800 else (0.001, 0.0035)
+    assert quality.mean <= mean
+    assert quality.p95 <= p95
+    assert quality.num_pieces <= 16
+
+
+@pytest.mark.parametrize("profile", [np.array(SLANTED_PIT), make_hump(), StairsCourse(rise=0.1).profile()])
+def test_other_courses_are_met_too(profile):
+    yaw = np.radians(-33)
+    mesh = cut_irregular(make_scanned_surface(profile, num_vertices=2200, seed=1), yaw)
+    truth = turn(make_scanned_surface(profile, num_vertices=20000, noise=0.0), yaw)
+    quality = measure_arena(make_arena(mesh, cache=False).pieces, truth, region=mesh)
+    assert quality.mean <= 0.0015
+    assert quality.p95 <= 0.005
+
+
+def test_the_pit_floor_is_not_filled_in(arena):
+    model = arena.spec().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    group = np.zeros(6, dtype=np.uint8)
+    group[CONTACT_GROUP] = 1
+    for x in (-0.15, 0.0, 0.15):
+        for y in (-0.8, 0.0, 0.8):
+            hit = np.zeros(1, dtype=np.int32)
+            distance = mujoco.mj_ray(
+                model, data, np.array([x, y, 2.0]), np.array([0, 0, -1.0]), group, 1, -1, hit
+            )
+            assert 2.0 - distance == pytest.approx(0.0, abs=0.003)
+
+
+def test_spec_has_contact_and_surface_apart(arena):
+    model = arena.spec().compile()
+    is_contact, is_surface = (model.geom_group == g for g in (CONTACT_GROUP, SURFACE_GROUP))
+    assert is_contact.sum() == len(arena.pieces)
+    assert is_surface.sum() == 1
+    assert (model.geom_contype[is_surface] == 0).all()
+    assert (model.geom_conaffinity[is_surface] == 0).all()
+    np.testing.assert_allclose(model.geom_friction[is_contact, 0], 0.7)
+    assert not arena.spec().compiler.degree
+
+
+def test_height_is_that_of_the_surface_and_nan_outside(arena):
+    heights = arena.height(np.array([-2.5, 0.0, 9.0]), 0.0)
+    np.testing.assert_allclose(heights[:2], 0.0, atol=0.01)
+    assert np.isnan(heights[2])
+
+
+@pytest.mark.parametrize("name", ["truth", "simple", "stairs"])
+def test_named_arenas_compile(name):
+    arena = load_arena(name)
+    assert arena.course is not None
+    assert arena.quality.max == 0.0
+    model = arena.spec().compile()
+    assert (model.geom_type[model.geom_group == CONTACT_GROUP] == mujoco.mjtGeom.mjGEOM_BOX).all()
+
+
+def test_box_pieces_are_found_tilted_too():
+    box = trimesh.creation.box((0.1, 1.0, 2.0))
+    box.apply_transform(trimesh.transformations.random_rotation_matrix(np.array([0.2, 0.5, 0.7])))
+    found = find_box(box)
+    assert found is not None
+    np.testing.assert_allclose(np.sort(found[1]), [0.05, 0.5, 1.0], atol=1e-6)
+    assert find_box(trimesh.creation.cone(1.0, 1.0)) is None
+
+
+@pytest.mark.parametrize("kind", ["primitives", "hfield", "prisms"])
+def test_other_kinds_of_contact(kind):
+    mesh = make_scanned_surface(Course().profile(), num_vertices=500)
+    arena = make_arena(mesh, kind=kind, cache=False)
+    assert arena.quality.mean < 0.004
+    model = arena.spec().compile()
+    assert (model.geom_group == CONTACT_GROUP).sum() == max(len(arena.pieces), 1)
+    if kind == "primitives":
+        assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).any()
+
+
+def test_a_saved_arena_is_the_same_and_opens_in_mujoco(arena, tmp_path):
+    folder = tmp_path / "a"
+    arena.save(folder)
+    arena.save(folder)
+    loaded = load_arena(folder)
+    assert (loaded.name, loaded.course, loaded.quality) == (arena.name, arena.course, arena.quality)
+    assert loaded.provenance == arena.provenance
+    np.testing.assert_allclose(loaded.surface.vertices, arena.surface.vertices, atol=0.51e-4)
+    for mine, theirs in zip(arena.pieces, loaded.pieces, strict=True):
+        np.testing.assert_allclose(theirs.vertices, mine.vertices, atol=1e-6)
+    model = mujoco.MjModel.from_xml_path(str(folder / "arena.xml"))
+    assert model.ngeom == len(arena.pieces) + 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_damaged_and_foreign_folders_are_refused(arena, tmp_path):
+    arena.save(tmp_path / "a")
+    (tmp_path / "a" / "surface.obj").unlink()
+    with pytest.raises(ArenaError, match=r"surface\.obj"):
+        Arena.load(tmp_path / "a")
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "thesis.txt").write_text("mine")
+    with pytest.raises(ArenaError, match="not empty"):
+        arena.save(tmp_path / "b")
+    assert (tmp_path / "b" / "thesis.txt").exists()
+
+
+def test_unknown_names_and_options_are_refused(scanned):
+    with pytest.raises(ArenaError, match="truth"):
+        load_arena("moon")
+    with pytest.raises(ArenaError, match="primitives"):
+        make_arena(scanned, kind="jelly")
+    with pytest.raises(ArenaError, match="accuracy"):
+        make_arena(scanned, accuracy=0.0)
+
+
+def test_mesh_files_load_by_path(scanned, tmp_path):
+    scanned.export(tmp_path / "pit.ply")
+    arena = load_arena(tmp_path / "pit.ply", course=Course(), cache=tmp_path / "cache")
+    assert arena.name == "pit"
+    assert arena.course == Course()
+
+
+def test_the_cache_gives_back_the_same_and_survives_damage(scanned, tmp_path):
+    first = make_arena(scanned, cache=tmp_path)
+    (entry,) = tmp_path.glob("*.npz")
+    again = make_arena(scanned, cache=tmp_path)
+    assert again.quality == first.quality
+    assert all(
+        np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, again.pieces, strict=True)
+    )
+    entry.write_bytes(entry.read_bytes()[:500])
+    rebuilt = make_arena(scanned, cache=tmp_path)
+    assert all(
+        np.array_equal(a.vertices, b.vertices) for a, b in zip(first.pieces, rebuilt.pieces, strict=True)
+    )
+    make_arena(scanned, cache=tmp_path, accuracy=0.004)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
+    assert not list(tmp_path.glob("*.part"))
+
+
+def build_in_process(folder, queue):
+    mesh = make_scanned_surface(Course().profile(), num_vertices=600)
+    arena = make_arena(mesh, cache=folder)
+    queue.put([piece.vertices.tobytes() for piece in arena.pieces])
+
+
+def test_two_processes_may_build_the_same_arena_at_once(tmp_path):
+    context = multiprocessing.get_context("spawn")
+    queue = context.Queue()
+    workers = [context.Process(target=build_in_process, args=(tmp_path, queue)) for _ in range(2)]
+    for worker in workers:
+        worker.start()
+    results = [queue.get(timeout=120) for _ in workers]
+    for worker in workers:
+        worker.join()
+    assert results[0] == results[1]
+    assert len(list(tmp_path.glob("*.npz"))) == 1
+
+
+def test_an_arena_goes_through_pickle(arena):
+    copy = pickle.loads(pickle.dumps(arena))
+    assert copy.spec().compile().ngeom == arena.spec().compile().ngeom
+
+
+def test_progress_is_told(scanned):
+    told = []
+    make_arena(scanned, cache=False, progress=lambda message, share: told.append(share))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+BROKEN = {
+    "seed": st.integers(0, 10_000),
+    "damage": st.sampled_from(["holes", "flips", "noise", "doubles", "nan", "spikes"]),
+}
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(**BROKEN)
+def test_broken_meshes_give_an_arena_or_an_arena_error(seed, damage):
+    check_broken_mesh(seed, damage)
+
+
+@pytest.mark.slow
+@settings(max_examples=100, deadline=None)
+@given(**BROKEN)
+def test_a_hundred_broken_meshes(seed, damage):
+    check_broken_mesh(seed, damage)
+
+
+def check_broken_mesh(seed, damage):
+    generator = np.random.default_rng(seed)
+    mesh = make_scanned_surface(Course(pit=0.3).profile(), num_vertices=60, seed=seed)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    chosen = generator.random(len(faces)) < generator.uniform(0.05, 0.7)
+    if damage == "holes":
+        faces = faces[~chosen]
+    elif damage == "flips":
+        faces[chosen] = faces[chosen][:, ::-1]
+    elif damage == "noise":
+        vertices += generator.normal(scale=0.03, size=vertices.shape)
+    elif damage == "doubles":
+        faces = np.concatenate([faces, faces[chosen], faces[chosen][:, [0, 0, 1]]])
+    elif damage == "nan":
+        vertices[generator.random(len(vertices)) < 0.1] = np.nan
+    else:
+        vertices[generator.integers(len(vertices))] *= generator.uniform(-5, 5)
+    try:
+        arena = make_arena(trimesh.Trimesh(vertices, faces, process=False), cache=False, time_limit=5)
+    except ArenaError:
+        return
+    assert arena.pieces
+    arena.spec().compile()

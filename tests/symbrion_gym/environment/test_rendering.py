@@ -1,0 +1,94 @@
+"""Pictures show the robot, in every mode."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _graphics():
+    try:
+        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 32, 32).close()
+    except Exception as error:
+        pytest.skip(f"no graphics here: {error}")
+
+
+def test_rgb_shows_a_dark_robot_before_bright_ground():
+    env = SnakePitEnv(modules=4, render_mode="rgb_array", width=320, height=200)
+    env.reset(seed=0)
+    picture = env.render()
+    assert picture.shape == (200, 320, 3)
+    assert picture.dtype == np.uint8
+    middle = picture[70:130, 80:240].mean(axis=2)
+    assert 0.02 < (middle < 60).mean() < 0.7
+    assert picture.mean() > 90
+    env.close()
+
+
+def test_depth_and_both():
+    env = SnakePitEnv(modules=3, render_mode="depth_array", width=160, height=100)
+    env.reset(seed=0)
+    depth = env.render()
+    assert depth.shape == (100, 160)
+    assert 0.5 < depth[50, 80] < 3.0
+    env.close()
+    env = SnakePitEnv(modules=3, render_mode="rgbd_tuple", width=160, height=100)
+    env.reset(seed=0)
+    picture, depth = env.render()
+    assert picture.shape == (100, 160, 3)
+    assert depth.shape == (100, 160)
+    env.close()
+
+
+def test_camera_follows():
+    env = SnakePitEnv(modules=3, render_mode="rgb_array", width=64, height=48, track_speed=0.3)
+    env.reset(seed=0)
+    env.render()
+    before = env._pictures.camera.lookat.copy()
+    for _ in range(10):
+        for _ in range(10):
+            env.step(np.zeros(2))
+        env.render()
+    assert env._pictures.camera.lookat[0] > before[0] + 0.2
+    env.close()
+
+
+def test_pictures_do_not_change_the_physics():
+    seen = SnakePitEnv(modules=2, render_mode="rgb_array", width=64, height=48)
+    blind = SnakePitEnv(modules=2)
+    seen.reset(seed=0)
+    blind.reset(seed=0)
+    for _ in range(5):
+        one, other = seen.step(np.full(1, 0.3)), blind.step(np.full(1, 0.3))
+        seen.render()
+        np.testing.assert_array_equal(one[0], other[0])
+    seen.close()
+
+
+def test_vector_environments_draw_each_simulation():
+    envs = SnakePitVectorEnv(2, modules=2, render_mode="rgb_array", width=64, height=48)
+    envs.reset(seed=0, options={"yaw": np.array([0.0, 1.0])})
+    one, other = envs.render()
+    assert one.shape == (48, 64, 3)
+    assert np.abs(one.astype(int) - other).max() > 30
+    envs.close()
+
+
+def test_without_a_mode_nothing_is_drawn():
+    env = SnakePitEnv(modules=2)
+    env.reset(seed=0)
+    with pytest.warns(UserWarning, match="render_mode"):
+        assert env.render() is None
+
+
+def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
+    monkeypatch.setattr("symbrion_gym.environment.rendering._has_display", lambda: False)
+    env = SnakePitEnv(modules=2, render_mode="human")
+    env.reset(seed=0)
+    env.step(np.zeros(1))
+    assert env.render() is None
+    assert caplog.text.count("no display") == 1
+    env.close()

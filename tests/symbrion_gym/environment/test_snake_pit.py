@@ -1,0 +1,304 @@
+"""The environment: conventions of Gymnasium, the strict test, bad input, copies."""
+
+import copy
+import pickle
+import subprocess
+import sys
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+
+import symbrion_gym as sg
+from symbrion_gym.environment.config import DEFAULT_SENSORS
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.registration import ENVIRONMENTS
+from symbrion_gym.robot.organism import cross
+
+EXTRA_SENSORS = ("odometry", "laser", "hinge_target", "dock_force")
+TERRAIN = {"arena": "truth", "start": (-2.0, 0.0), "goal": (1.9, 0.2)}
+
+
+def _options(name):
+    return TERRAIN if "Terrain" in name else {}
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_every_id_passes_the_checker_without_warnings(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(name, modules=3, **_options(name))
+        check_env(env.unwrapped, skip_render_check=True)
+        env.close()
+
+
+def test_zero_controller_crosses_a_narrow_pit_and_not_a_wide_one():
+    outcomes = {}
+    for pit in (0.20, 0.40):
+        env = SnakePitEnv(modules=6, pit=pit, start="pit")
+        env.reset(seed=0)
+        while True:
+            _, _, terminated, truncated, info = env.step(np.zeros(5))
+            if terminated or truncated:
+                break
+        outcomes[pit] = info
+        assert terminated == info["success"]
+    assert outcomes[0.20]["success"]
+    assert not outcomes[0.40]["success"]
+    assert outcomes[0.40]["stuck"]
+
+
+def test_reward_is_the_sum_of_its_terms_and_progress_that_of_rewards():
+    env = SnakePitEnv(modules=4, start="pit")
+    env.reset(seed=0)
+    total = 0.0
+    for _ in range(50):
+        _, reward, _, _, info = env.step(np.full(3, 0.1))
+        terms = info["reward_forward"] + info["reward_success"] + info["reward_effort"]
+        assert reward == pytest.approx(terms, abs=1e-15)
+        total += info["reward_forward"]
+    assert total == pytest.approx(info["progress"], abs=1e-12)
+    assert 0.05 < info["progress"] < 0.12
+
+
+def test_observation_follows_its_structure():
+    env = SnakePitEnv(
+        modules=5,
+        sensors=(*DEFAULT_SENSORS, *EXTRA_SENSORS),
+    )
+    observation, _ = env.reset(seed=0)
+    parts = env.observation_structure
+    assert [s.stop - s.start for s in parts.values()] == [4, 4, 5, 5, 30, 24, 5, 4, 1, 19, 4, 12]
+    assert list(parts.values())[-1].stop == len(observation) == env.observation_space.shape[0]
+    np.testing.assert_allclose(observation[parts["pitch"]], 0.0, atol=1e-6)
+    for _ in range(40):
+        observation, *_ = env.step(np.array([0.3, 0.0, 0.0, 0.0]))
+    assert observation[parts["hinge_angle"]][0] > 0.1
+    assert observation[parts["pitch"]][0] > 0.1
+    assert observation[parts["contact"]].sum() > 0.5 * 5 * 0.95 * 9.81
+    np.testing.assert_allclose(observation[parts["previous_action"]], [0.3, 0, 0, 0])
+    gravity = observation[parts["acceleration"]].reshape(5, 6)[4, [2, 5]]
+    np.testing.assert_allclose(gravity, 9.81, atol=4.0)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e30])
+def test_unusable_numbers_in_actions_do_no_harm(value):
+    env = SnakePitEnv(modules=3, start="pit")
+    env.reset(seed=0)
+    for _ in range(20):
+        observation, reward, *_ = env.step(np.array([value, 0.5], dtype=np.float32))
+        assert np.isfinite(observation).all()
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(reward)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (3,), (2, 1), (1, 2)])
+def test_actions_of_another_shape_are_refused(shape):
+    env = SnakePitEnv(modules=3)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"shape \(2,\)"):
+        env.step(np.zeros(shape))
+
+
+def test_divergence_ends_the_episode_with_a_finite_reward():
+    env = SnakePitEnv(modules=3)
+    env.reset(seed=0)
+    env.data.qvel[0] = 1e9
+    observation, reward, terminated, _, info = env.step(np.zeros(2))
+    assert terminated
+    assert info["diverged"]
+    assert np.isfinite(reward)
+    assert env.observation_space.contains(observation)
+    env.reset(seed=0)
+    assert not env.step(np.zeros(2))[2]
+
+
+def test_a_module_on_its_back_ends_the_episode():
+    env = SnakePitEnv(modules=3)
+    env.reset(seed=0)
+    env.data.qpos[3:7] = [0, 1, 0, 0]
+    *_, terminated, _, info = env.step(np.zeros(2))
+    assert terminated
+    assert info["rolled_over"]
+    assert not info["success"]
+
+
+def test_leaving_the_course_at_the_side_ends_the_episode():
+    env = SnakePitEnv(modules=3)
+    env.reset(seed=0)
+    env.data.qpos[1] = 1.05
+    *_, terminated, _, info = env.step(np.zeros(2))
+    assert terminated
+    assert info["fell"]
+
+
+def test_a_body_that_only_reached_over_does_not_count():
+    env = SnakePitEnv(modules=4, start="pit", pit=0.2)
+    env.reset(seed=0)
+    env.data.qpos[:3] = [0.45, 0.0, 0.25 + 0.0525]
+    env.data.qpos[3:7] = [1, 0, 0, 0]
+    env.data.qpos[7:] = 0.0
+    flags = [env.step(np.zeros(3))[4]["success"] for _ in range(5)]
+    assert not any(flags), "the tail is still over the pit"
+
+
+def test_faster_than_the_tracks_does_not_count():
+    env = SnakePitEnv(modules=3, start="pit", pit=0.2)
+    env.reset(seed=0)
+    env.data.qpos[:3] = [0.50, 0.0, 0.25 + 0.0525]
+    env.data.qpos[3:7] = [1, 0, 0, 0]
+    env.data.qpos[7:] = 0.0
+    outcomes = [env.step(np.zeros(2))[4] for _ in range(40)]
+    assert not any(info["success"] for info in outcomes)
+
+
+def test_abyss_ends_when_the_floor_of_the_pit_is_touched():
+    env = SnakePitEnv(modules=5, start="pit", abyss=True)
+    env.reset(seed=0)
+    while True:
+        *_, terminated, truncated, info = env.step(np.full(4, -0.1))
+        if terminated or truncated:
+            break
+    assert info["touched_pit"]
+
+
+@pytest.mark.parametrize("control", ["body", "modules"])
+def test_track_speeds_can_be_part_of_the_action(control):
+    env = SnakePitEnv(modules=3, track_control=control)
+    count = 1 if control == "body" else 3
+    assert env.action_space.shape == (2 + count,)
+    env.reset(seed=0)
+    ahead = [env.step(np.r_[0, 0, np.ones(count)])[4]["x_position"] for _ in range(50)]
+    back = [env.step(np.r_[0, 0, -np.ones(count)])[4]["x_position"] for _ in range(50)]
+    assert ahead[-1] - ahead[0] == pytest.approx(0.098, abs=0.02)
+    assert back[-1] < back[0] - 0.07
+
+
+def test_reset_options_are_drawn_from_ranges_and_told():
+    env = SnakePitEnv(modules=3, randomise={"yaw": (-0.1, 0.1)})
+    _, info = env.reset(seed=1, options={"friction": (0.5, 0.9), "torque_scale": 1.1})
+    assert 0.5 <= info["friction"] <= 0.9
+    assert info["torque_scale"] == 1.1
+    assert -0.1 <= info["yaw"] <= 0.1
+    assert info["yaw"] != 0.0
+    assert (env.model.geom_friction[env.world.robot_geoms, 0] == info["friction"]).all()
+    np.testing.assert_allclose(env.model.actuator("hinge_1").forcerange, [-4.95, 4.95])
+    _, info = env.reset(seed=1)
+    assert info["friction"] == 0.7
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"fricton": 0.5}, "no reset option 'fricton'"),
+        ({"friction": -1.0}, "friction must be"),
+        ({"friction": (0.9, 0.5)}, "upside down"),
+        ({"friction": "slippery"}, "friction must be"),
+        ({"yaw": np.nan}, "yaw must be"),
+    ],
+)
+def test_bad_reset_options_are_refused(options, message):
+    env = SnakePitEnv(modules=2)
+    with pytest.raises(ValueError, match=message):
+        env.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"modules": 0}, sg.OrganismError, "modules must be 1 to 50"),
+        ({"modules": -2}, sg.OrganismError, "got -2"),
+        ({"modules": "eight"}, sg.OrganismError, "eight"),
+        ({"arena": "moon"}, sg.ArenaError, "moon"),
+        ({"arena": 3}, sg.ArenaError, "arena must be"),
+        ({"pit": -0.1}, ValueError, "pit must be at least 0"),
+        ({"friction": -1}, ValueError, "friction must be above 0"),
+        ({"track_speed": np.nan}, ValueError, "track_speed"),
+        ({"hinge_torque": 0}, ValueError, "hinge_torque must be above 0"),
+        ({"frame_skip": 0}, ValueError, "frame_skip"),
+        ({"timestep": 0.5}, ValueError, "timestep must be at most"),
+        ({"sensors": ("smell",)}, ValueError, "no 'smell'"),
+        ({"sensors": "pitch"}, ValueError, "sequence of names"),
+        ({"start": "moon"}, ValueError, "no 'moon'"),
+        ({"start": (50.0, 0.0)}, sg.ArenaError, "off the surface"),
+        ({"colour": "red"}, ValueError, "no 'colour'"),
+        ({"render_mode": "ascii"}, ValueError, "no render mode 'ascii'"),
+        ({"randomise": {"wind": 3}}, ValueError, "no 'wind'"),
+    ],
+)
+def test_bad_options_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        SnakePitEnv(**options)
+
+
+def test_equal_seeds_give_equal_bytes_in_another_process():
+    script = (
+        "import numpy as np, hashlib; from symbrion_gym.environment.snake_pit import SnakePitEnv\n"
+        "env = SnakePitEnv(modules=4, noise=1.0, start='pit'); rng = np.random.default_rng(0)\n"
+        "o, _ = env.reset(seed=7, options={'yaw': (-0.1, 0.1)}); h = hashlib.sha256(o.tobytes())\n"
+        "for _ in range(100):\n"
+        "    o, r, *_ = env.step(rng.uniform(-1, 1, 3)); h.update(o.tobytes() + np.float64(r).tobytes())\n"
+        "print(h.hexdigest())"
+    )
+    hashes = {
+        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    }
+    assert len(hashes) == 1
+
+
+def test_a_deep_copy_goes_its_own_way_from_the_same_state():
+    env = SnakePitEnv(modules=3, start="pit")
+    env.reset(seed=0)
+    for _ in range(10):
+        env.step(np.array([0.2, -0.1]))
+    twin = copy.deepcopy(env)
+    first = [env.step(np.array([0.1, 0.1]))[0] for _ in range(20)]
+    second = [twin.step(np.array([0.1, 0.1]))[0] for _ in range(20)]
+    np.testing.assert_array_equal(first, second)
+    twin.reset(seed=5, options={"friction": 0.4})
+    assert env.model.geom_friction[env.world.robot_geoms[0], 0] == 0.7
+
+
+def test_spec_goes_through_json_and_pickle():
+    env = gym.make("symbrion_gym/SnakePit-v0", modules=3, friction=0.6)
+    for spec in (EnvSpec.from_json(env.spec.to_json()), pickle.loads(pickle.dumps(env.spec))):
+        again = gym.make(spec)
+        assert again.unwrapped.config.friction == 0.6
+        assert again.unwrapped.world.num_modules == 3
+
+
+def test_other_bodies_can_try_too():
+    env = SnakePitEnv(modules=cross(1))
+    observation, _ = env.reset(seed=0)
+    assert env.action_space.shape == (5,), "the middle lifts the arm at its own front dock"
+    for _ in range(30):
+        observation, _, terminated, _, _ = env.step(np.zeros(5))
+    assert not terminated
+    assert env.observation_space.contains(observation)
+
+
+def test_render_fps_follows_the_tick():
+    assert SnakePitEnv(modules=2, frame_skip=2).metadata["render_fps"] == 100
+    assert gym.make("symbrion_gym/SnakePit-v0", modules=2).unwrapped.metadata["render_fps"] == 50
+
+
+def test_timers_are_in_info_where_asked_for():
+    env = SnakePitEnv(modules=2, timers=True)
+    env.reset(seed=0)
+    info = env.step(np.zeros(1))[4]
+    assert info["physics_us"] > info["collision_us"] > 0.0
+    assert info["raycast_us"] > 0.0
+
+
+def test_terrain_finds_its_way_between_two_places():
+    env = SnakePitEnv(modules=3, **TERRAIN, track_speed=0.2)
+    _, info = env.reset(seed=0)
+    start = info["x_position"]
+    for _ in range(100):
+        *_, info = env.step(np.zeros(2))
+    assert info["x_position"] - start == pytest.approx(0.4, abs=0.05)
+    assert env.world.route.heading == pytest.approx(np.arctan2(0.2, 3.9))

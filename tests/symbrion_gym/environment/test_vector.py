@@ -1,0 +1,166 @@
+"""Many at once: equal to one at a time, to the bit."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import symbrion_gym as sg  # noqa: F401  registers the environments
+from symbrion_gym.environment.episodes import FLAGS, NUMBERS
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.sensing.timing import timing
+
+RESET = {
+    "friction": np.array([0.5, 0.6, 0.7, 0.8]),
+    "torque_scale": (0.9, 1.1),
+    "start_offset": (-0.05, 0.05),
+    "yaw": (-0.1, 0.1),
+}
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"noise": 1.0, "track_control": "modules"}, {"tracks": "wheels", "modules": 2}]
+)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_vector_and_single_agree_to_the_bit(options, threads):
+    options = {"modules": 4, "start": "pit", "pit": 0.3, "stuck_time": 2.0, **options}
+    vector = SnakePitVectorEnv(4, num_threads=threads, autoreset_mode="Disabled", **options)
+    singles = [SnakePitEnv(**options) for _ in range(4)]
+    observation, _ = vector.reset(seed=3, options=RESET)
+    for i, env in enumerate(singles):
+        one, _ = env.reset(seed=3 + i, options={**RESET, "friction": RESET["friction"][i]})
+        np.testing.assert_array_equal(observation[i], one)
+    rng, done = np.random.default_rng(0), np.zeros(4, dtype=bool)
+    for tick in range(150):
+        if tick % 25 == 0:
+            actions = rng.uniform(-0.7, 1.0, vector.action_space.shape)
+        observation, reward, terminated, truncated, info = vector.step(actions)
+        for i in np.flatnonzero(~done):
+            one = singles[i].step(actions[i])
+            np.testing.assert_array_equal(observation[i], one[0])
+            assert (reward[i], terminated[i], truncated[i]) == one[1:4]
+            assert all(info[name][i] == one[4][name] for name in NUMBERS + FLAGS)
+        done |= terminated | truncated
+
+
+def test_what_is_done_stands_still_and_keeps_its_verdict():
+    vector = SnakePitVectorEnv(3, modules=4, start="pit", autoreset_mode="Disabled", num_threads=1)
+    vector.reset(
+        seed=0, options={"friction": np.array([0.7, 0.7, 0.7]), "start_offset": np.array([0.0, 0.0, -0.05])}
+    )
+    vector.batch.state[0, 1 + 1] = 1.2  # the head's y: off the side
+    *_, terminated, _, info = vector.step(np.zeros((3, 3)))
+    assert terminated.tolist() == [True, False, False]
+    state = vector.batch.state[0].copy()
+    for _ in range(5):
+        _, reward, terminated, _, info = vector.step(np.full((3, 3), 0.3))
+        assert not terminated[0]
+        assert reward[0] == 0.0
+    np.testing.assert_array_equal(vector.batch.bind("qpos")[0], state[1 : 1 + vector.model.nq])
+    assert info["fell"].tolist() == [True, False, False]
+    assert info["_fell"].tolist() == [False, True, True]
+    assert info["time"][0] == pytest.approx(0.02)
+    vector.reset(seed=[5, None, None], options={"reset_mask": np.array([True, False, False])})
+    *_, info = vector.step(np.zeros((3, 3)))
+    assert info["time"].tolist() == pytest.approx([0.02, 0.14, 0.14])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_automatic_resets_agree_with_those_of_gymnasium(mode):
+    options = {"modules": 3, "start": "pit", "duration": 0.1, "randomise": {"yaw": (-0.2, 0.2)}}
+    ours = SnakePitVectorEnv(2, autoreset_mode=mode, **options)
+    theirs = gym.vector.SyncVectorEnv([lambda: SnakePitEnv(**options)] * 2, autoreset_mode=mode)
+    first, _ = ours.reset(seed=1)
+    second, _ = theirs.reset(seed=1)
+    np.testing.assert_array_equal(first, second)
+    for tick in range(14):
+        actions = np.full((2, 2), 0.1 * tick)
+        one, other = ours.step(actions), theirs.step(actions)
+        for a, b in zip(one[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert ("final_obs" in one[4]) == ("final_obs" in other[4])
+        if "final_obs" in one[4]:
+            np.testing.assert_array_equal(one[4]["final_obs"][0], other[4]["final_obs"][0])
+    theirs.close()
+
+
+def test_gymnasium_makes_it_by_the_vector_entry_point():
+    envs = gym.make_vec(
+        "symbrion_gym/SnakePit-v0", num_envs=2, vectorization_mode="vector_entry_point", modules=3
+    )
+    assert isinstance(envs, SnakePitVectorEnv)
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    observation, _ = envs.reset(seed=0)
+    assert envs.observation_space.contains(observation)
+    observation, *_ = envs.step(envs.action_space.sample())
+    assert envs.observation_space.contains(observation)
+    envs.close()
+
+
+def test_async_vector_environments_work():
+    envs = gym.make_vec("symbrion_gym/SnakePit-v0", num_envs=2, vectorization_mode="async", modules=2)
+    envs.reset(seed=0)
+    observation, *_ = envs.step(np.zeros((2, 1)))
+    assert np.isfinite(observation).all()
+    envs.close()
+
+
+def test_a_diverged_simulation_leaves_the_others_alone():
+    envs = SnakePitVectorEnv(2, modules=3, autoreset_mode="Disabled")
+    envs.reset(seed=0)
+    envs.batch.bind("qvel")[0, 0] = np.inf
+    observation, reward, terminated, _, info = envs.step(np.zeros((2, 2)))
+    assert terminated.tolist() == [True, False]
+    assert info["diverged"].tolist() == [True, False]
+    assert np.isfinite(observation).all()
+    assert np.isfinite(reward).all()
+    for _ in range(3):
+        observation, *_ = envs.step(np.zeros((2, 2)))
+    assert np.isfinite(observation).all()
+
+
+def test_timers_of_a_batch_can_be_read():
+    envs = SnakePitVectorEnv(2, modules=2, timers=True, num_threads=2)
+    envs.reset(seed=0)
+    with timing(envs.batch) as measured:
+        envs.step(np.zeros((2, 1)))
+    assert measured.num_steps == 8
+    assert measured.physics_us > measured.collision_us > 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"num_envs": 0}, "num_envs must be"),
+        ({"num_envs": 2, "num_threads": -1}, "num_threads must be"),
+        ({"num_envs": 2, "colour": 1}, "no 'colour'"),
+        ({"num_envs": 2, "render_mode": "human"}, "no render mode"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        SnakePitVectorEnv(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": [1]}, "1 seeds for 2"),
+        ({"options": {"friction": [0.1, 0.2, 0.3]}}, "3 values for 2"),
+        ({"options": {"reset_mask": [True]}}, "one value for each of 2"),
+        ({"options": {"frictoin": 0.1}}, "no reset option"),
+    ],
+)
+def test_bad_resets_are_refused(arguments, message):
+    envs = SnakePitVectorEnv(2, modules=2)
+    with pytest.raises(ValueError, match=message):
+        envs.reset(**arguments)
+
+
+@pytest.mark.parametrize("shape", [(2,), (2, 3), (3, 2), (1, 2)])
+def test_actions_of_another_shape_are_refused(shape):
+    envs = SnakePitVectorEnv(2, modules=3)
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
+        envs.step(np.zeros(shape))

@@ -1,0 +1,145 @@
+"""The compiled module against its constants, and honest physics of one module alone."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from symbrion_gym.errors import OrganismError
+from symbrion_gym.robot.organism import snake
+from symbrion_gym.robot.scout import ScoutConfig, make_scout
+from symbrion_gym.robot.tracks import find_road_wheels
+
+
+def _put_in_a_room(organism, wall_x=None, wall_behind=None, slope=0.0):
+    """A model of a body on a plane, with a wall ahead or behind."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = 0.005
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    tilt = [np.cos(slope / 2), 0, np.sin(slope / 2), 0]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 0.1], quat=tilt)
+    for x in (wall_x, wall_behind):
+        if x is not None:
+            side = 0.1 * np.sign(x)
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 2, 1], pos=[x + side, 0, 1])
+    organism.add_to(spec, spec.worldbody)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.054
+    return model, data
+
+
+def _run(model, data, seconds):
+    """Positions and up axes of every chassis after each step."""
+    ids = [i for i in range(model.nbody) if model.body(i).name.startswith("chassis")]
+    places, ups = [], []
+    for _ in range(int(seconds / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        places.append(data.xpos[ids].copy())
+        ups.append(data.xmat[ids, 8].copy())
+    return np.array(places), np.array(ups)
+
+
+@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
+def test_compiled_module_has_the_constants(tracks):
+    config = ScoutConfig(tracks=tracks)
+    model = make_scout(config).compile()
+    assert model.body_mass.sum() == pytest.approx(0.95, abs=0.03)
+    hinge = model.joint("hinge_0")
+    np.testing.assert_allclose(hinge.range, [-np.pi / 2, np.pi / 2])
+    np.testing.assert_allclose(hinge.axis, [0, -1, 0], atol=1e-12)
+    np.testing.assert_allclose(model.actuator("hinge_0").forcerange, [-4.5, 4.5])
+    assert model.actuator("hinge_0").gainprm[0] == 60.0
+    assert model.joint("hinge_0").armature[0] == 0.01
+    touching = np.flatnonzero(model.geom_contype)
+    assert (model.geom_priority[touching] == 1).all()
+    assert (model.geom_friction[touching, 0] == config.friction).all()
+
+
+def test_docks_and_sensors_lie_where_the_sources_say():
+    model = make_scout().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    np.testing.assert_allclose(data.site("module_0_dock_front").xpos, [0.072, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(data.site("module_0_dock_back").xpos, [-0.0525, 0, 0], atol=1e-12)
+    for side, direction in {"front": [1, 0], "back": [-1, 0], "left": [0, 1], "right": [0, -1]}.items():
+        for k in range(2):
+            site = data.site(f"module_0_ir_{side}_{k}")
+            np.testing.assert_allclose(site.xmat.reshape(3, 3)[:2, 2], direction, atol=1e-9)
+            assert np.abs(site.xpos).max() == pytest.approx(0.0525)
+
+
+def test_modules_of_a_snake_are_125_mm_apart():
+    model = snake(3).spec().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    centers = np.array([data.site(f"module_{i}").xpos for i in range(3)])
+    np.testing.assert_allclose(np.diff(centers[:, 0]), -0.1254, atol=1e-9)
+
+
+def test_envelope_of_the_tracks_is_the_chassis():
+    config = ScoutConfig()
+    reach = np.abs(find_road_wheels(config)).max(axis=0) + config.track_radius
+    np.testing.assert_allclose(reach, np.array(config.size) / 2)
+
+
+@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
+def test_module_drives_at_the_speed_of_its_tracks(tracks):
+    model, data = _put_in_a_room(snake(1, ScoutConfig(tracks=tracks)))
+    wheels = [i for i in range(model.nu) if "wheel" in model.actuator(i).name]
+    data.ctrl[wheels] = 0.1 / (0.011 if tracks == "cylinders" else 0.020)
+    places, _ = _run(model, data, 3.0)
+    assert places[-1, 0, 0] - places[199, 0, 0] == pytest.approx(0.2, rel=0.03)
+    assert abs(places[-1, 0, 1]) < 0.005
+
+
+@pytest.mark.parametrize("friction", [0.5, 0.7, 0.9])
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_module_against_a_wall_does_not_climb(friction, direction):
+    """It may rear up onto an edge and even tip over, as short vehicles do, but never rises beyond that."""
+    model, data = _put_in_a_room(snake(1, ScoutConfig(friction=friction)), 0.15, -0.15)
+    model.geom_surfacevel[:] *= direction
+    places, _ = _run(model, data, 12.0)
+    assert places[:, 0, 2].max() < 0.0525 * np.sqrt(2) + 0.005
+
+
+def test_a_limp_body_on_a_ramp_comes_to_rest():
+    model, data = _put_in_a_room(snake(4, ScoutConfig(track_speed=0.0)), slope=np.arctan(0.25))
+    model.actuator_gainprm[:], model.actuator_biasprm[:] = 0.0, 0.0
+    data.qpos[2] = 0.30
+    _run(model, data, 4.0)
+    assert np.abs(data.qvel).max() < 0.01
+
+
+def test_energy_of_a_body_at_rest_does_not_grow():
+    model, data = _put_in_a_room(snake(3, ScoutConfig(track_speed=0.0)))
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data.qpos[2] = 0.15
+    energies = []
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+        energies.append(data.energy.sum())
+    assert np.max(np.diff(energies[60:])) < 1e-3
+    assert energies[-1] < energies[0]
+
+
+def test_modules_do_not_pass_through_each_other():
+    model, data = _put_in_a_room(snake(6, ScoutConfig(track_speed=0.0)))
+    model.opt.gravity[:] = 0
+    data.qpos[2] = 2.0
+    data.ctrl[:] = np.pi / 2
+    places, _ = _run(model, data, 4.0)
+    for gap in range(2, 6):
+        assert np.linalg.norm(places[:, gap:] - places[:, :-gap], axis=2).min() > 0.085
+
+
+@pytest.mark.parametrize("name", ["track_radius", "hinge_torque", "pitch"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_impossible_constants_are_refused(name, value):
+    with pytest.raises(OrganismError, match=name):
+        ScoutConfig(**{name: value})
+
+
+def test_unknown_tracks_are_refused():
+    with pytest.raises(OrganismError, match="spheres, wheels, cylinders"):
+        ScoutConfig(tracks="legs")
