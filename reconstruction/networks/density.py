@@ -23,6 +23,15 @@ _THICK = 0.05
 """Above this ratio of variances a sparse neighbourhood fills space, it is no surface."""
 _LONELY = 3.0
 """An outlier is so many times farther from its neighbours than they are from theirs."""
+_FAR = 2.5
+"""Sparse is what is so many times farther from its neighbours than nine samples of ten."""
+_AROUND = 16
+_ALOFT = 1.5
+"""An outlier stands off the plane of its neighbours by so many of their spacings"""
+_SCATTER = 7.4
+"""and so many times farther than their median: five standard deviations."""
+_PASSES = 2
+"""Outliers hide one another: what is left is looked at once more."""
 
 
 class Density(NamedTuple):
@@ -59,29 +68,68 @@ def study_density(samples: np.ndarray, tree: cKDTree, rng: np.random.Generator) 
 
 
 def _study_all(samples: np.ndarray) -> Density:
-    tree = cKDTree(samples)
-    wide = min(_WIDE, len(samples) - 1)
+    is_outlier = find_outliers(samples)
+    sound = samples[~is_outlier]
+    tree = cKDTree(sound)
+    wide = min(_WIDE, len(sound) - 1)
     near = min(_NEAR, wide)
-    distances, neighbors = tree.query(samples, k=wide + 1, workers=-1)
-    reach = distances[:, near]
-    is_outlier = reach > _LONELY * np.median(reach[neighbors], axis=1)
-    is_far = np.flatnonzero(reach > (1 + _LONELY) * np.percentile(reach, 90))
-    if len(is_far):
-        is_outlier[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _THICK
-    spacing = np.zeros(len(samples))
+    distances, neighbors = tree.query(sound, k=wide + 1, workers=-1)
+    found = np.zeros(len(sound))
     for k in sorted({near, min(20, wide), wide}):
         # The fewest neighbours that span a surface; where none do, the most.
-        todo = np.flatnonzero(spacing == 0)
-        is_surface = _find_spread(samples[neighbors[todo, : k + 1]])[:, 1] >= _LINEAR
+        todo = np.flatnonzero(found == 0)
+        is_surface = _find_spread(sound[neighbors[todo, : k + 1]])[:, 1] >= _LINEAR
         chosen = todo[is_surface | (k == wide)]
-        spacing[chosen] = distances[chosen, k] * np.sqrt(np.pi / k)
-    spacing = np.maximum(spacing, 1e-6 * np.median(spacing))
+        found[chosen] = distances[chosen, k] * np.sqrt(np.pi / k)
+    spacing = np.full(len(samples), np.median(found))
+    spacing[~is_outlier] = np.maximum(found, 1e-6 * np.median(found))
     weights = np.where(is_outlier, 0, (spacing**2) ** _EQUALITY)
     return Density(spacing, weights / weights.mean())
+
+
+def find_outliers(samples: np.ndarray) -> np.ndarray:
+    """Return which samples belong to no surface, `[N]`.
+
+    They are lonelier than their neighbours, or stand off the plane through them, or are sparse and fill space.
+
+    Args:
+        samples: `[N, 3]`.
+    """
+    is_sound = np.ones(len(samples), dtype=bool)
+    for _ in range(_PASSES):
+        kept = np.flatnonzero(is_sound)
+        if len(kept) <= 2 * _AROUND:
+            break
+        is_off = _find_off(samples[kept])
+        if not is_off.any() or is_off.all():
+            break
+        is_sound[kept[is_off]] = False
+    return ~is_sound
+
+
+def _find_off(samples: np.ndarray) -> np.ndarray:
+    """Return which samples `[N]` are outliers, all others taken for sound."""
+    distances, neighbors = cKDTree(samples).query(samples, k=_AROUND + 1, workers=-1)
+    reach, others = distances[:, _NEAR], neighbors[:, 1:]
+    is_off = reach > _LONELY * np.median(reach[neighbors[:, : _NEAR + 1]], axis=1)
+    is_far = np.flatnonzero(reach > _FAR * np.percentile(reach, 90))
+    if len(is_far):
+        is_off[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _THICK
+    spacing = np.median(distances[:, -1][others], axis=1) * np.sqrt(np.pi / _AROUND)
+    center = samples[others].mean(axis=1)
+    lateral = np.linalg.norm(samples - center, axis=1)
+    # Only what is not in the middle of its neighbours can stand off their plane.
+    todo = np.flatnonzero((lateral > _ALOFT * spacing) & ~is_off)
+    offset = samples[others[todo]] - center[todo, None]
+    normal = np.linalg.eigh(np.swapaxes(offset, 1, 2) @ offset)[1][:, :, 0]
+    scatter = np.median(np.abs((offset * normal[:, None]).sum(axis=2)), axis=1)
+    height = np.abs(((samples[todo] - center[todo]) * normal).sum(axis=1))
+    is_off[todo] |= height > np.maximum(_ALOFT * spacing[todo], _SCATTER * scatter)
+    return is_off
 
 
 def _find_spread(neighborhoods: np.ndarray) -> np.ndarray:
     """Return the variances of neighbourhoods `[M, K, 3]` along their axes, largest first and 1: `[M, 3]`."""
     offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
-    variances = np.linalg.eigvalsh(np.einsum("mki,mkj->mij", offset, offset))[:, ::-1]
+    variances = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)[:, ::-1]
     return variances / np.maximum(variances[:, :1], 1e-300)
