@@ -2,9 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
+DOCS_STAMP := .venv/.installed-docs
 export MUJOCO_GL ?= egl
 
-.PHONY: setup demo test test-slow check bench paper assets clean
+.PHONY: setup demo test test-slow check bench figures paper docs assets clean
 
 setup: $(STAMP)
 
@@ -28,15 +29,28 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
+# All benchmarks, then the tables of README and docs; QUICK=1: small sizes, into benchmarks/results/quick.
 bench: setup
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks $(if $(QUICK),--quick)
+
+# The tables of README and docs from the results that there are.
+figures: setup
+	$(BIN)/python -m benchmarks.table
 
 paper: setup
 	$(BIN)/symbrion paper --out paper
+
+# The documentation as a site: site/index.html.
+docs: $(DOCS_STAMP)
+	$(BIN)/mkdocs build --strict --quiet
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
 
 # Remake the ready-made arenas that the package ships (see assets/README.md).
 assets: setup
 	$(BIN)/symbrion assets --out assets/arenas
 
 clean:
-	rm -rf .venv demo paper build dist
+	rm -rf .venv demo paper site build dist

@@ -1,18 +1,29 @@
-"""Run every benchmark in turn: `python -m benchmarks [--quick] [NAME ...]`."""
+"""Run every benchmark, each in a process of its own, then write the tables.
+
+    python -m benchmarks [--quick] [NAME ...]
+
+A quick run leaves its results and its table in `benchmarks/results/quick` and the README as it is.
+"""
 
 import argparse
-import importlib
+import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
-HOUSEKEEPING = {"__init__", "__main__", "report"}
+FOLDER = Path(__file__).parent
 
 
 def find_benchmarks() -> list[str]:
-    """Return the names of the benchmark modules beside this file."""
-    return sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in HOUSEKEEPING)
+    """Return the names of the modules beside this file that can be run."""
+    return sorted(
+        path.stem for path in FOLDER.glob("*.py") if re.search(r"^def run\(", path.read_text(), re.MULTILINE)
+    )
 
 
 def main() -> None:
+    """Read the command line and run; a benchmark that fails does not stop the others."""
     names = find_benchmarks()
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
@@ -23,9 +34,22 @@ def main() -> None:
     unknown = set(options.names) - set(names)
     if unknown:
         parser.error(f"no such benchmark: {', '.join(sorted(unknown))}; there are {', '.join(names)}")
+    environment, switch = dict(os.environ), []
+    if options.quick:
+        environment["BENCHMARK_RESULTS"], switch = str(FOLDER / "results" / "quick"), ["--quick"]
+    failed = []
     for name in options.names or names:
         print(f"\n== {name} ==", flush=True)
-        importlib.import_module(f"benchmarks.{name}").run(quick=options.quick)
+        if _run([f"benchmarks.{name}", *switch], environment):
+            failed.append(name)
+    if _run(["benchmarks.table", *(["--table-only"] if options.quick else [])], environment):
+        failed.append("table")
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
+
+
+def _run(words: list[str], environment: dict[str, str]) -> int:
+    return subprocess.run([sys.executable, "-m", *words], env=environment, check=False).returncode
 
 
 if __name__ == "__main__":

@@ -5,9 +5,11 @@ import importlib.metadata
 import json
 import os
 import platform
+import sys
 from pathlib import Path
+from typing import Any
 
-RESULTS = Path(__file__).parent / "results"
+RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))
 PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "trimesh")
 
 
@@ -33,16 +35,22 @@ def describe_versions() -> dict[str, str]:
     return {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
+def load_records() -> dict[str, dict[str, Any]]:
+    """Return what every benchmark wrote last, by its name."""
+    return {path.stem: json.loads(path.read_text()) for path in sorted(RESULTS.glob("*.json"))}
+
+
 def write_results(name: str, results: dict) -> Path:
     """Write `results/<name>.json` with machine, versions and date, in one step; return its path."""
     record = {
         "benchmark": name,
+        "is_quick": "--quick" in sys.argv,
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "machine": describe_machine(),
         "versions": describe_versions(),
         "results": results,
     }
-    RESULTS.mkdir(exist_ok=True)
+    RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"
     beside = path.with_suffix(".json.part")
     beside.write_text(json.dumps(record, indent=2) + "\n")
