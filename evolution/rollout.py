@@ -5,7 +5,7 @@ comes of a trial depends on its genotype and its conditions alone, whatever runs
 """
 
 from collections import OrderedDict, defaultdict, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,15 +14,18 @@ from gymnasium.vector import AutoresetMode
 from evolution.controller import SENSORS, Controller, make_controller
 from evolution.errors import RunError
 from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
+from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
-LANES = (8, 16, 32)
+LANES = (8, 16, 24, 32)
 _KEPT = 12
 
 _environments: OrderedDict[Any, SnakePitVectorEnv] = OrderedDict()
+_apart: set[Any] = set()
+"""Arenas whose stretched versions do not share a batch."""
 
 
 class Trial(NamedTuple):
@@ -67,13 +70,14 @@ def simulate(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     """
     groups: dict[Any, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
-        for trial in split_job(index, job):
-            groups[find_environment_key(job.trials), trial.stretch].append(trial)
+        key = find_environment_key(job.trials), job.trials.randomisation.stretch
+        groups[key] += split_job(index, job)
     endings: dict[tuple[int, int], Ending] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
-        environment = _find_environment(first, trials[0].stretch, len(trials), threads)
-        endings |= _run_lanes(environment, make_controller(first.controller, first.modules), trials)
+        controller = make_controller(first.controller, first.modules)
+        for environment, mine in _share_out(first, trials, threads):
+            endings |= _run_lanes(environment, controller, mine)
     return [
         _summarise([endings[index, number] for number in range(job.trials.count)])
         for index, job in enumerate(jobs)
@@ -86,9 +90,9 @@ def find_environment_key(trials: Trials) -> Any:
     return arena, trials.modules, trials.controller, trials.start, trials.environment
 
 
-def make_environment_options(trials: Trials, stretch: float = 1.0) -> dict[str, Any]:
+def make_environment_options(trials: Trials) -> dict[str, Any]:
     """Return the options of the environment in which trials take place."""
-    options = {"sensors": SENSORS, "stuck_time": STUCK_TIME, "stretch": stretch} | dict(trials.environment)
+    options = {"sensors": SENSORS, "stuck_time": STUCK_TIME} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
 
 
@@ -110,10 +114,34 @@ def split_job(index: int, job: Job) -> list[Trial]:
     ]
 
 
-def _find_environment(trials: Trials, stretch: float, num_trials: int, threads: int) -> SnakePitVectorEnv:
-    """Return an environment with enough lanes, compiled anew or kept from before."""
+def _share_out(
+    conditions: Trials, trials: Sequence[Trial], threads: int
+) -> Iterator[tuple[SnakePitVectorEnv, list[Trial]]]:
+    """Yield environments and their trials: one for all stretches, or one each where they are too different."""
+    key, stretches = find_environment_key(conditions), tuple(sorted(set(conditions.randomisation.stretch)))
+    if (key, stretches) not in _apart:
+        try:
+            yield _find_environment(conditions, stretches, len(trials), threads), list(trials)
+            return
+        except LayoutError:
+            _apart.add((key, stretches))
+    for stretch in stretches:
+        mine = [trial for trial in trials if trial.stretch == stretch]
+        if mine:
+            yield _find_environment(conditions, (stretch,), len(mine), threads), mine
+
+
+def _find_environment(
+    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int
+) -> SnakePitVectorEnv:
+    """Return an environment with enough lanes, compiled anew or kept from before.
+
+    Raises:
+        LayoutError: the stretched arenas do not share a batch.
+        RunError: it cannot be made.
+    """
     lanes = next((size for size in LANES if size >= num_trials), LANES[-1])
-    key = (find_environment_key(trials), stretch, lanes, threads)
+    key = (find_environment_key(conditions), stretches, lanes, threads)
     if key not in _environments:
         while len(_environments) >= _KEPT:
             _environments.popitem(last=False)[1].close()
@@ -122,8 +150,11 @@ def _find_environment(trials: Trials, stretch: float, num_trials: int, threads: 
                 num_envs=lanes,
                 num_threads=threads,
                 autoreset_mode=AutoresetMode.DISABLED,
-                **make_environment_options(trials, stretch),
+                stretches=stretches,
+                **make_environment_options(conditions),
             )
+        except LayoutError:
+            raise
         except (ValueError, TypeError) as error:  # no genotype is to blame
             raise RunError(f"the environment cannot be made: {error}") from error
     _environments.move_to_end(key)
@@ -178,15 +209,19 @@ def _take_up(
     names = ("friction", "torque_scale", "start_offset", "yaw")
     options: dict[str, Any] = {name: [None] * environment.num_envs for name in names}
     seeds: list[int | None] = [None] * environment.num_envs
+    stretches: list[float | None] = [None] * environment.num_envs
     for lane in free:
         if not waiting:
             break
         trial = running[lane] = waiting.popleft()
         mask[lane], genotypes[lane], effort[lane] = True, trial.genotype[: genotypes.shape[1]], 0.0
         seeds[lane] = trial.seed
+        stretches[lane] = trial.stretch
         for name in names:
             options[name][lane] = trial.conditions[name]
-    observation, info = environment.reset(seed=seeds, options={**options, "reset_mask": mask})
+    observation, info = environment.reset(
+        seed=seeds, options={**options, "stretch": stretches, "reset_mask": mask}
+    )
     return observation, info["x_position"]
 
 

@@ -6,7 +6,7 @@ than small arrays. Every row comes out alike whatever N is, to the bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isnan
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symbrion_gym.environment.judge import ROLLED_OVER, SPEED_SLACK, Judge
+from symbrion_gym.environment.measuring import Measured, measure
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 
@@ -87,6 +88,7 @@ class Episodes:
         self.observer = Observer(world, self.num_actions)
         self.target = np.zeros((num, hinges))
         self.action = np.zeros((num, self.num_actions))
+        self._judges = [self.judge] * num
         self._episodes = [Episode() for _ in range(num)]
         self._start_head = np.zeros(num)
         self._speed = np.zeros((num, 1))
@@ -100,14 +102,29 @@ class Episodes:
         servos, dofs = world.hinge_servos, world.hinge_dof
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
 
-    def begin(self, rows: Iterable[int], physics: Physics, track_speeds: Iterable[float]) -> None:
-        """Start episodes in the given rows from the present physics."""
+    def begin(
+        self,
+        rows: Iterable[int],
+        physics: Physics,
+        track_speeds: Iterable[float],
+        judges: Iterable[Judge] | None = None,
+    ) -> None:
+        """Start episodes in the given rows from the present physics.
+
+        Args:
+            rows: which simulations.
+            physics: of all simulations.
+            track_speeds: of these [m/s].
+            judges: of these, where they live in other worlds than before.
+        """
         hinges = self.world.num_hinges
+        for row, judge in zip(rows, judges or (), strict=False):
+            self._judges[row] = judge
         for row, speed in zip(rows, track_speeds, strict=True):
             self.target[row] = physics.qpos[row, self.world.hinge_qpos]
             self.action[row, :hinges] = np.clip(self.target[row] / self._range, -1.0, 1.0)
             self.action[row, hinges:] = 1.0
-            measured = self.judge.measure(physics, row)
+            measured = self._judges[row].measure(physics, row)
             start = measured.progress
             self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
@@ -151,17 +168,18 @@ class Episodes:
 
     def describe_start(self, physics: Physics, row: int) -> tuple[float | bool, ...]:
         """Return the numbers and flags of a reset in one row, in the order of `NUMBERS` and `FLAGS`."""
-        measured = self.judge.measure(physics, row)
+        measured = self._judges[row].measure(physics, row)
         place = (measured.lowest, measured.uprightness)
         return (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, *place, *(False for _ in FLAGS))
 
-    def finish_tick(self, physics: Physics, rows: Iterable[int]) -> list[Tick]:
+    def finish_tick(self, physics: Physics, rows: Sequence[int]) -> list[Tick]:
         """Judge and reward the tick whose physics has just been stepped, in the given rows."""
-        return [self._judge_row(physics, row) for row in rows]
+        measured = measure(physics, rows, self._judges, self._servos, self._dofs)
+        return [self._judge_row(physics, row, each) for row, each in zip(rows, measured, strict=True)]
 
-    def _judge_row(self, physics: Physics, row: int) -> Tick:
-        episode, judge = self._episodes[row], self.judge
-        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = judge.measure(physics, row)
+    def _judge_row(self, physics: Physics, row: int, measured: Measured) -> Tick:
+        episode, judge = self._episodes[row], self._judges[row]
+        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = measured.measures
         episode.ticks += 1
         time = episode.ticks * self._dt
         rolled_over = fell = touched = False
@@ -172,7 +190,7 @@ class Episodes:
             head, progress = episode.start, episode.progress
         has_failed = rolled_over or fell or touched or not is_sound
         allowed = episode.start + episode.track_speed * time + SPEED_SLACK
-        has_arrived = rearmost > self.world.route.finish and mean <= allowed and not has_failed
+        has_arrived = rearmost > judge.finish and mean <= allowed and not has_failed
         episode.held = episode.held + 1 if has_arrived and judge.is_standing(physics, row) else 0
         success = episode.held >= judge.hold_ticks
         if progress > episode.best + STUCK_PROGRESS:
@@ -183,7 +201,7 @@ class Episodes:
         forward_weight, success_bonus, effort_weight = self._weights
         forward = forward_weight * (progress - episode.progress)
         bonus = success_bonus if success else 0.0
-        cost = effort_weight * self._find_power(physics, row) if is_sound else 0.0
+        cost = effort_weight * measured.power if is_sound else 0.0
         episode.progress = progress
         gained = progress - episode.start_progress
         return Tick(
@@ -193,9 +211,3 @@ class Episodes:
             (head, gained, time, forward, bonus, cost, lowest, uprightness),
             (success, not is_sound, rolled_over, fell, touched, stuck),
         )
-
-    def _find_power(self, physics: Physics, row: int) -> float:
-        """Return the sum over the hinges of the absolute power [W]."""
-        torques = physics.actuator_force[row, self._servos].tolist()
-        rates = physics.qvel[row, self._dofs].tolist()
-        return sum([abs(torque * rate) for torque, rate in zip(torques, rates, strict=True)])

@@ -7,6 +7,8 @@ cheated at once by somersaults and by folding the body through itself.
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -54,14 +56,23 @@ class Measures(NamedTuple):
 
 
 class Judge:
-    """Measures simulations and tells what ends an episode; it remembers nothing."""
+    """Measures simulations and tells what ends an episode; it remembers nothing.
+
+    Attributes:
+        finish: how far along the route the goal is [m].
+        is_plain: whether the route runs along x, in the middle.
+        share: of one module in a mean.
+        hold_ticks: for how many ticks the body must have arrived.
+        is_abyss: whether the floor of the pit ends an episode.
+    """
 
     def __init__(self, world: World) -> None:
         self._arena, self._route = world.arena, world.route
         self._direction = world.route.direction
-        self._is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
+        self.finish = world.route.finish
+        self.is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
         self._half = world.organism.scout.size[2] / 2
-        self._share = 1.0 / world.num_modules
+        self.share = 1.0 / world.num_modules
         self.hold_ticks = max(1, int(np.ceil(HOLD_TIME / world.config.dt - 1e-9)))
         self.is_abyss = world.config.abyss and world.route.pit is not None
 
@@ -71,17 +82,17 @@ class Judge:
         if not (min(rates) > -LARGEST_SPEED and max(rates) < LARGEST_SPEED and sum(rates) == sum(rates)):
             return Measures(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
         along, across, heights = zip(*physics.position[row].tolist(), strict=True)
-        if not self._is_plain:
+        if not self.is_plain:
             c, s = self._direction
             offset, places = self._route.lateral, list(zip(along, across, strict=True))
             along = [c * x + s * y for x, y in places]
             across = [c * y - s * x - offset for x, y in places]
-        finish, share = self._route.finish, self._share
+        finish, share = self.finish, self.share
         return Measures(
             along[0],
-            sum(along) * share,
+            reduce(add, along) * share,
             min(along),
-            sum([s if s < finish else finish for s in along]) * share,
+            reduce(add, [s if s < finish else finish for s in along]) * share,
             max(max(across), -min(across)),
             min(heights),
             min(physics.rotation[row, :, 8].tolist()),
@@ -90,7 +101,7 @@ class Judge:
 
     def find_distance(self, position: np.ndarray) -> np.ndarray:
         """Return how far along the route each module is, `[N, n]` [m]."""
-        if self._is_plain:
+        if self.is_plain:
             return position[:, :, 0]
         c, s = self._direction
         return c * position[:, :, 0] + s * position[:, :, 1]

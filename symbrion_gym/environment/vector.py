@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from types import SimpleNamespace
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -16,6 +16,8 @@ from mujoco.batch import Batch
 
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS, Episodes, Tick
+from symbrion_gym.environment.judge import Judge
+from symbrion_gym.environment.models import OwnModels, SharedModel
 from symbrion_gym.environment.observation import add_noise
 from symbrion_gym.environment.randomisation import (
     Domain,
@@ -27,9 +29,6 @@ from symbrion_gym.environment.randomisation import (
 from symbrion_gym.environment.rendering import RENDER_MODES, Pictures
 from symbrion_gym.environment.snake_pit import SnakePitEnv, make_spaces
 from symbrion_gym.environment.world import World
-
-_VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
-"""Fields of the model that differ between simulations."""
 
 
 class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -44,6 +43,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     | `num_threads`       | threads that step them; as many as there are processors by default |
     | `autoreset_mode`    | Gymnasium's; "NextStep" by default                                 |
     | `max_episode_steps` | truncates sooner than `duration`                                   |
+    | `stretches`         | values of `stretch`, of which the reset option `stretch` chooses one |
 
     With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
     is reset with `options={"reset_mask": ...}`.
@@ -66,6 +66,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
         width: int = 640,
         height: int = 400,
+        stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
         for name, value in (("num_envs", num_envs), ("num_threads", num_threads or 1)):
@@ -82,10 +83,17 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         }
         self.render_mode, self._picture_size = render_mode, (width, height)
         self.num_envs = int(num_envs)
-        self.world = World(self.config, (width, height))
+        if stretches and render_mode is not None:
+            raise ValueError("there are no pictures of several stretches; give one `stretch`")
+        self._stretches = tuple(map(float, stretches or (self.config.stretch,)))
+        configs = [replace(self.config, stretch=stretch) for stretch in self._stretches]
+        self._worlds = [World(config, (width, height)) for config in configs]
+        self.world = self._worlds[0]
         self.model = self.world.model
         self._max_ticks = max_episode_steps
         self._episodes = Episodes(self.world, self.num_envs)
+        self._judges = [self._episodes.judge, *map(Judge, self._worlds[1:])]
+        self._chosen = [0] * self.num_envs
         self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
         self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
@@ -101,7 +109,10 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _make_batch(self, num_threads: int) -> None:
         self.batch = Batch(self.model, self.num_envs, num_threads, persistent=self.config.timers)
-        self._fields = {name: self.batch.expand(name) for name in _VARIED}
+        is_alone = len(self._worlds) == 1
+        self._models = (
+            SharedModel(self.batch, self.world) if is_alone else OwnModels(self.batch, self._worlds)
+        )
         self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
         self._physics = self.world.view(self.batch.bind)
 
@@ -127,6 +138,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             raise ValueError(f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}")
         rows = [int(row) for row in np.flatnonzero(mask)]
         self._seed(seed, rows)
+        self._choose(options.pop("stretch", None), rows)
         split = split_options(options, self.num_envs)
         for row in rows:
             self._options[row] = split[row]
@@ -137,6 +149,16 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             values[rows] = [getattr(domain, name) for domain in domains]
             info[name], info[f"_{name}"] = values, mask
         return self._add_noise(self._episodes.observe(self._physics), rows), info
+
+    def _choose(self, stretch: Any, rows: list[int]) -> None:
+        """Choose the worlds in which simulations begin from now on."""
+        if stretch is None:
+            return
+        for row in rows:
+            wanted = stretch if np.ndim(stretch) == 0 else stretch[row]
+            if wanted not in self._stretches:
+                raise ValueError(f"stretch must be one of {self._stretches}, got {wanted!r}")
+            self._chosen[row] = self._stretches.index(wanted)
 
     def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
         if not self._generators:
@@ -153,20 +175,22 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _begin(self, rows: list[int]) -> list[Domain]:
         """Lay down the bodies of some simulations; return their circumstances."""
-        world, domains = self.world, []
+        domains = []
         self.batch.reset(rows, stage=0)
         for row in rows:
             wanted = {**self.config.randomise, **self._options[row]}
             domain = draw_domain(self._usual._asdict(), wanted, self._generators[row])
-            fields = SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
-            apply_domain(world, fields, domain)
+            world = self._worlds[self._chosen[row]]
+            apply_domain(world, self._models.choose(row, self._chosen[row]), domain)
             self._qpos[row] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
             target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
             world.write_control(self._control[row : row + 1], target, speed)
             domains.append(domain)
+        self._models.commit()
         self.batch.forward(rows)
         self._refresh()
-        self._episodes.begin(rows, self._physics, [domain.track_speed for domain in domains])
+        speeds = [domain.track_speed for domain in domains]
+        self._episodes.begin(rows, self._physics, speeds, [self._judges[self._chosen[row]] for row in rows])
         self._is_done[rows] = False
         for row in rows:
             start = self._episodes.describe_start(self._physics, row)
@@ -218,7 +242,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         target, speed = episodes.command(actions, None if len(rows) == self.num_envs else rows)
         world.write_control(self._control, target, speed)
         if episodes.num_tracks:
-            world.write_track_speed(self._fields["geom_surfacevel"], speed)
+            self._models.write_track_speed(speed)
         self.batch.step(rows, nstep=self.config.frame_skip)
         self._refresh()
         ticks = episodes.finish_tick(self._physics, rows)

@@ -48,7 +48,7 @@ def test_the_single_environment_agrees_to_the_bit():
     controller = make_controller("reactive", 4)
     progress, seconds = [], 0.0
     for trial in split_job(0, job):
-        environment = SnakePitEnv(**make_environment_options(job.trials, trial.stretch))
+        environment = SnakePitEnv(**make_environment_options(job.trials), stretch=trial.stretch)
         observation, info = environment.reset(seed=trial.seed, options=dict(trial.conditions))
         state, ended = controller.begin(1), False
         while not ended:

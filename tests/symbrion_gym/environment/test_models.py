@@ -1,0 +1,57 @@
+"""Simulations of one batch in arenas of different lengths: each as if it were alone."""
+
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.episodes import FLAGS, NUMBERS
+from symbrion_gym.environment.models import LayoutError
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+
+STRETCHES = (0.975, 1.0, 1.025)
+OPTIONS = {"arena": "gsrm", "modules": 4, "start": "pit", "stuck_time": 2.0}
+RESET = {"friction": [0.5, 0.6, 0.7, 0.8], "yaw": (-0.1, 0.1)}
+
+
+@pytest.mark.parametrize("more", [{}, {"track_control": "modules"}])
+def test_each_simulation_has_its_own_arena_to_the_bit(more):
+    vector = SnakePitVectorEnv(
+        4, num_threads=2, autoreset_mode="Disabled", stretches=STRETCHES, **OPTIONS, **more
+    )
+    rng = np.random.default_rng(0)
+    for seed, stretches in ((3, [1.0, 0.975, 1.025, 1.0]), (8, [0.975, 1.0, 1.025, 1.025])):
+        singles = [SnakePitEnv(stretch=stretch, **OPTIONS, **more) for stretch in stretches]
+        observation, info = vector.reset(seed=seed, options={**RESET, "stretch": stretches})
+        for i, env in enumerate(singles):
+            one, one_info = env.reset(seed=seed + i, options={**RESET, "friction": RESET["friction"][i]})
+            np.testing.assert_array_equal(observation[i], one)
+            assert info["x_position"][i] == one_info["x_position"]
+        done = np.zeros(4, dtype=bool)
+        for tick in range(120):
+            if tick % 25 == 0:
+                actions = rng.uniform(-0.7, 1.0, vector.action_space.shape)
+            observation, reward, terminated, truncated, info = vector.step(actions)
+            for i in np.flatnonzero(~done):
+                one = singles[i].step(actions[i])
+                np.testing.assert_array_equal(observation[i], one[0])
+                assert (reward[i], terminated[i], truncated[i]) == one[1:4]
+                assert all(info[name][i] == one[4][name] for name in NUMBERS + FLAGS)
+            done |= terminated | truncated
+
+
+def test_a_choice_stays_until_another_is_made():
+    vector = SnakePitVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES, start="pit")
+    vector.reset(seed=0, options={"stretch": 1.025})
+    _, first = vector.reset(seed=0)
+    _, other = vector.reset(seed=0, options={"stretch": [1.025, 1.0]})
+    assert first["x_position"][0] == other["x_position"][0] < other["x_position"][1]
+
+
+def test_what_cannot_be_is_refused():
+    vector = SnakePitVectorEnv(2, modules=3, arena="gsrm", stretches=STRETCHES)
+    with pytest.raises(ValueError, match=r"stretch must be one of \(0.975, 1.0, 1.025\), got 1.1"):
+        vector.reset(options={"stretch": 1.1})
+    with pytest.raises(LayoutError, match=r"stretched by 0.975 and 1 .* of its own"):
+        SnakePitVectorEnv(2, modules=3, arena="truth", stretches=STRETCHES)
+    with pytest.raises(ValueError, match="pictures of several stretches"):
+        SnakePitVectorEnv(2, arena="gsrm", stretches=STRETCHES, render_mode="rgb_array")
