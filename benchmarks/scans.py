@@ -43,7 +43,7 @@ def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
         find_distances(levelled.grid()[in_box], surface),
     )
     clean = find_distances(points, surface)
-    before, after = find_shaking(log), find_shaking(levelled)
+    after, shift = find_shaking(levelled), find_shifts(levelled)
     truth = trimesh.sample.sample_surface(surface, 20_000, seed=0)[0]
     thinned = thin(points, VOXEL)
     return {
@@ -58,9 +58,12 @@ def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
         "mixed": int((is_mixed & in_box).sum()),
         "mixed_removed": float((is_mixed & in_box & ~kept).sum() / (is_mixed & in_box).sum()),
         "others_kept": float((~is_mixed & in_box & kept).sum() / (~is_mixed & in_box).sum()),
-        "roll_before_deg": float(before[0].max()),
-        "roll_after_deg": float(after[0].max()),
-        "pitch_after_deg": float(after[1].max()),
+        **summarise("in_plane_before_deg", find_lean_angles(log.truth.robot_poses)[0]),
+        **summarise("in_plane_after_deg", after[0]),
+        **summarise("across_before_deg", find_lean_angles(log.truth.robot_poses)[1]),
+        **summarise("across_after_deg", after[1]),
+        **summarise("across_before_mm", shift[0]),
+        **summarise("across_after_mm", shift[1]),
         "localisation_max": log.report["localisation_max"],
         "localisation_median": log.report["localisation_median"],
         "localisation_max_deg": log.report["localisation_max_deg"],
@@ -85,9 +88,37 @@ def find_in_box(log: ScanLog) -> np.ndarray:
 def find_shaking(log: ScanLog) -> tuple[np.ndarray, np.ndarray]:
     """Errors of the poses in roll (in the scan's plane) and in pitch (out of it), each `[S]` [deg]."""
     assert log.truth is not None
-    rest = np.linalg.inv(log.truth.robot_poses) @ log.poses @ np.linalg.inv(log.mount)
-    roll = np.degrees(np.abs(np.arctan2(rest[:, 2, 1], rest[:, 1, 1])))
-    return roll, np.degrees(np.abs(np.arcsin(np.clip(rest[:, 2, 0], -1, 1))))
+    return find_lean_angles(np.linalg.inv(log.truth.robot_poses) @ log.poses @ np.linalg.inv(log.mount))
+
+
+def find_lean_angles(robot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Roll and pitch of the robot, without their signs, each `[S]` [deg]."""
+    roll = np.degrees(np.abs(np.arctan2(robot[:, 2, 1], robot[:, 2, 2])))
+    return roll, np.degrees(np.abs(np.arcsin(np.clip(robot[:, 2, 0], -1, 1))))
+
+
+def find_shifts(levelled: ScanLog) -> tuple[np.ndarray, np.ndarray]:
+    """How far points on the arena lie off their place across the scan's plane, for its pitch: taken as 0, and as found.
+
+    Returns two arrays `[N]` [mm].
+    """
+    assert levelled.truth is not None
+    assert levelled.box is not None
+    scan, beam = np.nonzero(find_in_box(levelled))
+    height = levelled.grid()[scan, beam, 2] - levelled.box[0, 2]
+    pitches = find_lean_angles(levelled.truth.robot_poses)[1], find_shaking(levelled)[1]
+    before, after = (1000 * height * np.sin(np.radians(pitch))[scan] for pitch in pitches)
+    return before, after
+
+
+def summarise(name: str, values: np.ndarray) -> dict[str, float]:
+    """Root mean square, 95th percentile and largest of them."""
+    size = np.abs(values)
+    return {
+        f"{name}_rms": float(np.sqrt(np.mean(size**2))),
+        f"{name}_p95": float(np.quantile(size, 0.95)),
+        f"{name}_max": float(size.max()),
+    }
 
 
 def judge_real_scan(path: Path) -> dict[str, float]:
@@ -169,9 +200,9 @@ def run(quick: bool = False, pictures: Path | None = None) -> dict:
     """Run it all; prints tables and writes results/scans.json."""
     surface = Course().surface()
     seeds = [judge_survey(seed, surface) for seed in range(1 if quick else 5)]
-    print(f"{'survey of truth, by seed':24s}" + "".join(f"{seed:>12d}" for seed in range(len(seeds))))
+    print(f"{'survey of truth, by seed':26s}" + "".join(f"{seed:>12d}" for seed in range(len(seeds))))
     for name in seeds[0]:
-        print(f"{name:24s}" + "".join(f"{row[name]:12.5g}" for row in seeds))
+        print(f"{name:26s}" + "".join(f"{row[name]:12.5g}" for row in seeds))
     results: dict = {"survey": seeds, "speed": measure_speed(surface, 1 if quick else 5)}
     if REAL_SCAN.exists():
         results["real_scan"] = judge_real_scan(REAL_SCAN)

@@ -16,8 +16,12 @@ def level_floor(log: ScanLog, max_tilt: float = np.radians(4.0), tolerance: floa
 
     delta is the declination of the floor's line in the scan (`find_declination`), n the scan plane's normal.
     The turn is about the robot's foot, where it touches the ground, so a sensor on a mast moves sideways as
-    it did; a log without `mount` is turned about the sensor. What leans out of the scan's plane cannot be
-    seen in it, and stays.
+    it did; a log without `mount` is turned about the sensor.
+
+    This sees the lean within the scan's plane, and on a level floor nothing else: leaning across its plane by p,
+    the scan meets the same floor in the same line, at the same ranges. What is h above the floor, it shows h sin(p)
+    off its place across the plane. Where a horizontal scanner localises the robot, its sway tells p roughly
+    (`reconstruction.scans.localisation.find_pitch`); the rest stays.
 
     Args:
         log: scans; those that are not vertical, or show no floor, are left as they are.

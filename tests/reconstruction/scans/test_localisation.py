@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import ScanError
-from reconstruction.scans.localisation import fuse_odometry, judge_localisation, localise, match_scans
+from reconstruction.scans.localisation import (
+    find_pitch,
+    fuse_odometry,
+    judge_localisation,
+    localise,
+    match_scans,
+)
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth, make_pose
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
@@ -48,6 +54,16 @@ def test_matching_finds_the_track_that_the_wheels_lose():
     assert lost["localisation_max"] > 0.03
     assert found["localisation_max"] < 0.01
     assert found["localisation_max_deg"] < 0.3
+
+
+def test_the_sway_of_the_scanner_tells_the_pitch():
+    rng = np.random.default_rng(0)
+    true = np.stack([np.linspace(0, 5, 500), np.zeros(500), np.full(500, 0.5)], axis=1)
+    pitch = np.radians(0.7) * rng.standard_normal(500)
+    height = 0.3
+    matched = true + np.outer(height * np.sin(pitch), [np.cos(0.5), np.sin(0.5), 0])
+    assert np.std(find_pitch(matched, true, height) - pitch) < 0.15 * np.std(pitch)
+    np.testing.assert_array_equal(find_pitch(matched, true, 0.01), 0)
 
 
 def test_equal_scans_give_equal_tracks():

@@ -96,6 +96,9 @@ def test_without_errors_the_readings_are_exact():
 @pytest.mark.slow
 def test_the_default_path_sees_everything():
     log = survey(SURFACE, seed=0)
+    rest = np.linalg.inv(log.truth.robot_poses) @ level_floor(log).poses @ np.linalg.inv(log.mount)
+    assert np.std(np.degrees(np.arcsin(log.truth.robot_poses[:, 2, 0]))) > 0.65
+    assert np.std(np.degrees(np.arcsin(rest[:, 2, 0]))) < 0.35
     assert log.report["localisation_max"] < 0.01
     points = preprocess(log)
     truth = trimesh.sample.sample_surface(SURFACE, 5000, seed=0)[0]
