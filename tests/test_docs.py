@@ -1,0 +1,112 @@
+"""The documentation holds: its links lead somewhere, its command lines parse, its Python runs, the site builds."""
+
+import contextlib
+import importlib.util
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import tyro
+
+from evolution.commands import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def _name(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def find_commands(page: Path) -> list[list[str]]:
+    """Return the words of every `symbrion` command line in blocks and in lines."""
+    text = page.read_text()
+    lines = [line for language, block in BLOCK.findall(text) if not language for line in block.splitlines()]
+    lines += re.findall(r"`(symbrion [a-z][^`]*)`", BLOCK.sub("", text))
+    return [line.split("#")[0].split()[1:] for line in lines if line.startswith("symbrion ")]
+
+
+def find_programs(page: Path) -> list[str]:
+    """Return the Python blocks of a page, in order."""
+    return [block for language, block in BLOCK.findall(page.read_text()) if language == "python"]
+
+
+WITH_COMMANDS = [page for page in PAGES if find_commands(page)]
+WITH_PROGRAMS = [page for page in PAGES if find_programs(page) and page.name != "own-scan.md"]
+
+
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=_name)
+def test_command_lines_parse(page: Path) -> None:
+    for words in find_commands(page):
+        if len(words) == 1:
+            assert words[0] in COMMANDS
+            continue
+        errors = io.StringIO()
+        try:
+            with contextlib.redirect_stderr(errors):
+                tyro.extras.subcommand_cli_from_dict(
+                    COMMANDS,
+                    args=words,
+                    config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
+                )
+        except SystemExit:  # files that the words name may be absent: that is a value error
+            assert "Value error" in errors.getvalue(), f"symbrion {' '.join(words)}\n{errors.getvalue()}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", BLOCK.sub("", page.read_text())):
+        assert link.startswith("https://") or (page.parent / link).exists(), link
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_make_targets_exist(page: Path) -> None:
+    text = page.read_text()
+    lines = [line for language, block in BLOCK.findall(text) if not language for line in block.splitlines()]
+    lines += re.findall(r"`(make [a-z][^`]*)`", BLOCK.sub("", text))
+    makefile = (ROOT / "Makefile").read_text()
+    for line in lines:
+        if line.startswith("make "):
+            for target in re.findall(r"\b[a-z-]+\b", line.split("#")[0].split("QUICK")[0])[1:]:
+                assert re.search(rf"^{target}:", makefile, re.MULTILINE), line
+
+
+def test_python_blocks_are_python() -> None:
+    for page in PAGES:
+        for block in find_programs(page):
+            compile(block, _name(page), "exec")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_PROGRAMS, ids=_name)
+def test_programs_of_a_page_run_in_order(page: Path, tmp_path: Path) -> None:
+    program = tmp_path / "page.py"
+    program.write_text("\n".join(find_programs(page)))
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, str(program)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="mkdocs is not here: make docs")
+def test_site_builds_without_warnings(tmp_path: Path) -> None:
+    words = ["-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(
+        [sys.executable, *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert "SnakePitEnv" in (tmp_path / "site/reference/symbrion-gym.html").read_text()
