@@ -17,7 +17,7 @@ from benchmarks.report import RESULTS, load_records
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"
-HEAD = "| what | figure | wanted | command |\n|---|---|---|---|"
+HEAD = "| what | figure | wanted |\n|---|---|---|"
 Records = dict[str, dict[str, Any]]
 
 
@@ -61,7 +61,8 @@ def make_table(records: Records, is_patient: bool = False) -> str:
     parts = [describe_origin(records, [claim.file for claim in CLAIMS])]
     for title, claims in GROUPS.items():
         lines = [line for claim in claims if (line := _make_line(claim, records, is_patient))]
-        parts += [f"## {title}", "\n".join([HEAD, *lines])]
+        commands = dict.fromkeys(f"`python -m benchmarks.{claim.file}`" for claim in claims)
+        parts += [f"## {title}", " and ".join(commands), "\n".join([HEAD, *lines])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -113,21 +114,19 @@ def write_whole(path: Path, text: str) -> None:
 
 def _make_line(claim: Claim, records: Records, is_patient: bool = False) -> str:
     try:
-        cells = [claim.what, claim.format(records), claim.judge(records), _name_command(claim, records)]
+        remark = " (quick run)" if _is_quick(claim, records) else ""
+        return f"| {claim.what} | {claim.format(records)}{remark} | {claim.judge(records)} |"
     except ClaimError:
         if is_patient:
             return ""
         raise
-    return f"| {' | '.join(cells)} |"
 
 
-def _name_command(claim: Claim, records: Records) -> str:
-    record = records[claim.file]
+def _is_quick(claim: Claim, records: Records) -> bool:
+    """Tell whether the part of the results that a claim is about comes from a quick run."""
+    record = records.get(claim.file, {"results": {}})
     part = record["results"].get(claim.part)
-    is_quick = part.get("is_quick") if isinstance(part, dict) else None
-    if is_quick is None:
-        is_quick = record.get("is_quick", False)
-    return f"`python -m benchmarks.{claim.file}{' --quick' if is_quick else ''}`"
+    return bool(isinstance(part, dict) and part.get("is_quick", record.get("is_quick", False)))
 
 
 if __name__ == "__main__":

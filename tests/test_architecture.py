@@ -10,6 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 WINGS = ("evolution", "symbrion_gym", "reconstruction")  # importer before imported
 FILES = [path for wing in WINGS for path in sorted((ROOT / wing).rglob("*.py"))]
+AROUND = ("benchmarks", "examples", "tests", "docs")  # what the wings never import
+SOURCES = FILES + [path for folder in AROUND for path in sorted((ROOT / folder).rglob("*.py"))]
 PACKAGES = [".".join(path.relative_to(ROOT).parent.parts) for path in FILES if path.name == "__init__.py"]
 
 
@@ -77,6 +79,26 @@ def test_each_wing_says_what_is_public(package: str) -> None:
     assert importlib.import_module(package).__all__
 
 
+def test_wings_stand_without_what_lies_around_them() -> None:
+    leaning = [
+        str(path.relative_to(ROOT))
+        for path in FILES
+        if any(name.split(".")[0] in AROUND for name in _find_file_imports(path))
+    ]
+    assert not leaning
+
+
 def test_files_stay_readable() -> None:
-    long = {str(p.relative_to(ROOT)): n for p in FILES if (n := len(p.read_text().splitlines())) > 400}
+    long = {str(p.relative_to(ROOT)): n for p in SOURCES if (n := len(p.read_text().splitlines())) > 400}
     assert not long, f"split by concept: {long}"
+
+
+def test_modules_are_named_after_their_subject() -> None:
+    vague = [p for p in SOURCES if p.stem in ("utils", "util", "common", "helpers", "misc")]
+    assert not vague, f"name the subject: {vague}"
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_each_module_says_what_it_is_about(path: Path) -> None:
+    source = path.read_text()
+    assert not source.strip() or ast.get_docstring(ast.parse(source)), "a module begins with a docstring"
