@@ -168,11 +168,11 @@ def _judge(
         judgements[name] = ev.judge(run.champion, place, TRIALS, config.seed, workers=config.workers)
         films[name] = ev.play(run.champion, place, config.seed, film=name == "truth")
     progress("an insufficient robot", 0.8)
-    films["insufficient"] = ev.play(_find_insufficient(run), places["truth"], config.seed, film=True)
+    films["insufficient"] = ev.play(find_insufficient(run), places["truth"], config.seed, film=True)
     return judgements, films
 
 
-def _find_insufficient(run: ev.Run) -> ev.Champion:
+def find_insufficient(run: ev.Run) -> ev.Champion:
     """Return a robot of the first generation that did not cross: the median one of those."""
     assert run.champion is not None
     first = [entry for entry in run.record.entries if entry.generation == 0]

@@ -9,10 +9,13 @@ from evolution.report.figures import (
     draw_tracks,
 )
 from evolution.report.page import Page
+from evolution.report.pictures import to_png, to_svg
+from evolution.report.scene import Scene
 from evolution.report.video import encode_video
 
 __all__ = [
     "Page",
+    "Scene",
     "draw_cloud",
     "draw_learning_curve",
     "draw_pieces",
@@ -20,4 +23,6 @@ __all__ = [
     "draw_surface",
     "draw_tracks",
     "encode_video",
+    "to_png",
+    "to_svg",
 ]

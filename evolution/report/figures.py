@@ -1,53 +1,74 @@
-"""Figures of clouds, surfaces, arenas and runs, as PNG bytes; drawn without a display or OpenGL."""
+"""Figures of clouds, surfaces, arenas and runs; drawn without a display or OpenGL."""
 
-import io
 from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
 import trimesh
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from PIL import Image
 
-DPI = 110
+from evolution.report.pictures import DPI
+
 VIEW = (28.0, -62.0)  # elevation, azimuth [degree]
 LIGHT = np.array([0.35, -0.5, 0.79])
 PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")
+MARK = "#d1242f"
 
 
-def draw_cloud(points: np.ndarray, limit: int = 25_000) -> bytes:
+def draw_cloud(
+    points: np.ndarray,
+    limit: int = 25_000,
+    marked: np.ndarray | None = None,
+    bounds: np.ndarray | None = None,
+) -> Figure:
     """Draw a point cloud, coloured by height.
 
     Args:
         points: `[N, 3]` [m]; thinned evenly to `limit` for the picture.
         limit: points drawn at most.
+        marked: `[M, 3]` points drawn in red over the others.
+        bounds: `[2, 3]` the region that is shown [m], for the same camera in several pictures.
     """
+    if bounds is not None:
+        points = _crop(points, bounds)
     shown = points[:: max(1, len(points) // limit)]
     figure = Figure(figsize=(12, 8), dpi=DPI)
-    axes = _make_scene(figure, points)
+    axes = _make_scene(figure, points if bounds is None else bounds)
     low, high = np.percentile(shown[:, 2], (1, 99))
     axes.scatter(
-        *shown.T, c=shown[:, 2], s=0.6, cmap="viridis", vmin=low, vmax=high, depthshade=False, linewidths=0
-    )
-    return _to_png(figure)
+        *shown.T, c=shown[:, 2], s=0.9, cmap="viridis", vmin=low, vmax=high, depthshade=False, linewidths=0,
+        rasterized=True,
+    )  # fmt: skip
+    if marked is not None:
+        seen = marked if bounds is None else _crop(marked, bounds)
+        seen = seen[:: max(1, len(seen) // limit)]
+        axes.scatter(*seen.T, c=MARK, s=1.6, depthshade=False, linewidths=0, rasterized=True)
+    return figure
 
 
-def draw_surface(mesh: trimesh.Trimesh, points: np.ndarray | None = None) -> bytes:
-    """Draw a shaded mesh with its edges, and some points of the cloud over it."""
+def draw_surface(
+    mesh: trimesh.Trimesh, points: np.ndarray | None = None, bounds: np.ndarray | None = None
+) -> Figure:
+    """Draw a shaded mesh with its edges, and some points of the cloud over it.
+
+    Args:
+        mesh: the surface.
+        points: `[N, 3]` of the cloud [m].
+        bounds: `[2, 3]` the region that is shown [m], for the same camera in several pictures.
+    """
     figure = Figure(figsize=(12, 8), dpi=DPI)
-    axes = _make_scene(figure, mesh.vertices)
+    axes = _make_scene(figure, mesh.vertices if bounds is None else bounds)
     _add_triangles(axes, mesh, np.array(mpl.colors.to_rgb("#c9d6e4")), edge="#3a4a5c")
     if points is not None:
         shown = points[:: max(1, len(points) // 3000)]
-        axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0)
-    return _to_png(figure)
+        axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0, rasterized=True)
+    return figure
 
 
-def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> bytes:
+def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> Figure:
     """Draw the convex pieces of an arena, each in a colour of its own."""
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_scene(figure, np.vstack([piece.vertices for piece in pieces]))
@@ -62,7 +83,7 @@ def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> bytes:
     together = trimesh.util.concatenate(fine)
     assert isinstance(together, trimesh.Trimesh)
     _add_triangles(axes, together, np.vstack(colour), edge="none")
-    return _to_png(figure)
+    return figure
 
 
 def draw_section(
@@ -70,7 +91,8 @@ def draw_section(
     points: np.ndarray | None = None,
     y: float = 0.1,
     x_limits: tuple[float, float] = (-1.0, 1.0),
-) -> bytes:
+    marked: np.ndarray | None = None,
+) -> Figure:
     """Draw the cut along the course: every surface as a line, the points near the cut as dots.
 
     Args:
@@ -78,12 +100,20 @@ def draw_section(
         points: `[N, 3]` the cloud [m].
         y: where the vertical cut is made [m].
         x_limits: the part of the course that is shown [m].
+        marked: `[M, 3]` points drawn in red where they are near the cut.
     """
     figure = Figure(figsize=(10, 3.6), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     if points is not None:
         near = points[np.abs(points[:, 1] - y) < 0.03]
-        axes.scatter(near[:, 0], near[:, 2], s=3, c="#9aa5b1", linewidths=0, label="cloud")
+        axes.scatter(
+            near[:, 0], near[:, 2], s=4, c="#6b7683", linewidths=0, label="cloud", rasterized=True, zorder=3
+        )
+    if marked is not None:
+        near = marked[np.abs(marked[:, 1] - y) < 0.03]
+        axes.scatter(
+            near[:, 0], near[:, 2], s=7, c=MARK, linewidths=0, label="mixed pixels", rasterized=True, zorder=4
+        )
     for index, (label, group) in enumerate(meshes.items()):
         parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
         cuts = [_cut(part, y) for part in parts]
@@ -94,11 +124,11 @@ def draw_section(
     axes.autoscale(axis="y")
     axes.margins(y=0.15)
     axes.legend(frameon=False, fontsize=8, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    _soften(axes)
-    return _to_png(figure)
+    soften(axes)
+    return figure
 
 
-def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.ndarray) -> bytes:
+def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.ndarray) -> Figure:
     """Draw fitness over evaluations.
 
     Args:
@@ -112,11 +142,11 @@ def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.nd
     axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
     axes.set(xlabel="genotypes evaluated", ylabel="fitness")
     axes.legend(frameon=False)
-    _soften(axes)
-    return _to_png(figure)
+    soften(axes)
+    return figure
 
 
-def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int = 7) -> bytes:
+def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int = 7) -> Figure:
     """Draw the body from the side at several moments, over the ground it drives on.
 
     Args:
@@ -134,8 +164,8 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int 
         axes.plot(body[:, 0], body[:, 2], "-o", color=colour, ms=4, lw=1.2)
     low, high = positions[..., 0].min(), positions[..., 0].max()
     axes.set(xlim=(low - 0.2, high + 0.2), ylim=(-0.06, 0.75), aspect="equal", xlabel="x [m]", ylabel="z [m]")
-    _soften(axes)
-    return _to_png(figure)
+    soften(axes)
+    return figure
 
 
 def _make_scene(figure: Figure, points: np.ndarray) -> Axes:
@@ -147,6 +177,10 @@ def _make_scene(figure: Figure, points: np.ndarray) -> Axes:
     axes.view_init(*VIEW)  # pyright: ignore[reportAttributeAccessIssue]
     axes.set_axis_off()
     return axes
+
+
+def _crop(points: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    return points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
 
 
 def _cut(mesh: trimesh.Trimesh, y: float) -> np.ndarray:
@@ -171,36 +205,28 @@ def _is_hidden(centres: np.ndarray, index: int, pieces: Sequence[trimesh.Trimesh
     return hidden
 
 
-def _add_triangles(axes: Axes, mesh: trimesh.Trimesh, colour: np.ndarray, edge: str) -> None:
-    """Add shaded triangles; `colour` is one RGB triple, or `[F, 3]` one a face."""
+def shade(mesh: trimesh.Trimesh, colour: np.ndarray) -> np.ndarray:
+    """Return the colours `[F, 3]` of faces in the light; `colour` is one RGB triple, or `[F, 3]` one a face."""
     light = LIGHT / np.linalg.norm(LIGHT)
     brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ light, 0, 1)
-    shaded = brightness[:, None] * colour
+    return brightness[:, None] * colour
+
+
+def _add_triangles(axes: Axes, mesh: trimesh.Trimesh, colour: np.ndarray, edge: str) -> None:
+    """Add shaded triangles; `colour` is one RGB triple, or `[F, 3]` one a face."""
+    shaded = shade(mesh, colour)
     axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
         Poly3DCollection(
             mesh.triangles,
             facecolors=shaded,
             edgecolors=shaded if edge == "none" else edge,
             linewidths=0.25 if len(mesh.faces) < 8000 else 0.08,
+            rasterized=True,
         )
     )
 
 
-def _soften(axes: Axes) -> None:
+def soften(axes: Axes) -> None:
+    """Take away two sides of the frame, and add a faint grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(alpha=0.25)
-
-
-def _to_png(figure: Figure) -> bytes:
-    """Return the figure as PNG, cut to what is drawn on it."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
-    rows, columns = (np.flatnonzero((pixels < 250).any(axis=(axis, 2))) for axis in (1, 0))
-    margin = 12
-    cut = pixels[
-        max(rows[0] - margin, 0) : rows[-1] + margin, max(columns[0] - margin, 0) : columns[-1] + margin
-    ]
-    buffer = io.BytesIO()
-    Image.fromarray(cut).save(buffer, format="png", optimize=True)
-    return buffer.getvalue()

@@ -2,12 +2,16 @@
 
 import base64
 import dataclasses
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jinja2
+from matplotlib.figure import Figure
 
+from evolution.report.pictures import to_png
+from evolution.report.scene import Scene, get_plotly_program
 from reconstruction.whole_file import write_whole
 
 _TEMPLATE = jinja2.Environment(
@@ -36,7 +40,12 @@ class Page:
 
     def add_section(self, title: str, text: str = "") -> None:
         """Start a section; what follows belongs to it."""
-        self._blocks.append({"kind": "section", "title": title, "text": text})
+        anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+        self._blocks.append({"kind": "section", "title": title, "text": text, "anchor": anchor})
+
+    def add_contents(self) -> None:
+        """Add links to all sections."""
+        self._blocks.append({"kind": "contents"})
 
     def add_text(self, text: str) -> None:
         """Add a paragraph."""
@@ -46,9 +55,27 @@ class Page:
         """Add a line that stands out, green or red."""
         self._blocks.append({"kind": "verdict", "text": text, "good": good})
 
-    def add_figure(self, png: bytes, caption: str) -> None:
-        """Add a PNG picture; the caption says what is seen."""
-        self._blocks.append({"kind": "figure", "source": _inline(png, "image/png"), "caption": caption})
+    def add_list(self, entries: Sequence[str]) -> None:
+        """Add a list of sentences."""
+        self._blocks.append({"kind": "list", "entries": list(entries)})
+
+    def add_figure(self, picture: bytes | Figure, caption: str) -> None:
+        """Add a figure, or a PNG picture; the caption says what is seen."""
+        self._blocks.append({"kind": "figure", "source": _inline_picture(picture), "caption": caption})
+
+    def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
+        """Add pictures beside each other, each with its label, below each other where the page is narrow."""
+        shown = [{"label": label, "source": _inline_picture(item)} for label, item in pictures.items()]
+        self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
+
+    def add_scene(self, scene: Scene, caption: str) -> None:
+        """Add an interactive scene with its switches; one a page."""
+        if any(block["kind"] == "scene" for block in self._blocks):
+            raise ValueError("a page holds one scene; it has one already")
+        switches = scene.switches()
+        self._blocks.append(
+            {"kind": "scene", "html": scene.to_html(), "switches": switches, "caption": caption}
+        )
 
     def add_video(self, mp4: bytes, caption: str) -> None:
         """Add an H.264 video with controls."""
@@ -56,15 +83,27 @@ class Page:
 
     def add_table(self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str) -> None:
         """Add a table; the first column is its rows' heading."""
-        self._blocks.append({"kind": "table", "columns": columns, "rows": rows, "caption": caption})
+        is_text = [any(str(row[index])[:1].isalpha() for row in rows) for index in range(len(columns))]
+        self._blocks.append(
+            {"kind": "table", "columns": columns, "rows": rows, "is_text": is_text, "caption": caption}
+        )
 
     def write(self, path: Path) -> None:
         """Write the page; it appears whole or not at all."""
+        has_scene = any(block["kind"] == "scene" for block in self._blocks)
         html = _TEMPLATE.render(
-            title=self.title, summary=self.summary, footer=self.footer, blocks=self._blocks
+            title=self.title,
+            summary=self.summary,
+            footer=self.footer,
+            blocks=self._blocks,
+            program=get_plotly_program() if has_scene else "",
         )
         with write_whole(path) as beside:
             beside.write_text(html, encoding="utf-8")
+
+
+def _inline_picture(picture: bytes | Figure) -> str:
+    return _inline(picture if isinstance(picture, bytes) else to_png(picture), "image/png")
 
 
 def _inline(content: bytes, media_type: str) -> str:

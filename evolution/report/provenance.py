@@ -3,6 +3,7 @@
 import os
 import platform
 from importlib.metadata import version
+from pathlib import Path
 
 PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 
@@ -10,4 +11,14 @@ PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 def describe_machine() -> str:
     """Return processor, cores, Python and package versions in one line."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+    return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+
+
+def _find_processor() -> str:
+    """Return the processor's name where Linux tells it, else its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, "") or platform.machine()

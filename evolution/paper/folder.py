@@ -1,0 +1,117 @@
+"""The folder of the experiments: the result of each is kept as soon as it is there.
+
+config.json           what is measured; another configuration is refused
+experiments/NAME.json figures, seconds, date, machine and versions of one experiment
+...                   what the experiments make: scan log, cloud, surfaces, arenas, runs, films
+"""
+
+import datetime
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import filelock
+
+from evolution.errors import RunError
+from evolution.paper.config import PaperConfig
+from evolution.report.provenance import describe_machine
+from reconstruction.whole_file import write_whole
+
+Figures = dict[str, Any]
+"""What an experiment returns: plain JSON content."""
+
+
+class PaperFolder:
+    """Keeps and finds the results of experiments.
+
+    Args:
+        path: the folder; made if need be.
+        config: what is measured.
+
+    Raises:
+        RunError: it holds the experiments of another configuration, or something damaged.
+    """
+
+    def __init__(self, path: Path, config: PaperConfig) -> None:
+        self.path, self.config = path, config
+        (path / "experiments").mkdir(parents=True, exist_ok=True)
+        self._check_config()
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Keep others from writing to the folder.
+
+        Raises:
+            RunError: someone else is writing to it.
+        """
+        lock = filelock.FileLock(self.path / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except filelock.Timeout:
+            raise RunError(
+                f"{self.path} is being written by another run; wait, or name another folder"
+            ) from None
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def find(self, name: str) -> Figures | None:
+        """Return the record of an experiment, or None where it has not been finished.
+
+        A record holds `figures` (what the experiment returned), `seconds`, `date` and `machine`.
+        """
+        path = self._record(name)
+        return _read_json(path) if path.is_file() else None
+
+    def keep(self, name: str, experiment: Callable[[], Figures]) -> Figures:
+        """Return the record of an experiment; do it only where it is not there yet."""
+        record = self.find(name)
+        if record is not None:
+            return record
+        began = time.perf_counter()
+        figures = experiment()
+        record = {
+            "figures": figures,
+            "seconds": round(time.perf_counter() - began, 1),
+            "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+            "machine": describe_machine(),
+        }
+        write_json(self._record(name), record)
+        return json.loads(json.dumps(record))
+
+    def _record(self, name: str) -> Path:
+        return self.path / "experiments" / f"{name}.json"
+
+    def _check_config(self) -> None:
+        path, mine = self.path / "config.json", self.config.to_json()
+        if not path.is_file():
+            write_json(path, mine)
+            return
+        theirs = _read_json(path)
+        names = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
+        if names:
+            differences = "; ".join(f"{name} {theirs.get(name)}, not {mine.get(name)}" for name in names)
+            raise RunError(
+                f"{self.path} holds experiments of another configuration ({differences}); "
+                "name another folder, or remove this one"
+            )
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON; the file appears whole or not at all."""
+    with write_whole(path) as beside:
+        beside.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text())
+    except (ValueError, OSError) as error:
+        raise RunError(f"{path} is damaged ({error}); remove it, and it is made anew") from error
+    if not isinstance(content, dict):
+        raise RunError(f"{path} holds {type(content).__name__}, not a record; remove it, and it is made anew")
+    return content

@@ -1,0 +1,135 @@
+"""Table III: what one laser scan costs, by the way of casting it and the number of triangles."""
+
+import logging
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution.paper.arenas import load_arena
+from evolution.paper.config import PaperConfig
+from evolution.paper.networks import list_networks
+from evolution.paper.ray_casters import BruteForceCaster, Caster, EmbreeCaster, TreeCaster, show_surface
+from evolution.paper.statistics import find_ratio, summarise
+
+MODELS = ("gg", "gsrm", "simple")
+CONTACTS = {"gg": "hulls", "gsrm": "hulls", "boxes": "boxes", "mixed": "mixed", "hfield": "height field"}
+log = logging.getLogger(__name__)
+
+
+class Way(NamedTuple):
+    """A way of scanning an arena.
+
+    Attributes:
+        model: name of arena or network.
+        method: "tree", "embree", "brute force", or the contact shapes that are seen.
+        triangles: that are searched; 0 where there are none.
+        caster: does it.
+        reference: the model whose exact surface the ranges are compared with.
+    """
+
+    model: str
+    method: str
+    triangles: int
+    caster: Caster
+    reference: str
+
+
+def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent) -> dict[str, Any]:
+    """Time scans of 361 beams from the places where the survey's robot scanned.
+
+    All ways take turns pose by pose. Processor time counts, so that other work on the machine does not. No
+    robot stands in the arena: what is timed is the arena alone.
+
+    Args:
+        folder: holds survey, surfaces and arenas.
+        config: number of scans.
+        progress: told how far it is.
+
+    Returns:
+        `rows`, one a way: `model`, `method`, `triangles`, `scan_us` (mean, deviation, median), `scans`,
+        `error` (mean distance from the ranges on the exact surface [m]; None for the exact ones);
+        `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force.
+    """
+    poses = rc.load_scan_log(folder / "survey.npz").poses
+    poses = poses[np.linspace(0, len(poses) - 1, config.scans).astype(int)]
+    ways = _list_ways(folder, config)
+    seconds: list[list[float]] = [[] for _ in ways]
+    errors: list[list[float]] = [[] for _ in ways]
+    exact = {way.model: index for index, way in enumerate(ways) if way.method == "tree"}
+    brute_every = max(1, len(poses) // config.brute_scans)
+    for turn, pose in enumerate(poses):
+        progress(f"scan {turn + 1} of {len(poses)}", turn / len(poses))
+        ranges: list[np.ndarray] = []
+        for index, way in enumerate(ways):
+            if way.method == "brute force" and turn % brute_every:
+                ranges.append(np.empty(0))
+                continue
+            start = time.process_time()
+            ranges.append(way.caster(pose))
+            seconds[index].append(1e6 * (time.process_time() - start))
+            difference = np.abs(ranges[index] - ranges[exact[way.reference]])
+            errors[index] += difference[np.isfinite(difference)].tolist()
+    return {
+        "beams": 361,
+        "rows": [
+            {
+                "model": way.model,
+                "method": way.method,
+                "triangles": way.triangles,
+                "scan_us": summarise(times),
+                "scans": len(times),
+                "error": float(np.mean(apart)) if way.method != "tree" and apart else None,
+            }
+            for way, times, apart in zip(ways, seconds, errors, strict=True)
+        ],
+        "ratios": {
+            method: {
+                model: find_ratio(_pick(ways, seconds, model, method), _pick(ways, seconds, "simple", method))
+                for model in ("gg", "gsrm")
+            }
+            for method in ("tree", "brute force")
+        },
+    }
+
+
+def _pick(ways: list[Way], seconds: list[list[float]], model: str, method: str) -> list[float]:
+    return next(
+        times for way, times in zip(ways, seconds, strict=True) if (way.model, way.method) == (model, method)
+    )
+
+
+def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
+    """Return the ways; those that see exactly stand first."""
+    arenas = {name: load_arena(folder, name) for name in dict.fromkeys((*MODELS, *CONTACTS))}
+    ways = _list_exact(folder, config, {name: arenas[name] for name in MODELS})
+    for name, shapes in CONTACTS.items():
+        reference = {"boxes": "simple"}.get(name, name if name in MODELS else "gsrm")
+        ways.append(Way(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
+    surfaces = {name: arenas[name].surface for name in MODELS}
+    try:
+        ways += [
+            Way(name, "embree", len(mesh.faces), EmbreeCaster(mesh), name) for name, mesh in surfaces.items()
+        ]
+    except ImportError:
+        log.warning("Embree is left out of Table III; pip install 'symbrion-gym[embree]' brings it")
+    ways += [
+        Way(name, "brute force", len(mesh.faces), BruteForceCaster(mesh), name)
+        for name, mesh in surfaces.items()
+    ]
+    return ways
+
+
+def _list_exact(folder: Path, config: PaperConfig, arenas: Mapping[str, sg.Arena]) -> list[Way]:
+    """Return the ways that see an exact surface: the arenas', and those of the other sizes of the networks."""
+    ways = [
+        Way(name, "tree", len(arena.surface.faces), TreeCaster(arena), name) for name, arena in arenas.items()
+    ]
+    for name in list_networks(config):
+        mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
+        ways.append(Way(name, "tree", len(mesh.faces), TreeCaster(show_surface(mesh)), name))
+    return ways

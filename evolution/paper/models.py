@@ -1,0 +1,70 @@
+"""Beyond the paper: does it matter for the truth in which model a robot has evolved?"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution.paper.config import PaperConfig
+from evolution.paper.networks import list_networks
+from evolution.paper.robots import evolve_champion, judge_champion
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks" / "results"
+"""Where a checkout keeps what its benchmarks measured; an installed package has none."""
+
+
+def measure_resolutions(
+    folder: Path, config: PaperConfig, workers: int, progress: rc.Progress = rc.silent
+) -> list[dict[str, Any]]:
+    """Evolve once in the arena of every size of the networks, and judge the champions in the true arena.
+
+    Args:
+        folder: holds the surfaces; keeps arenas and runs.
+        config: sizes, generations, trials and seed.
+        workers: threads.
+        progress: told how far it is.
+
+    Returns:
+        Rows with `model`, `triangles`, `pieces`, `genotypes`, `validated` (fresh trials in the model that
+        held, and their number), `successes` and `trials` in truth.
+    """
+    names = list(list_networks(config))
+    rows = []
+    for index, name in enumerate(names):
+        progress(name, index / len(names))
+        mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
+        arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed, cache=False)
+        arena.save(folder / "arenas" / name)
+        run = evolve_champion(folder, name, f"runs/{name}", config, config.model_generations, workers)
+        assert run.champion is not None
+        judged = judge_champion(run.champion, {"truth": "truth"}, config, workers)["truth"]
+        rows.append(
+            {
+                "model": name,
+                "triangles": len(mesh.faces),
+                "pieces": len(arena.pieces),
+                "genotypes": int(run.history["evaluations"][-1]),
+                "validated": [run.champion.successes, run.champion.trials],
+                **judged,
+            }
+        )
+    return rows
+
+
+def find_benchmark(part: str, folder: Path = BENCHMARKS) -> dict[str, Any] | None:
+    """Return a part of what `python -m benchmarks.evolution` kept, with its machine and date, or None.
+
+    Args:
+        part: "models" (champions that hold in truth, by training model) or "stages" (coarse to fine).
+        folder: of the benchmarks' results.
+    """
+    for name in ("evolution.json", f"evolution_{part}.json"):
+        try:
+            record = json.loads((folder / name).read_text())
+        except (OSError, ValueError):
+            continue
+        if part in record.get("results", {}):
+            about = {key: record.get(key) for key in ("date", "machine", "versions")}
+            return {"figures": record["results"][part], **about}
+    return None

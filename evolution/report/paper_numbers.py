@@ -1,0 +1,11 @@
+"""What the paper reports (SYMBRION, 2011); what it does not report stands nowhere here."""
+
+NETWORK_SECONDS = {"gsrm_2200": (4175, 20.0), "gg_13860": (13860, 270.0)}
+"""Table I: network -> triangles and computing time [s]."""
+PHYSICS = {"physics_us": "147-152", "collision_us": "825-846"}
+"""Table II: physics step and collision detection [µs], the same for GG, GSRM and the hand-made model."""
+PHYSICS_ARENAS = ("gg", "gsrm", "simple")
+SCANS = {"gg": (13860, 362_000.0), "gsrm": (4175, 119_000.0), "simple": (39, 5450.0)}
+"""Table III: arena -> triangles and time of one laser scan [µs]."""
+SCAN_RATIOS = {"gg": 66, "gsrm": 22}
+"""Table III: to the hand-made model."""

@@ -1,0 +1,261 @@
+"""The tables of the experiments, each beside the paper's own numbers."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from evolution.report.paper_numbers import (
+    NETWORK_SECONDS,
+    PHYSICS,
+    PHYSICS_ARENAS,
+    SCAN_RATIOS,
+    SCANS,
+)
+
+Record = Mapping[str, Any]
+Row = Mapping[str, Any]
+ABSENT = "-"
+NETWORKS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
+METHODS = {
+    "tree": "exact surface, mj_multiRay",
+    "embree": "exact surface, Embree",
+    "brute force": "every triangle, brute force",
+    "hulls": "contact: convex pieces",
+    "boxes": "contact: boxes",
+    "mixed": "contact: boxes and pieces",
+    "height field": "contact: height field",
+}
+
+
+class Table(NamedTuple):
+    """A table of the page.
+
+    Attributes:
+        columns: headings.
+        rows: cells.
+        caption: what it shows; ends with machine, versions, number of runs.
+    """
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    caption: str
+
+
+def sign(text: str, record: Record) -> str:
+    """Return a caption that ends with the machine, the versions and the date of what it shows."""
+    return f"{text} Measured on {record['machine']}; {record['date']}."
+
+
+def format_millimetres(metres: float | None, digits: int = 2) -> str:
+    """Return a distance in millimetres."""
+    return ABSENT if metres is None else f"{1000 * metres:.{digits}f}"
+
+
+def format_cost(cost: Mapping[str, float], digits: int = 1) -> str:
+    """Return mean ± deviation."""
+    return f"{cost['mean']:,.{digits}f} ± {cost['deviation']:,.{digits}f}"
+
+
+def format_ratio(ratio: Mapping[str, float]) -> str:
+    """Return a ratio with its interval."""
+    return f"{ratio['ratio']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})"
+
+
+def name_model(name: str) -> str:
+    """Return how a network or arena is called in a table: "gsrm_2200" -> "GSRM 2200"."""
+    method, _, size = name.partition("_")
+    text = NETWORKS.get(method, method)
+    return f"{text} {int(size):,}" if size else text
+
+
+def tabulate_cloud(record: Record) -> Table:
+    """Return the figures of the pre-processing's steps."""
+    figures = record["figures"]
+    rows = [
+        [step["step"], f"{step['readings']:,}", format_millimetres(step["mean"], 1),
+         format_millimetres(step["p95"], 1)]
+        for step in figures["steps"]
+    ]  # fmt: skip
+    text = (
+        f"{figures['scans']:,} scans of {figures['beams']} beams, 1 survey; distance of the readings within the "
+        "arena's box from the true surface."
+    )
+    return Table(["step", "readings", "mean [mm]", "p95 [mm]"], rows, sign(text, record))
+
+
+def tabulate_networks(record: Record) -> Table:
+    """Return Table I."""
+    rows = []
+    for row in record["figures"]:
+        triangles, seconds = NETWORK_SECONDS.get(row["network"], (None, None))
+        cold = row["cold_seconds"]
+        rows.append([
+            name_model(row["network"]) + (" triangles" if row["method"] == "gg" else " units"),
+            f"{row['triangles']:,}",
+            f"{triangles:,}" if triangles else ABSENT,
+            f"{cold:.1f}" if cold is not None else ABSENT,
+            f"{row['warm_seconds']:.2f}",
+            f"{seconds:.0f}" if seconds else ABSENT,
+            format_millimetres(row["truth_to_mesh"]),
+            format_millimetres(row["truth_to_mesh_p95"]),
+            format_millimetres(row["mesh_to_truth"]),
+            row["boundary_loops"],
+        ])  # fmt: skip
+    columns = ["network", "triangles", "paper", "cold [s]", "warm [s]", "paper [s]", "truth to mesh [mm]",
+               "p95 [mm]", "mesh to truth [mm]", "boundary loops"]  # fmt: skip
+    text = (
+        "Table I. One cloud. Cold: the first call of a process that finds nothing compiled; warm: the median of the "
+        "next three. One boundary loop is the rim."
+    )
+    return Table(columns, rows, sign(text, record))
+
+
+def tabulate_arenas(record: Record) -> Table:
+    """Return what the arenas of Tables II and III are made of."""
+    rows = [
+        [row["arena"], row["text"], f"{row['triangles']:,}", _count_pieces(row),
+         f"{row['seconds']:.1f}", format_millimetres(row["mean"]), format_millimetres(row["p95"])]
+        for row in record["figures"]
+    ]  # fmt: skip
+    columns = ["arena", "what it is", "triangles seen", "pieces touched", "built in [s]", "contact to truth [mm]",
+               "p95 [mm]"]  # fmt: skip
+    return Table(
+        columns, rows, sign("One build each; heights of the contact geometry against the truth.", record)
+    )
+
+
+def tabulate_physics(record: Record) -> Table:
+    """Return Table II."""
+    figures = record["figures"]
+    runs = figures["runs"]
+    rows = []
+    for row in figures["rows"]:
+        known = row["arena"] in PHYSICS_ARENAS
+        ratios = figures["ratios"].get(row["arena"])
+        rows.append([
+            row["arena"], _count_pieces(row), f"{row['contacts']:.1f}",
+            format_cost(row["physics_us"]), PHYSICS["physics_us"] if known else ABSENT,
+            format_cost(row["collision_us"]), PHYSICS["collision_us"] if known else ABSENT,
+            format_ratio(ratios["physics_us"]) if ratios else "1",
+            f"{row['crossed']} of {runs}",
+        ])  # fmt: skip
+    columns = ["arena", "pieces", "contacts a step", "whole step [µs]", "paper: physics step [µs]",
+               "of it collision [µs]", "paper: collision [µs]", "step / simple (95 %)", "crossed"]  # fmt: skip
+    text = (
+        f"Table II. Mean ± deviation over {runs} runs of {figures['steps']:,} steps each, by MuJoCo's own timers, from "
+        "the moment the head is above the pit; the arenas take turns. Our step contains its collision detection, the "
+        "paper's does not."
+    )
+    return Table(columns, rows, sign(text, record))
+
+
+def tabulate_laser(record: Record) -> Table:
+    """Return Table III."""
+    figures = record["figures"]
+    rows = []
+    for row in sorted(figures["rows"], key=_order_ways):
+        ratios = figures["ratios"].get(row["method"], {}).get(row["model"])
+        paper = SCANS.get(row["model"]) if row["method"] in ("tree", "brute force") else None
+        rows.append([
+            name_model(row["model"]), METHODS[row["method"]],
+            f"{row['triangles']:,}" if row["triangles"] else ABSENT,
+            format_cost(row["scan_us"], 0), f"{paper[1]:,.0f}" if paper else ABSENT,
+            format_ratio(ratios) if ratios else ABSENT,
+            SCAN_RATIOS.get(row["model"], ABSENT) if paper else ABSENT,
+            format_millimetres(row["error"], 1), row["scans"],
+        ])  # fmt: skip
+    columns = ["surface", "way", "triangles", "one scan [µs]", "paper [µs]", "ratio to hand-made (95 %)",
+               "paper", "wrong by [mm]", "scans"]  # fmt: skip
+    text = (
+        f"Table III. One scan of {figures['beams']} beams from where the survey's robot scanned; mean ± deviation of "
+        "processor time; the ways take turns pose by pose. Wrong by: mean difference from the exact surface's ranges."
+    )
+    return Table(columns, rows, sign(text, record))
+
+
+def _count_pieces(row: Row) -> str:
+    return f"{row['pieces']:,}" if row["pieces"] else ABSENT
+
+
+def _order_ways(row: Row) -> tuple[int, int]:
+    return list(METHODS).index(row["method"]), -row["triangles"]
+
+
+def tabulate_resolutions(record: Record) -> Table:
+    """Return truth success by the model that a champion has evolved in."""
+    rows = [
+        [name_model(row["model"]), f"{row['triangles']:,}", row["pieces"], row["genotypes"],
+         "{} of {}".format(*row["validated"]), f"{row['successes']} of {row['trials']}"]
+        for row in record["figures"]
+    ]  # fmt: skip
+    columns = ["evolved in", "triangles", "pieces", "genotypes", "held there", "held in truth"]
+    text = (
+        "One evolution for each size; trials randomised in start, yaw, friction and torque, from the floor."
+    )
+    return Table(columns, rows, sign(text, record))
+
+
+def tabulate_models(benchmark: Record) -> Table:
+    """Return the evolution benchmark's truth success by training model."""
+    rows = []
+    for model, result in benchmark["figures"].items():
+        held = [run["held_in_truth"] for run in result["runs"]]
+        rows.append([
+            name_model(model), f"{result['champions_that_hold']} of {result['of']}",
+            ", ".join(map(str, held)), f"{result['median_genotypes']:,.0f}",
+            f"{result['median_wall_seconds']:.0f}",
+        ])  # fmt: skip
+    columns = ["evolved in", "champions that hold", "trials held in truth, of 20", "genotypes", "seconds"]
+    text = "From benchmarks/results (python -m benchmarks.evolution), medians over the seeds; 18 of 20 hold a champion."
+    return Table(columns, rows, f"{text} {describe_benchmark(benchmark)}")
+
+
+def tabulate_stages(benchmark: Record) -> Table:
+    """Return the evolution benchmark's comparison of coarse to fine with fine only."""
+    figures = benchmark["figures"]
+    rows = [
+        [label, f"{figures[key]['champions_that_hold']} of {figures[key]['of']}",
+         f"{figures[key]['median_genotypes']:,.0f}", f"{figures[key]['median_wall_seconds']:.0f}"]
+        for key, label in (("fine_only", "GG only"), ("coarse_to_fine", "GSRM, then GG"))
+    ]  # fmt: skip
+    text = (
+        f"Coarse to fine is {figures['times_faster']} times as fast (benchmarks/results, medians over seeds)."
+    )
+    columns = ["stages", "champions that hold in truth", "genotypes", "seconds"]
+    return Table(columns, rows, f"{text} {describe_benchmark(benchmark)}")
+
+
+def describe_benchmark(benchmark: Record) -> str:
+    """Return machine, versions and date of a benchmark's record."""
+    machine, versions = benchmark.get("machine") or {}, benchmark.get("versions") or {}
+    about = [str(value) for key, value in machine.items() if key != "cores" and value]
+    about += [f"{machine['cores']} cores"] if machine.get("cores") else []
+    about += [f"{name} {version}" for name, version in versions.items()]
+    return f"Measured on {', '.join(about)}; {benchmark.get('date')}."
+
+
+def tabulate_widened(record: Record) -> Table:
+    """Return the surfaces after the pit has been widened."""
+    rows = [
+        [row["surface"], f"{row['triangles']:,}", f"{row['seconds']:.2f}" if row["seconds"] else ABSENT,
+         format_millimetres(row["truth_to_mesh"]), format_millimetres(row["truth_to_mesh_p95"]),
+         format_millimetres(row["mesh_to_truth"]), row["boundary_loops"]]
+        for row in record["figures"]["surfaces"]
+    ]  # fmt: skip
+    columns = ["GSRM", "triangles", "warm [s]", "truth to mesh [mm]", "p95 [mm]", "mesh to truth [mm]",
+               "boundary loops"]  # fmt: skip
+    return Table(columns, rows, sign("One run each, against the widened truth.", record))
+
+
+def tabulate_widened_champions(record: Record) -> Table:
+    """Return how the champions hold before and after the pit has been widened."""
+    figures = record["figures"]
+    old, new = (f"{100 * pit:.0f} cm" for pit in figures["pit"])
+    rows = [["before: evolved in the scan of the old pit", *_count(figures["before"])]]
+    if figures["after"]:
+        rows.append(["after: evolved in the refined surface", *_count(figures["after"])])
+    text = "Randomised trials from the floor in the true arenas."
+    return Table(["champion", f"held, pit of {old}", f"held, pit of {new}"], rows, sign(text, record))
+
+
+def _count(judged: Mapping[str, Mapping[str, int]]) -> list[str]:
+    return [f"{judged[name]['successes']} of {judged[name]['trials']}" for name in ("truth", "widened")]
