@@ -26,6 +26,8 @@ _LONELY = 3.0
 _FAR = 2.5
 """Sparse is what is so many times farther from its neighbours than nine samples of ten."""
 _AROUND = 16
+_LOOSE = 1.5
+"""A neighbour so many times lonelier than the others may be an outlier itself and has no part in the plane."""
 _ALOFT = 1.5
 """An outlier stands off the plane of its neighbours by so many of their spacings"""
 _SCATTER = 7.4
@@ -116,14 +118,16 @@ def _find_off(samples: np.ndarray) -> np.ndarray:
     if len(is_far):
         is_off[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _THICK
     spacing = np.median(distances[:, -1][others], axis=1) * np.sqrt(np.pi / _AROUND)
-    center = samples[others].mean(axis=1)
-    lateral = np.linalg.norm(samples - center, axis=1)
+    lateral = np.linalg.norm(samples - samples[others].mean(axis=1), axis=1)
     # Only what is not in the middle of its neighbours can stand off their plane.
     todo = np.flatnonzero((lateral > _ALOFT * spacing) & ~is_off)
-    offset = samples[others[todo]] - center[todo, None]
-    normal = np.linalg.eigh(np.swapaxes(offset, 1, 2) @ offset)[1][:, :, 0]
+    around = reach[others[todo]]
+    share = (around <= _LOOSE * np.median(around, axis=1)[:, None]).astype(samples.dtype)[..., None]
+    center = (share * samples[others[todo]]).sum(axis=1) / share.sum(axis=1)
+    offset = samples[others[todo]] - center[:, None]
+    normal = np.linalg.eigh(np.swapaxes(share * offset, 1, 2) @ offset)[1][:, :, 0]
     scatter = np.median(np.abs((offset * normal[:, None]).sum(axis=2)), axis=1)
-    height = np.abs(((samples[todo] - center[todo]) * normal).sum(axis=1))
+    height = np.abs(((samples[todo] - center) * normal).sum(axis=1))
     is_off[todo] |= height > np.maximum(_ALOFT * spacing[todo], _SCATTER * scatter)
     return is_off
 

@@ -22,8 +22,10 @@ from reconstruction.networks.map_refinement import refine_map
 from reconstruction.networks.support import make_support
 from reconstruction.networks.winners import make_tiles, search_all
 from reconstruction.progress import Progress, silent
+from reconstruction.surfaces.edge_flips import turn_edges
 from reconstruction.surfaces.surface_fit import fit_surface
 from reconstruction.surfaces.topology import learn_faces
+from reconstruction.surfaces.unfolding import unfold_faces
 
 
 @dataclass(frozen=True)
@@ -148,20 +150,21 @@ def _learn_surface(
         progress("fit the surface", 0.8)
         first = place[winners[..., 0]]
         is_used &= first >= 0
-        units = _fit(units, faces, level.tiles.samples[is_used], first[is_used], level.weights[is_used])
+        samples, weights = level.tiles.samples[is_used], level.weights[is_used]
+        units, faces = _fit(units, faces, samples, first[is_used], weights)
     return units, faces
 
 
 def _fit(
     units: np.ndarray, faces: np.ndarray, samples: np.ndarray, winners: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Fit the mesh to the samples; where there are many, to few of them first.
 
     Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit
-    the noise.
+    the noise. Between the iterations edges turn along the creases that have come out.
     """
     per_unit = len(samples) / len(units)
-    schedule = ((3, per_unit / 24), (1, 1)) if per_unit >= 40 else ((2, 1),)
+    schedule = ((3, per_unit / 24), (1, 1)) if per_unit >= 40 else ((1, 1), (1, 1))
     for iterations, stride in schedule:
         chosen = slice(None, None, int(stride))
         units = fit_surface(
@@ -172,7 +175,8 @@ def _fit(
             winners=winners[chosen],
             weights=weights[chosen],
         )
-    return units
+        faces = turn_edges(units, faces)
+    return unfold_faces(units, faces), faces
 
 
 def refine(
@@ -182,6 +186,7 @@ def refine(
     config: GSRMConfig,
     seed: int = 0,
     progress: Progress = silent,
+    origins: np.ndarray | None = None,
 ) -> tuple[State, np.ndarray]:
     """Let the same map learn from new readings: what they contradict moves, grows or goes.
 
@@ -192,13 +197,14 @@ def refine(
         config: as it was grown with.
         seed: of all draws.
         progress: told how far it is.
+        origins: `[M, 3]` where the new readings were made from: what their rays pass through is gone.
 
     Returns:
         The new map, and the points that are still true with the new ones.
     """
     progress("refine", 0.0)
     units, faces, known = refine_map(
-        state.units, state.faces, points, new_points, config.fit, np.random.default_rng(seed)
+        state.units, state.faces, points, new_points, config.fit, np.random.default_rng(seed), origins
     )
     progress("refine", 1.0)
     return State(units, faces.astype(np.int32)), known

@@ -8,6 +8,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.surfaces.unfolding import find_folded
+
 NUM_AREA_SAMPLES = 50_000
 """Points drawn on a surface to measure its distance to another: standard error below 1 % of the mean."""
 
@@ -111,7 +113,7 @@ def measure_quality(
         The same numbers for the same arguments: the samples are drawn with a fixed seed.
     """
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    normals, areas = _find_normals(vertices, faces)
+    areas = _find_areas(vertices, faces)
     angles = _find_angles(vertices, faces)
     distances: dict[str, Distances | float] = {}
     if points is not None and len(points) and len(faces):
@@ -127,7 +129,7 @@ def measure_quality(
     return Quality(
         topology=count_topology(faces, len(vertices)),
         area=float(areas.sum()),
-        folded_faces=float(_find_folded(faces, normals, areas, len(vertices)).mean()) if len(faces) else 0.0,
+        folded_faces=float(find_folded(vertices, faces).mean()) if len(faces) else 0.0,
         min_angle=float(angles.min(axis=1).mean()) if len(faces) else 0.0,
         slivers=float((angles.min(axis=1) < np.deg2rad(10)).mean()) if len(faces) else 0.0,
         **distances,  # pyright: ignore[reportArgumentType]
@@ -147,7 +149,7 @@ def find_distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) 
 def sample_area(vertices: np.ndarray, faces: np.ndarray, num_samples: int, seed: int = 0) -> np.ndarray:
     """Return points spread evenly over the area of the faces: `[num_samples, 3]`, stratified by area."""
     rng = np.random.default_rng(seed)
-    areas = _find_normals(vertices, faces)[1]
+    areas = _find_areas(vertices, faces)
     place = (np.arange(num_samples) + rng.random(num_samples)) / num_samples * areas.sum()
     face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(faces) - 1)
     root, split = np.sqrt(rng.random((num_samples, 1))), rng.random((num_samples, 1))
@@ -216,12 +218,9 @@ def _count_parts(edges: np.ndarray, num_vertices: int) -> int:
     return int(connected_components(graph, directed=False)[0])
 
 
-def _find_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return unit normals `[F, 3]` and areas `[F]`."""
+def _find_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    cross = np.cross(b - a, c - a)
-    length = np.linalg.norm(cross, axis=1)
-    return cross / np.maximum(length, 1e-300)[:, None], length / 2
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def _find_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -229,15 +228,6 @@ def _find_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     return np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), (ahead * behind).sum(axis=2))
-
-
-def _find_folded(faces: np.ndarray, normals: np.ndarray, areas: np.ndarray, num_vertices: int) -> np.ndarray:
-    """Return which faces lie against the mean normal, by area, of those round their corners: `[F]`."""
-    at_vertex = np.zeros((num_vertices, 3))
-    for k in range(3):
-        for axis in range(3):
-            at_vertex[:, axis] += np.bincount(faces[:, k], normals[:, axis] * areas, minlength=num_vertices)
-    return (at_vertex[faces].sum(axis=1) * normals).sum(axis=1) < 0
 
 
 def _summarize(distances: np.ndarray) -> Distances:

@@ -97,7 +97,7 @@ def fit_surface(
         np.float32(neighbor_share),
         np.float32(step_limit),
         np.float32(reach),
-        iterations=iterations,
+        np.int32(iterations),
         chunk=find_chunk(num_samples),
     )
     step = np.asarray(moved)[: len(vertices)] - scaled[: len(vertices)]
@@ -131,7 +131,7 @@ def find_chunk(num_samples: int) -> int:
     return wanted
 
 
-@partial(jax.jit, static_argnames=("iterations", "chunk"))
+@partial(jax.jit, static_argnames="chunk")
 def _fit(
     vertices,
     ring,
@@ -142,8 +142,8 @@ def _fit(
     neighbor_share,
     step_limit,
     reach,
-    *,
     iterations,
+    *,
     chunk,
 ):
     """Repeat moments and step; all lengths in mean edge lengths."""

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from shapes import make_sheet
 
-from reconstruction.networks.density import Density, study_density
+from reconstruction.networks.density import Density, find_outliers, study_density
 
 
 def _study(points: np.ndarray) -> Density:
@@ -42,3 +42,13 @@ def test_scan_lines_are_as_far_apart_as_they_are() -> None:
     along, lines = np.meshgrid(np.linspace(0, 2, 401), np.arange(0, 1, 0.05))
     points = np.stack([along.ravel(), lines.ravel(), np.zeros(along.size)], axis=1)
     assert np.median(_study(points).spacing) > 0.012
+
+
+def test_what_stands_off_a_sparse_surface_is_an_outlier() -> None:
+    rng = np.random.default_rng(3)
+    sheet = np.column_stack([rng.random((4000, 2)), rng.normal(0, 0.002, 4000)])
+    corner = np.column_stack([np.zeros(2000), rng.random((2000, 2))])
+    aloft = np.column_stack([rng.uniform(0.1, 0.9, (60, 2)), rng.uniform(0.05, 0.1, 60)])
+    is_outlier = find_outliers(np.concatenate([sheet, corner, aloft]))
+    assert is_outlier[-60:].mean() > 0.9
+    assert is_outlier[:-60].mean() < 0.002

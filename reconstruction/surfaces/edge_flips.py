@@ -1,0 +1,127 @@
+"""Turn edges that run across a crease, so that the faces beside it lie on its two sides.
+
+Where a fitted mesh has a vertex on a tread joined to one on the riser below, the two faces at that edge bridge the
+crease, like a tooth. The other diagonal of the same two faces runs along the crease. Turning is judged by the
+total absolute curvature round both faces: the sum of every edge's length times the angle between its faces.
+
+References:
+    van Damme and Alboul (1995), "Tight triangulations": the criterion.
+"""
+
+import numpy as np
+
+from reconstruction.surfaces.manifold import find_hinges, find_normals, group_sides
+
+MIN_TURN = np.deg2rad(30)
+"""Only edges whose faces differ by more are looked at."""
+MIN_GAIN = 1e-3
+"""Share of the curvature round an edge that turning it must save."""
+MIN_ANGLE_SINE = 0.1
+"""New faces have no angle below about 6 degrees."""
+MAX_ROUNDS = 8
+
+
+def turn_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the faces `[F, 3]` with edges turned where that makes the surface less crumpled.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]` of an oriented two-manifold; the result is one too, of the same topology.
+    """
+    faces = faces.copy()
+    for _ in range(MAX_ROUNDS):
+        sides = group_sides(faces, len(vertices))
+        hinges = find_hinges(faces, sides)
+        normals = find_normals(vertices, faces)
+        steep = _angle(*(normals[hinges.faces[:, k]] for k in range(2))) > MIN_TURN
+        if not steep.any():
+            break
+        across = np.full((len(faces), 3), -1)
+        across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
+        across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
+        pair, side = hinges.faces[steep], hinges.sides[steep]
+        gain, corners, outer = _rate_turns(vertices, faces, normals, across, pair, side)
+        gain[_are_joined(corners[:, 2:], faces, len(vertices))] = 0
+        chosen = _choose_apart(gain, np.concatenate([pair, outer], axis=1), len(faces))
+        if len(chosen) == 0:
+            break
+        a, b, c, d = corners[chosen].T
+        faces[pair[chosen, 0]] = np.stack([a, d, c], axis=1)
+        faces[pair[chosen, 1]] = np.stack([d, b, c], axis=1)
+    return faces
+
+
+def _rate_turns(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    normals: np.ndarray,
+    across: np.ndarray,
+    pair: np.ndarray,
+    side: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what turning each edge saves, `[P]`, 0 where it saves nothing; its corners and outer faces.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]`.
+        normals: `[F, 3]`.
+        across: `[F, 3]` the face behind every side, -1 where none.
+        pair: `[P, 2]` the two faces at each edge.
+        side: `[P, 2]` which side of each it is.
+    """
+    first, second = pair.T
+    a, b = faces[first, side[:, 0]], faces[first, (side[:, 0] + 1) % 3]
+    c, d = faces[first, (side[:, 0] + 2) % 3], faces[second, (side[:, 1] + 2) % 3]
+    corners = np.stack([a, b, c, d], axis=1)
+    outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
+    rims = [(b, c), (c, a), (a, d), (d, b)]
+    left, is_sound = _make_normals(vertices, a, d, c)
+    right, is_sound_too = _make_normals(vertices, d, b, c)
+    before = _length(vertices, a, b) * _angle(normals[first], normals[second])
+    after = _length(vertices, c, d) * _angle(left, right)
+    inner_before = (normals[first], normals[first], normals[second], normals[second])
+    for k, (rim, old, new) in enumerate(zip(rims, inner_before, (right, left, left, right), strict=True)):
+        length = np.where(outer[:, k] >= 0, _length(vertices, *rim), 0)
+        before = before + length * _angle(old, normals[outer[:, k]])
+        after = after + length * _angle(new, normals[outer[:, k]])
+    gain = np.where(is_sound & is_sound_too & (after < (1 - MIN_GAIN) * before), before - after, 0)
+    return gain, corners, outer
+
+
+def _make_normals(
+    vertices: np.ndarray, i: np.ndarray, j: np.ndarray, k: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the unit normals of faces and which of these have no sharp corner."""
+    p, q, r = vertices[i], vertices[j], vertices[k]
+    cross = np.cross(q - p, r - p)
+    double = np.linalg.norm(cross, axis=1)
+    squared = np.sort(np.stack([((q - p) ** 2).sum(1), ((r - q) ** 2).sum(1), ((p - r) ** 2).sum(1)]), axis=0)
+    is_sound = double > MIN_ANGLE_SINE * np.sqrt(squared[1] * squared[2])
+    return cross / np.maximum(double, 1e-300)[:, None], is_sound
+
+
+def _length(vertices: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vertices[i] - vertices[j], axis=1)
+
+
+def _angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.arccos(np.clip((first * second).sum(axis=1), -1, 1))
+
+
+def _are_joined(pairs: np.ndarray, faces: np.ndarray, num_vertices: int) -> np.ndarray:
+    """Return which pairs of vertices `[P, 2]` have an edge."""
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]], pairs])
+    keys = ends.min(axis=1) * num_vertices + ends.max(axis=1)
+    return np.isin(keys[3 * len(faces) :], keys[: 3 * len(faces)])
+
+
+def _choose_apart(gain: np.ndarray, touched: np.ndarray, num_faces: int) -> np.ndarray:
+    """Return the places of the largest gains, of which no two touch the same face, `[C]`."""
+    is_taken = np.zeros(num_faces + 1, dtype=bool)
+    chosen = []
+    for place in np.argsort(-gain, kind="stable")[: (gain > 0).sum()].tolist():
+        around = touched[place]
+        if not is_taken[around].any():
+            is_taken[around[around >= 0]] = True
+            chosen.append(place)
+    return np.array(chosen, dtype=np.int64)
