@@ -19,7 +19,7 @@ Structure = Mapping[str, slice]
 Sensed = Mapping[str, np.ndarray]
 """Quantities by name, each `[P, n]`, columns from head to tail.
 
-Besides what the environment senses: "airborne" and "tired" (1 or 0), "position" of the head, `[P, 1]`."""
+Besides what the environment senses: "airborne" and "rested" (1 or 0), "position" of the head, `[P, 1]`."""
 Law = Callable[[Sensed, np.ndarray], np.ndarray]
 """From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
 
@@ -114,13 +114,14 @@ class Controller:
             position: of the head along the course, `[P]` or a number [m]; only "travelling" reads it.
         """
         count = len(observation)
-        genes = np.broadcast_to(genotype, (count, len(self.parameters)))
+        genes = genotype if genotype.ndim == 2 else np.broadcast_to(genotype, (count, len(self.parameters)))
         sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in SENSORS}
-        state = State(np.where(sensed["contact"] > 0, 0, state.silence + 1))
-        sensed["airborne"] = (state.silence > PATIENCE).astype(float)
-        sensed["tired"] = (state.silence > STAMINA).astype(float)
-        sensed["position"] = np.broadcast_to(np.reshape(position, (-1, 1)), (count, 1))
-        return np.clip(self.law(sensed, genes) / HINGE_RANGE, -1.0, 1.0), state
+        silence = (state.silence + 1) * (sensed["contact"] <= 0)
+        sensed["airborne"] = (silence > PATIENCE).astype(float)
+        sensed["rested"] = (silence <= STAMINA).astype(float)
+        sensed["position"] = np.reshape(position, (-1, 1))
+        target = self.law(sensed, genes) / HINGE_RANGE
+        return np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target), State(silence)
 
     def check(self, genotypes: np.ndarray) -> None:
         """Refuse genotypes that are not this controller's.
@@ -147,10 +148,12 @@ def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
     """
     bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
     pitch, airborne = sensed["pitch"], sensed["airborne"]
-    front = np.multiply.accumulate(airborne, axis=1) * (1.0 - sensed["tired"])
-    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * (1.0 - sensed["tired"])
-    target = bias + ahead * pitch[:, :-1] + behind * pitch[:, 1:]
-    target = target + front_air * front[:, :-1] + rear_air * rear[:, 1:]
+    front = np.multiply.accumulate(airborne, axis=1) * sensed["rested"]
+    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * sensed["rested"]
+    target = bias + ahead * pitch[:, :-1]
+    target += behind * pitch[:, 1:]
+    target += front_air * front[:, :-1]
+    target += rear_air * rear[:, 1:]
     target[:, :1] += head_bias + head_pitch * pitch[:, :1]
     target[:, -1:] += tail_bias
     return target

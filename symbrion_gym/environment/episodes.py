@@ -6,15 +6,16 @@ than small arrays. Every row comes out alike whatever N is, to the bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
 from math import isnan
-from typing import NamedTuple
+from operator import add
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from symbrion_gym.environment.judge import ROLLED_OVER, SPEED_SLACK, Judge
-from symbrion_gym.environment.measuring import Measured, measure
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 
@@ -145,18 +146,16 @@ class Episodes:
         actions = np.minimum(np.maximum(actions, -1.0), 1.0)
         if isnan(np.add.reduce(actions, axis=None)):
             actions = np.where(np.isnan(actions), self.action, actions)
+        listens: Any = True
         if rows is not None:
-            heard = self.action.copy()
-            heard[rows] = actions[rows]
-            actions = heard
+            listens = np.zeros((len(actions), 1), dtype=bool)
+            listens[rows] = True
+            actions = np.where(listens, actions, self.action)
         self.action = actions
         turn = (actions[:, : self._num_hinges] if self.num_tracks else actions) * self._range
         turn -= self.target
         np.minimum(np.maximum(turn, -self._largest_turn, out=turn), self._largest_turn, out=turn)
-        if rows is None:
-            self.target += turn
-        else:
-            self.target[rows] += turn[rows]
+        np.add(self.target, turn, out=self.target, where=listens)
         return self.target, self._speed * actions[:, -self.num_tracks :] if self.num_tracks else self._speed
 
     def observe(self, physics: Physics) -> np.ndarray:
@@ -172,14 +171,13 @@ class Episodes:
         place = (measured.lowest, measured.uprightness)
         return (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, *place, *(False for _ in FLAGS))
 
-    def finish_tick(self, physics: Physics, rows: Sequence[int]) -> list[Tick]:
+    def finish_tick(self, physics: Physics, rows: Iterable[int]) -> list[Tick]:
         """Judge and reward the tick whose physics has just been stepped, in the given rows."""
-        measured = measure(physics, rows, self._judges, self._servos, self._dofs)
-        return [self._judge_row(physics, row, each) for row, each in zip(rows, measured, strict=True)]
+        return [self._judge_row(physics, row) for row in rows]
 
-    def _judge_row(self, physics: Physics, row: int, measured: Measured) -> Tick:
+    def _judge_row(self, physics: Physics, row: int) -> Tick:
         episode, judge = self._episodes[row], self._judges[row]
-        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = measured.measures
+        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = judge.measure(physics, row)
         episode.ticks += 1
         time = episode.ticks * self._dt
         rolled_over = fell = touched = False
@@ -201,7 +199,7 @@ class Episodes:
         forward_weight, success_bonus, effort_weight = self._weights
         forward = forward_weight * (progress - episode.progress)
         bonus = success_bonus if success else 0.0
-        cost = effort_weight * measured.power if is_sound else 0.0
+        cost = effort_weight * self._find_power(physics, row) if is_sound else 0.0
         episode.progress = progress
         gained = progress - episode.start_progress
         return Tick(
@@ -211,3 +209,9 @@ class Episodes:
             (head, gained, time, forward, bonus, cost, lowest, uprightness),
             (success, not is_sound, rolled_over, fell, touched, stuck),
         )
+
+    def _find_power(self, physics: Physics, row: int) -> float:
+        """Return the sum over the hinges of the absolute power [W]."""
+        torques = physics.actuator_force[row, self._servos].tolist()
+        rates = physics.qvel[row, self._dofs].tolist()
+        return reduce(add, [abs(torque * rate) for torque, rate in zip(torques, rates, strict=True)], 0.0)

@@ -106,6 +106,20 @@ class Judge:
         c, s = self._direction
         return c * position[:, :, 0] + s * position[:, :, 1]
 
+    def find_places(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how far along the route and how far left of its middle each module is, `[N, n]` each [m]."""
+        if self.is_plain:
+            return position[:, :, 0], position[:, :, 1]
+        (c, s), x, y = self._direction, position[:, :, 0], position[:, :, 1]
+        return c * x + s * y, c * y - s * x - self._route.lateral
+
+    def find_limits(self) -> tuple[float, float]:
+        """Return how far aside and how low a module can be while nothing has happened [m]."""
+        lowest = self._route.lowest
+        if self.is_abyss and self._route.pit is not None:
+            lowest = max(lowest, self._route.pit[2] + _TOUCH_BAND + 1.5 * self._half)
+        return self._route.half_width, lowest
+
     def is_off(self, aside: float, lowest: float) -> bool:
         """Return whether a module has left the arena."""
         return aside > self._route.half_width or lowest < self._route.lowest

@@ -15,8 +15,9 @@ from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
 from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS, Episodes, Tick
+from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.judge import Judge
+from symbrion_gym.environment.many_episodes import ManyEpisodes, Ticks
 from symbrion_gym.environment.models import OwnModels, SharedModel
 from symbrion_gym.environment.observation import add_noise
 from symbrion_gym.environment.randomisation import (
@@ -91,7 +92,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.world = self._worlds[0]
         self.model = self.world.model
         self._max_ticks = max_episode_steps
-        self._episodes = Episodes(self.world, self.num_envs)
+        self._episodes = ManyEpisodes(self.world, self.num_envs)
         self._judges = [self._episodes.judge, *map(Judge, self._worlds[1:])]
         self._chosen = [0] * self.num_envs
         self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
@@ -103,8 +104,6 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._generators: list[np.random.Generator] = []
         self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._is_done = np.ones(self.num_envs, dtype=bool)
-        self._numbers = np.zeros((self.num_envs, len(NUMBERS)))
-        self._flags = np.zeros((self.num_envs, len(FLAGS)), dtype=bool)
         self._pictures: list[tuple[mujoco.MjData, Pictures]] = []
 
     def _make_batch(self, num_threads: int) -> None:
@@ -192,9 +191,6 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         speeds = [domain.track_speed for domain in domains]
         self._episodes.begin(rows, self._physics, speeds, [self._judges[self._chosen[row]] for row in rows])
         self._is_done[rows] = False
-        for row in rows:
-            start = self._episodes.describe_start(self._physics, row)
-            self._numbers[row], self._flags[row] = start[: len(NUMBERS)], start[len(NUMBERS) :]
         return domains
 
     def step(
@@ -208,20 +204,17 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         actions = np.asarray(actions, dtype=np.float64)
         if actions.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
-        was_done = self._is_done.copy()
+        was_done = self._is_done
         rows = np.flatnonzero(~was_done).tolist()
-        ticks = self._advance(actions, rows)
-        reward, terminated = np.zeros(self.num_envs), np.zeros(self.num_envs, dtype=bool)
-        truncated = terminated.copy()
-        for row, tick in zip(rows, ticks, strict=True):
-            reward[row], terminated[row], truncated[row] = tick.reward, tick.terminated, tick.truncated
+        reward, terminated, truncated = self._advance(actions, rows)
         ended = terminated | truncated
         self._is_done = was_done | ended
         info = self._make_info(~was_done)
         observation = self._add_noise(self._episodes.observe(self._physics), rows)
-        diverged = np.flatnonzero(self._flags[:, FLAGS.index("diverged")] & ended)
-        if len(diverged):
-            self.batch.reset(diverged)
+        if ended.any():
+            diverged = np.flatnonzero(self._episodes.flags[FLAGS.index("diverged")] & ended)
+            if len(diverged):
+                self.batch.reset(diverged)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
             observation = self._restart(was_done, observation)
         elif self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
@@ -234,27 +227,21 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
         return observation, reward, terminated, truncated, info
 
-    def _advance(self, actions: np.ndarray, rows: list[int]) -> list[Tick]:
+    def _advance(self, actions: np.ndarray, rows: list[int]) -> Ticks:
         """Step the physics of some simulations and judge them."""
-        if not rows:
-            return []
         episodes, world = self._episodes, self.world
-        target, speed = episodes.command(actions, None if len(rows) == self.num_envs else rows)
-        world.write_control(self._control, target, speed)
-        if episodes.num_tracks:
-            self._models.write_track_speed(speed)
-        self.batch.step(rows, nstep=self.config.frame_skip)
-        self._refresh()
-        ticks = episodes.finish_tick(self._physics, rows)
+        if rows:
+            target, speed = episodes.command(actions, None if len(rows) == self.num_envs else rows)
+            world.write_control(self._control, target, speed)
+            if episodes.num_tracks:
+                self._models.write_track_speed(speed)
+            self.batch.step(rows, nstep=self.config.frame_skip)
+            self._refresh()
+        ticks = episodes.finish_ticks(self._physics, rows)
         if self._max_ticks is not None:
             limit = (self._max_ticks - 0.5) * self.config.dt
-            late = NUMBERS.index("time")
-            ticks = [
-                tick._replace(truncated=not tick.terminated) if tick.numbers[late] > limit else tick
-                for tick in ticks
-            ]
-        self._numbers[rows] = [tick.numbers for tick in ticks]
-        self._flags[rows] = [tick.flags for tick in ticks]
+            is_late = episodes.numbers[NUMBERS.index("time")] > limit
+            ticks.truncated[rows] |= (is_late & ~ticks.terminated)[rows]
         return ticks
 
     def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
@@ -265,9 +252,8 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
         """Return `info` with Gymnasium's `_name` masks: which simulations a value is news of."""
-        numbers, flags = self._numbers.T.copy(), self._flags.T.copy()
-        info: dict[str, Any] = dict(zip(NUMBERS, numbers, strict=True))
-        info.update(zip(FLAGS, flags, strict=True))
+        info: dict[str, Any] = dict(zip(NUMBERS, self._episodes.numbers.copy(), strict=True))
+        info.update(zip(FLAGS, self._episodes.flags.copy(), strict=True))
         info.update([(f"_{name}", mask) for name in NUMBERS + FLAGS])
         return info
 
