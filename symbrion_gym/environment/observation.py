@@ -17,6 +17,10 @@ from symbrion_gym.robot.scout_sensors import (
 
 _LARGEST_RATE = 20.0
 _LARGEST_DISTANCE = 100.0
+_TOLD = ("previous_action", "hinge_target", "odometry")
+"""Parts that the physics does not know."""
+_NOTHING_HIT = 1.0
+"""A ray that hits nothing reads -1, which as a distance is beyond a shorter range than this [m]."""
 _NOISE = {
     "hinge_angle": 0.005,
     "hinge_rate": 0.05,
@@ -37,7 +41,7 @@ def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[s
     joined: list[tuple[str, slice | np.ndarray]] = []
     for name, measured in parts:
         if name not in MEASURED:
-            joined.append((name, make_slice(ids.get(name, np.zeros(0, dtype=np.int64)))))
+            joined.append((name, make_slice(ids[name]) if name in ids else slice(0)))
             continue
         before = joined[-1][1] if joined and joined[-1][0] == "measured" else None
         if isinstance(before, slice):
@@ -90,50 +94,69 @@ class Observer:
         self.noise = world.config.noise * np.concatenate(
             [np.full(size, _NOISE.get(name, 0.0)) for name, size, _, _ in chosen]
         )
-        self._raw_low, self._raw_high = self.low.copy(), self.high.copy()
+        self._raw_low, self._raw_high = self.low[None].copy(), self.high[None].copy()
         self._pitch = self.structure.get("pitch")
         if self._pitch is not None:
-            self._raw_low[self._pitch], self._raw_high[self._pitch] = -1.0, 1.0
+            self._raw_low[:, self._pitch], self._raw_high[:, self._pitch] = -1.0, 1.0
         self.has_odometry = "odometry" in self.structure
-        self._rays = [self.structure[name] for name in ("ir", "laser") if name in self.structure]
+        self._rays = [
+            (self.structure[name], reach < _NOTHING_HIT)
+            for name, reach in (("ir", scout.ir_range), ("laser", scout.laser_range))
+            if name in self.structure
+        ]
         self._sources = _join_measured(
             [(name, self._measured.get(name, slice(0))) for name in self.structure], world
         )
+        self._is_live = all(isinstance(ids, slice) for _, ids in self._sources)
+        self._told = [(k, name) for k, (name, _) in enumerate(self._sources) if name in _TOLD]
+        self._roll = next((k for k, (name, _) in enumerate(self._sources) if name == "roll"), None)
+        self._physics: Physics | None = None
+        self._parts: list[np.ndarray] = []
+        self._up: tuple[np.ndarray, ...] = ()
 
     def read(
         self, physics: Physics, previous_action: np.ndarray, target: np.ndarray, odometry: np.ndarray
     ) -> np.ndarray:
         """Return noiseless observations `[N, size]`, within their bounds; not a number becomes 0."""
-        rotation, sensed = physics.rotation, physics.sensordata
-        parts = []
-        for name, ids in self._sources:
-            if name == "measured":
-                parts.append(sensed[:, ids])
-            elif name == "hinge_angle":
-                parts.append(physics.qpos[:, ids])
-            elif name == "hinge_rate":
-                parts.append(physics.qvel[:, ids])
-            elif name == "pitch":
-                parts.append(rotation[:, :, 6])
-            elif name == "roll":
-                parts.append(np.arctan2(rotation[:, :, 7], rotation[:, :, 8]))
-            elif name == "previous_action":
-                parts.append(previous_action)
-            elif name == "hinge_target":
-                parts.append(target)
+        if physics is not self._physics or not self._is_live:
+            self._physics, self._parts = physics, self._find_parts(physics)
+        parts = self._parts
+        if self._roll is not None:
+            parts[self._roll] = np.arctan2(*self._up)
+        for k, name in self._told:
+            if name == "previous_action":
+                parts[k] = previous_action
             else:
-                parts.append(odometry[:, None])
+                parts[k] = target if name == "hinge_target" else odometry[:, None]
         out = np.concatenate(parts, axis=1)
-        if isnan(np.add.reduce(out, axis=None)):
+        if isnan(np.vdot(out, out)):
             np.copyto(out, 0.0, where=np.isnan(out))
-        for part in self._rays:
+        for part, is_short in self._rays:
             ranges = out[:, part]
-            np.copyto(ranges, _LARGEST_DISTANCE, where=ranges < 0.0)
+            if is_short:
+                np.abs(ranges, out=ranges)
+            else:
+                np.copyto(ranges, _LARGEST_DISTANCE, where=ranges < 0.0)
         np.minimum(np.maximum(out, self._raw_low, out=out), self._raw_high, out=out)
         if self._pitch is not None:
             pitch = out[:, self._pitch]
             np.arcsin(pitch, out=pitch)
         return out
+
+    def _find_parts(self, physics: Physics) -> list[np.ndarray]:
+        """Return what each part is read from; as views they stay what they are while the physics goes on."""
+        self._up = physics.rotation[:, :, 7], physics.rotation[:, :, 8]
+        parts = []
+        for name, ids in self._sources:
+            if name == "measured":
+                parts.append(physics.sensordata[:, ids])
+            elif name == "hinge_angle":
+                parts.append(physics.qpos[:, ids])
+            elif name == "hinge_rate":
+                parts.append(physics.qvel[:, ids])
+            else:
+                parts.append(physics.rotation[:, :, 6])
+        return parts
 
 
 def add_noise(observation: np.ndarray, observer: Observer, generator: np.random.Generator) -> np.ndarray:
