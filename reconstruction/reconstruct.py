@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks import growing_grid, gsrm
 from reconstruction.networks.compilation import keep_compiled_programs
+from reconstruction.networks.passages import check_origins
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points
 from reconstruction.surfaces.orientation import orient_outwards
@@ -93,7 +94,13 @@ class Reconstruction:
         """Measure the mesh against its cloud, and against the true surface where it is known."""
         return measure_quality(self.mesh, self.points, truth)
 
-    def refine(self, new_points: ArrayLike, seed: int = 0, progress: Progress = silent) -> "Reconstruction":
+    def refine(
+        self,
+        new_points: ArrayLike,
+        origins: ArrayLike | None = None,
+        seed: int = 0,
+        progress: Progress = silent,
+    ) -> "Reconstruction":
         """Return the same network after it has learnt from new readings; this one stays as it is.
 
         What has moved moves, new parts grow, parts that are no longer there go; the rest stays put.
@@ -107,10 +114,11 @@ class Reconstruction:
             ReconstructionError: the points are no points.
         """
         cloud = check_points(new_points)
+        seen_from = None if origins is None else check_origins(origins, len(cloud))
         network, _ = _find_method(self.method)
         keep_compiled_programs()
         state, points = network.refine(
-            self.state, self.points, cloud, self.config, _check_seed(seed), progress
+            self.state, self.points, cloud, self.config, _check_seed(seed), progress, seen_from
         )
         return Reconstruction(self.method, self.config, state, points, self.viewpoint)
 

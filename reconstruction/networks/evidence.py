@@ -9,7 +9,9 @@ import igl
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
+from scipy.spatial import cKDTree
+
+from reconstruction.networks.passages import find_passed
 
 TOLERANCE = 4.0
 """A reading farther from the surface than this many times the usual distance disagrees."""
@@ -19,7 +21,10 @@ COMPLETE = 0.8
 """New readings on this share of the surface are taken for a whole new scan: what they do not show is gone."""
 DISAGREEING_SHARE = 0.3
 """A vertex has moved where more than this share of its new readings disagree."""
+SIGNIFICANCE = 2.5
+"""It has not where so many disagree as the old readings let expect, within this many standard deviations."""
 NUM_PROBES = 1000
+FEWEST_PROBES = 100
 NUM_SECTORS = 12
 
 
@@ -27,12 +32,15 @@ class Evidence(NamedTuple):
     """New readings, compared with a surface.
 
     Attributes:
+        winners: `[M]` the vertex nearest to each new reading.
         distance: `[M]` of each new reading from the surface [m].
         tolerance: the distance up to which a reading agrees [m].
         is_moved: `[V]` vertices whose new readings disagree with the surface.
-        is_gone: `[V]` vertices without new readings though what surrounds them was read again.
+        is_gone: `[V]` vertices without new readings though what surrounds them was read again, and those that
+            rays pass through.
     """
 
+    winners: np.ndarray
     distance: np.ndarray
     tolerance: float
     is_moved: np.ndarray
@@ -40,7 +48,12 @@ class Evidence(NamedTuple):
 
 
 def weigh_evidence(
-    vertices: np.ndarray, faces: np.ndarray, old_points: np.ndarray, new_points: np.ndarray, spacing: float
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    old_points: np.ndarray,
+    new_points: np.ndarray,
+    spacing: float,
+    origins: np.ndarray | None = None,
 ) -> Evidence:
     """Compare new readings with a surface.
 
@@ -50,35 +63,77 @@ def weigh_evidence(
         old_points: `[N, 3]` what the surface was made from: they tell its usual distance from a reading.
         new_points: `[M, 3]` the new readings.
         spacing: mean distance between neighbouring vertices.
+        origins: `[M, 3]` where each new reading was made from: what lies on the way there is gone.
     """
-    probes = old_points[:: max(1, len(old_points) // NUM_PROBES)]
+    vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
+    about, probes = _crop(vertices, faces, old_points, new_points, origins, 2 * spacing)
+    surface = igl.AABB()
+    surface.init(vertices, about)
     asked = np.concatenate([new_points, probes])
-    found = igl.point_mesh_squared_distance(asked, np.ascontiguousarray(vertices), faces.astype(np.int64))
-    squared, nearest, closest = (np.asarray(part) for part in found)
+    squared, nearest, closest = (
+        np.asarray(part) for part in surface.squared_distance(vertices, about, asked)
+    )
     distance = np.sqrt(np.maximum(squared, 0))
-    corners = vertices[faces[nearest[: len(new_points)]]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    height = np.abs(((new_points - closest[: len(new_points)]) * normal).sum(axis=1))
-    usual = float(np.mean(distance[len(new_points) :]))
-    distance, tolerance = distance[: len(new_points)], TOLERANCE * usual
-    tree = KDTree(vertices)
+    height = _find_heights(vertices, about, new_points, nearest, closest)
+    tolerance = TOLERANCE * float(np.mean(distance[len(new_points) :]))
+    distance = distance[: len(new_points)]
+    winners = _find_corners(vertices, about[nearest[: len(new_points)]], new_points)
     # Readings just beyond the rim of a surface say nothing against it.
-    disagreeing = new_points[(height > tolerance) | (distance > spacing)]
-    is_moved = np.zeros(len(vertices), dtype=bool)
-    if len(disagreeing) >= MIN_READINGS:
-        is_moved = _find_moved(tree, vertices, new_points, disagreeing, spacing)
+    disagrees = (height > tolerance) | (distance > spacing)
+    is_moved = _find_moved(winners, new_points, disagrees, spacing, len(vertices))
+    if is_moved.any():
+        compared = _pick_about(vertices[is_moved], old_points, spacing)
+        if len(compared):
+            _, nearest, closest = surface.squared_distance(vertices, about, compared)
+            usual = _find_heights(vertices, about, compared, np.asarray(nearest), np.asarray(closest))
+            owners = _find_corners(vertices, about[np.asarray(nearest)], compared)
+            is_moved &= _is_news(winners, disagrees, owners, usual > tolerance, len(vertices))
     is_read = find_read(vertices, new_points, spacing)
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
-    return Evidence(distance, tolerance, is_moved, is_gone)
+    if origins is not None:
+        agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
+        is_gone |= find_passed(surface, vertices, about, new_points, origins, agreeing, tolerance)
+    return Evidence(winners, distance, tolerance, is_moved, is_gone)
+
+
+def _crop(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    old_points: np.ndarray,
+    new_points: np.ndarray,
+    origins: np.ndarray | None,
+    margin: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the faces that new readings or their rays may meet, and old points `[P, 3]` to compare with."""
+    ends = new_points if origins is None else np.concatenate([new_points, origins])
+    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
+    is_inside = ((vertices >= low) & (vertices <= high)).all(axis=1)
+    probes = old_points[:: max(1, len(old_points) // (8 * NUM_PROBES))]
+    inner = ((probes >= low + margin / 2) & (probes <= high - margin / 2)).all(axis=1)
+    about = faces[is_inside[faces].any(axis=1)]
+    if inner.sum() < FEWEST_PROBES or len(about) == 0:
+        return faces, probes[:: max(1, len(probes) // NUM_PROBES)]
+    probes = probes[inner]
+    return np.ascontiguousarray(about), probes[:: max(1, len(probes) // NUM_PROBES)]
+
+
+def _find_heights(
+    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, nearest: np.ndarray, closest: np.ndarray
+) -> np.ndarray:
+    """Return how far the points are from their nearest faces along these faces' normals: `[M]`."""
+    corners = vertices[faces[nearest[: len(points)]]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    return np.abs(((points - closest[: len(points)]) * normal).sum(axis=1))
 
 
 def find_read(vertices: np.ndarray, new_points: np.ndarray, spacing: float) -> np.ndarray:
     """Return which vertices have a new reading as near as the readings' density lets expect: `[V]`."""
-    tree = KDTree(new_points)
+    tree = cKDTree(new_points)
     probes = new_points[:: max(1, len(new_points) // NUM_PROBES)]
     usual = float(np.median(tree.query(probes, k=min(5, len(new_points)))[0][:, -1]))
-    return tree.query(vertices)[0] < 1.5 * usual + spacing
+    reach = 1.5 * usual + spacing
+    return np.isfinite(tree.query(vertices, distance_upper_bound=reach)[0])
 
 
 def find_gone(
@@ -108,10 +163,13 @@ def find_gone(
     pairs = pairs[missing[pairs].all(axis=1)]
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices), len(vertices)))
     label = connected_components(graph, directed=False)[1]
+    low, high = new_points.min(axis=0), new_points.max(axis=0)
     for part in np.unique(label[missing]):
-        patch = vertices[missing & (label == part)]
-        if len(patch) >= 3 and _is_surrounded(patch, new_points, spacing):
-            is_gone |= missing & (label == part)
+        is_part = missing & (label == part)
+        patch = vertices[is_part]
+        is_within = (patch.min(axis=0) >= low - 6 * spacing) & (patch.max(axis=0) <= high + 6 * spacing)
+        if len(patch) >= 3 and is_within.sum() >= 2 and _is_surrounded(patch, new_points, spacing):
+            is_gone |= is_part
     return is_gone
 
 
@@ -135,14 +193,47 @@ def _to_polar(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _find_moved(
-    tree: KDTree, vertices: np.ndarray, new_points: np.ndarray, disagreeing: np.ndarray, spacing: float
+    winners: np.ndarray, new_points: np.ndarray, disagrees: np.ndarray, spacing: float, num_vertices: int
 ) -> np.ndarray:
     """Return which vertices win mostly readings that disagree, enough of them within their neighbourhood."""
-    nearest = np.asarray(tree.query(disagreeing)[1])
-    crowd = KDTree(disagreeing).query_ball_point(disagreeing, 3 * spacing, return_length=True)
-    against = np.bincount(nearest[crowd >= MIN_READINGS], minlength=len(vertices))
-    candidates = np.flatnonzero(against)
-    everything = np.bincount(tree.query(new_points)[1], minlength=len(vertices))
-    is_moved = np.zeros(len(vertices), dtype=bool)
-    is_moved[candidates] = against[candidates] > DISAGREEING_SHARE * everything[candidates]
-    return is_moved
+    against = np.flatnonzero(disagrees)
+    if len(against) < MIN_READINGS:
+        return np.zeros(num_vertices, dtype=bool)
+    crowd, _ = cKDTree(new_points[against]).query(
+        new_points[against], k=MIN_READINGS, distance_upper_bound=3 * spacing
+    )
+    believed = np.bincount(winners[against[np.isfinite(crowd[:, -1])]], minlength=num_vertices)
+    everything = np.bincount(winners, minlength=num_vertices)
+    return believed > DISAGREEING_SHARE * everything
+
+
+def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return of each point's nearest face `[M, 3]` the corner nearest to it: `[M]`."""
+    squared = ((vertices[faces] - points[:, None]) ** 2).sum(axis=2)
+    return faces[np.arange(len(faces)), squared.argmin(axis=1)]
+
+
+def _pick_about(vertices: np.ndarray, points: np.ndarray, spacing: float) -> np.ndarray:
+    """Return the points in the box round vertices, not more than are needed to judge them."""
+    low, high = vertices.min(axis=0) - spacing, vertices.max(axis=0) + spacing
+    inside = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    return points[inside[:: max(1, len(inside) // (2 * NUM_PROBES))]]
+
+
+def _is_news(
+    winners: np.ndarray,
+    disagrees: np.ndarray,
+    owners: np.ndarray,
+    has_disagreed: np.ndarray,
+    num_vertices: int,
+) -> np.ndarray:
+    """Return at which vertices clearly more of the new readings disagree than did of the old: `[V]`.
+
+    A coarse mesh cuts corners: there readings disagree though nothing has changed.
+    """
+    usual = np.bincount(owners, has_disagreed, minlength=num_vertices)
+    usual /= np.maximum(np.bincount(owners, minlength=num_vertices), 1)
+    number = np.bincount(winners, minlength=num_vertices)
+    expected = usual * number
+    against = np.bincount(winners, disagrees, minlength=num_vertices)
+    return against - expected > SIGNIFICANCE * np.sqrt(expected * (1 - usual) + 1)

@@ -50,6 +50,7 @@ def refine_sheet(
     sigmas: tuple[float, ...],
     stiffness: float,
     rng: np.random.Generator,
+    origins: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return units, cells and points after new readings.
 
@@ -65,7 +66,7 @@ def refine_sheet(
     """
     spacing = _mean_edge(units)
     vertices = units.reshape(-1, 3)
-    evidence = weigh_evidence(vertices, faces, old_points, new_points, spacing)
+    evidence = weigh_evidence(vertices, faces, old_points, new_points, spacing, origins)
     is_moved, is_gone = (part.reshape(units.shape[:2]) for part in (evidence.is_moved, evidence.is_gone))
     if not (is_moved | is_gone).any():
         return units, has_face, np.concatenate([old_points, new_points])

@@ -227,6 +227,7 @@ def refine(
     config: GrowingGridConfig,
     seed: int = 0,
     progress: Progress = silent,
+    origins: np.ndarray | None = None,
 ) -> tuple[State, np.ndarray]:
     """Let the same grid learn from new readings.
 
@@ -237,6 +238,7 @@ def refine(
         config: as it was grown with.
         seed: of the order of the readings.
         progress: told how far it is.
+        origins: `[M, 3]` where the new readings were made from: what their rays pass through is gone.
 
     Returns:
         The new grid, and the points that are still true with the new ones.
@@ -251,6 +253,7 @@ def refine(
         config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0])[:MAX_REFINE_ITERATIONS],
         config.stiffness,
         np.random.default_rng(seed),
+        origins,
     )
     progress("refine", 1.0)
     return State(units, has_face), known

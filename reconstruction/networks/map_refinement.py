@@ -1,35 +1,44 @@
-"""Let a grown map learn on: what new readings contradict moves, grows or goes, the rest stays put."""
+"""Let a grown map learn on: what new readings contradict moves, grows or goes, the rest stays put.
+
+Only the units whose readings are contradicted are grown anew, between the others, which stand still; faces are
+learnt and fitted there alone. So the cost is that of the change, and what did not change stays bit for bit.
+"""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from reconstruction.networks.density import Density
-from reconstruction.networks.evidence import MIN_READINGS, find_read, weigh_evidence
-from reconstruction.networks.growth import SPLIT_RADIUS, grow, make_level
-from reconstruction.networks.padding import padded_length
-from reconstruction.networks.support import Support
-from reconstruction.networks.winners import make_tiles
+from reconstruction.networks.evidence import MIN_READINGS, Evidence, find_read, weigh_evidence
+from reconstruction.networks.local_fit import fit_part
+from reconstruction.networks.local_topology import is_sound, join_locally
+from reconstruction.surfaces.edge_flips import turn_edges
 from reconstruction.surfaces.hole_patching import find_vertex_normals
 from reconstruction.surfaces.manifold import group_sides
-from reconstruction.surfaces.surface_fit import fit_surface, mean_edge_length
-from reconstruction.surfaces.topology import finish_faces, propose_faces
+from reconstruction.surfaces.surface_fit import mean_edge_length
+from reconstruction.surfaces.unfolding import unfold_faces
 
-RINGS = 2
-"""So many rings of units round a contradicted one learn anew with it."""
-WIDEST_CELL = 0.5
-"""Cells are halved above this root mean square radius, in mean edges; regular ones have 0.37."""
+REACH = 2.0
+"""Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
+COVER = 0.75
+"""A sample farther than this from all units, in mean edges, gets a unit of its own."""
+SETTLE_PASSES = 4
+SAMPLES_PER_UNIT = 6
+"""So many samples of each new unit take part in settling."""
+TOPOLOGY_SAMPLES = 30
+"""So many samples of each unit that is joined anew are witnesses of its faces."""
 CLOSEST = 0.5
-"""Of two new units nearer to one another than this, in mean edges, one goes: both came from what is gone."""
+"""Of two new units nearer to one another than this, in mean edges, one goes."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
-FEWEST = 16
-"""Fewer samples than this carry no part of a surface."""
 STRONG = 1.5
 """Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
+STRONG_RINGS = 2
+"""So many rings of units round a strong disagreement are believed with it."""
 FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
-NUM_PROBES = 256
-"""At so many places the spacing of the samples is measured."""
+ITERATIONS = (2, 1)
+"""Steps of the fit, before edges are turned along the creases that have come out, and after."""
+JOINT_RINGS = 2
+"""So many rings of units round the new ones take part in learning the faces."""
 
 
 def refine_map(
@@ -39,6 +48,7 @@ def refine_map(
     new_points: np.ndarray,
     is_fitted: bool,
     rng: np.random.Generator,
+    origins: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return units, faces and points after new readings.
 
@@ -48,49 +58,64 @@ def refine_map(
         old_points: `[N, 3]` what the map has learnt from.
         new_points: `[M, 3]` what was read since.
         is_fitted: whether new units are fitted to the points.
-        rng: draws the samples of the rounds.
+        rng: draws where new units start.
+        origins: `[M, 3]` where the new readings were made from, if that is known.
     """
     edge = mean_edge_length(units, faces)
-    evidence = weigh_evidence(units, faces, old_points, new_points, edge)
-    tree = cKDTree(units)
-    new_winners = tree.query(new_points)[1]
+    evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
+    is_doubtful = _find_doubtful(units, faces, new_points, evidence, edge)
+    if not is_doubtful.any():
+        return units, faces, np.concatenate([old_points, new_points])
+    distant = evidence.distance > evidence.tolerance
+    is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], new_points[distant])
+    is_about = _is_about(old_points, units[is_doubtful], 1.5 * edge)
+    about = old_points[is_about]
+    winners = np.asarray(cKDTree(units).query(about)[1])
+    is_true = ~is_refuted[winners]
+    points = np.concatenate([old_points[~is_about], about[is_true], new_points])
+    about = np.concatenate([about[is_true], new_points])
+    winners = np.concatenate([winners[is_true], evidence.winners])
+    kept = units[~is_refuted]
+    is_near = widen(faces, is_doubtful, 1)[winners]
+    about, winners = about[is_near], winners[is_near]
+    grown = _grow_between(about, is_doubtful[winners], kept, edge, rng)
+    merged = np.concatenate([kept, grown])
+    place = np.where(is_refuted, -1, np.cumsum(~is_refuted) - 1)
+    is_cut = np.zeros(len(merged), dtype=bool)
+    is_cut[place[widen(faces, is_refuted, 1) & ~is_refuted]] = True
+    is_cut[len(kept) :] = True
+    kept_faces = place[faces[~is_refuted[faces].any(axis=1)]]
+    enough = about[rng.permutation(len(about))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
+    joined = join_locally(merged, kept_faces, len(kept), is_cut, enough, edge, REACH, JOINT_RINGS)
+    if is_fitted:
+        merged, joined = _fit_new(merged, joined, len(kept), about)
+    used, flat = np.unique(joined, return_inverse=True)
+    return merged[used], flat.reshape(-1, 3), points
+
+
+def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
+    """Return the chosen units and so many rings of neighbours: `[U]`."""
+    is_chosen = is_chosen.copy()
+    for _ in range(rings):
+        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
+    return is_chosen
+
+
+def _find_doubtful(
+    units: np.ndarray, faces: np.ndarray, new_points: np.ndarray, evidence: Evidence, edge: float
+) -> np.ndarray:
+    """Return the units that have moved or are gone: `[U]`."""
     is_strong = np.zeros(len(units), dtype=bool)
     far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
     if len(far) >= MIN_READINGS:
         crowd, _ = cKDTree(new_points[far]).query(new_points[far], k=MIN_READINGS)
-        is_strong[new_winners[far[crowd[:, -1] < 3 * edge]]] = True
-    is_moved, is_gone = evidence.is_moved & _widen(faces, is_strong, RINGS), evidence.is_gone
-    if not (is_moved | is_gone).any():
-        return units, faces, np.concatenate([old_points, new_points])
+        is_strong[evidence.winners[far[crowd[:, -1] < 3 * edge]]] = True
+    is_moved, is_gone = evidence.is_moved & widen(faces, is_strong, STRONG_RINGS), evidence.is_gone
     if is_gone.any():
-        confirmations = np.bincount(
-            new_winners[evidence.distance <= evidence.tolerance], minlength=len(units)
-        )
+        agreeing = evidence.winners[evidence.distance <= evidence.tolerance]
+        confirmations = np.bincount(agreeing, minlength=len(units))
         is_gone = _spread_gone(faces, is_gone, confirmations, find_read(units, new_points, edge))
-    is_doubtful = is_moved | is_gone
-    distant = new_points[evidence.distance > evidence.tolerance]
-    is_refuted = is_doubtful & ~_find_extended(units, faces, tree, distant)
-    is_active = _widen(faces, is_doubtful, RINGS)
-    is_near = _widen(faces, is_active, RINGS)
-    is_about = _is_about(old_points, units[is_near], edge)
-    about, winners = old_points[is_about], tree.query(old_points[is_about])[1]
-    is_true = ~is_refuted[winners]
-    points = np.concatenate([old_points[~is_about], about[is_true], new_points])
-    about = np.concatenate([about[is_true], new_points])
-    winners = np.concatenate([winners[is_true], new_winners])
-    grown = _grow_locally(about[is_active[winners]], units[is_active & ~is_refuted], edge, rng)
-    num_kept = len(units) - int(is_active.sum())
-    merged = np.concatenate([units[~is_active], grown])
-    crowded = cKDTree(merged).query_pairs(CLOSEST * edge, output_type="ndarray").max(axis=1, initial=-1)
-    merged = np.delete(merged, crowded[crowded >= num_kept], axis=0)
-    place = np.cumsum(~is_active) - 1
-    kept_faces = place[faces[~is_active[faces].any(axis=1)]]
-    near = about[is_near[winners]]
-    joined = _join(merged, num_kept, kept_faces, near)
-    if is_fitted:
-        merged = _fit_locally(merged, joined, num_kept, near)
-    used, flat = np.unique(joined, return_inverse=True)
-    return merged[used], flat.reshape(-1, 3), points
+    return is_moved | is_gone
 
 
 def _spread_gone(
@@ -101,23 +126,25 @@ def _spread_gone(
     Where readings are so few that a unit may miss its own by chance, nothing is added.
     """
     has_any = confirmations > 0
-    if confirmations[has_any].mean() < FEWEST_CONFIRMATIONS:
+    if not has_any.any() or confirmations[has_any].mean() < FEWEST_CONFIRMATIONS:
         return is_gone
     unconfirmed = is_read & ~has_any
     while True:
-        wider = is_gone | _widen(faces, is_gone, 1) & unconfirmed
+        wider = is_gone | widen(faces, is_gone, 1) & unconfirmed
         if (wider == is_gone).all():
             return is_gone
         is_gone = wider
 
 
-def _is_about(points: np.ndarray, units: np.ndarray, edge: float) -> np.ndarray:
-    """Return which points may be won by some of the units: those in their box, `[N]`."""
-    low, high = units.min(axis=0) - 2 * edge, units.max(axis=0) + 2 * edge
+def _is_about(points: np.ndarray, units: np.ndarray, margin: float) -> np.ndarray:
+    """Return which points may be won by some of the units or their neighbours: those in their box, `[N]`."""
+    low, high = units.min(axis=0) - margin, units.max(axis=0) + margin
     return (points >= low).all(axis=1) & (points <= high).all(axis=1)
 
 
-def _find_extended(units: np.ndarray, faces: np.ndarray, tree: cKDTree, distant: np.ndarray) -> np.ndarray:
+def _find_extended(
+    units: np.ndarray, faces: np.ndarray, winner: np.ndarray, distant: np.ndarray
+) -> np.ndarray:
     """Return the units `[U]` at the rim beyond which the surface goes on: old readings stay true there."""
     if len(distant) == 0:
         return np.zeros(len(units), dtype=bool)
@@ -127,7 +154,6 @@ def _find_extended(units: np.ndarray, faces: np.ndarray, tree: cKDTree, distant:
     is_rim[faces.ravel()[slots]] = True
     normals = find_vertex_normals(units, faces)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    winner = tree.query(distant)[1]
     offset = distant - units[winner]
     rise = np.abs((offset * normals[winner]).sum(axis=1)) / np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
     count = np.bincount(winner, minlength=len(units))
@@ -135,62 +161,79 @@ def _find_extended(units: np.ndarray, faces: np.ndarray, tree: cKDTree, distant:
     return is_rim & (flat > count / 2)
 
 
-def _widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
-    """Return the chosen units and so many rings of neighbours: `[U]`."""
-    is_chosen = is_chosen.copy()
-    for _ in range(rings):
-        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
-    return is_chosen
+def _grow_between(
+    samples: np.ndarray, is_open: np.ndarray, kept: np.ndarray, edge: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return `[G, 3]` new units that cover the open samples as densely as the map covers the rest.
 
-
-def _grow_locally(points: np.ndarray, start: np.ndarray, edge: float, rng: np.random.Generator) -> np.ndarray:
-    """Return `[G, 3]` units that cover the points as densely as the map covers the rest."""
-    if len(points) < FEWEST:
+    Wherever a sample is far from all units it becomes one: the error is largest there. Then the new units settle
+    by the batch rule among the kept ones, which do not move.
+    """
+    if not is_open.any():
         return np.empty((0, 3))
-    center = points.mean(axis=0)
-    missing = padded_length(len(points), 1024) - len(points)
-    drawn = np.concatenate([np.arange(len(points)), rng.integers(len(points), size=missing)])
-    samples = ((points[drawn] - center) / edge).astype(np.float32)
-    density = Density(np.full(len(samples), WIDEST_CELL / SPLIT_RADIUS), np.ones(len(samples)))
-    if len(start) < 3:
-        start = np.concatenate([start, points[rng.choice(len(points), 3, replace=False)]])
-    grown = grow(
-        make_level(make_tiles(samples), density),
-        ((start - center) / edge).astype(np.float32),
-        max(len(start), len(points) // 4),
-        growth=1.5,
-        samples_per_unit=8,
-        settle_passes=3,
-        rng=rng,
-    )
-    return grown.astype(np.float64) * edge + center
+    low, high = samples.min(axis=0) - REACH * edge, samples.max(axis=0) + REACH * edge
+    fixed = kept[((kept >= low) & (kept <= high)).all(axis=1)]
+    candidates = samples[is_open]
+    if len(fixed):
+        candidates = candidates[cKDTree(fixed).query(candidates)[0] > COVER * edge]
+    seeds = candidates[_scatter(candidates, COVER * edge, rng)]
+    if len(seeds) == 0:
+        return seeds
+    tree = cKDTree(seeds)
+    if len(fixed):
+        fixed = fixed[np.isfinite(tree.query(fixed, distance_upper_bound=REACH * edge)[0])]
+    samples = samples[rng.permutation(len(samples))[: 2 * SAMPLES_PER_UNIT * (len(seeds) + len(fixed))]]
+    samples = samples[np.isfinite(tree.query(samples, distance_upper_bound=1.5 * edge)[0])]
+    for _ in range(SETTLE_PASSES):
+        winners = np.asarray(cKDTree(np.concatenate([fixed, seeds])).query(samples)[1]) - len(fixed)
+        is_won = winners >= 0
+        counts = np.bincount(winners[is_won], minlength=len(seeds))
+        sums = [np.bincount(winners[is_won], samples[is_won, k], minlength=len(seeds)) for k in range(3)]
+        seeds = (np.stack(sums, axis=1) / np.maximum(counts, 1)[:, None])[counts > 0]
+    everything = np.concatenate([fixed, seeds])
+    crowded = cKDTree(everything).query_pairs(CLOSEST * edge, output_type="ndarray").max(axis=1, initial=-1)
+    return np.delete(seeds, crowded[crowded >= len(fixed)] - len(fixed), axis=0)
 
 
-def _join(units: np.ndarray, num_kept: int, kept_faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the kept faces and those at new units as one surface."""
-    if num_kept == len(units) or len(points) < FEWEST:
-        return kept_faces
-    winners = cKDTree(units).query(points, k=3)[1]
-    tree = cKDTree(points)
-    near = min(10, len(points) - 1)
-    probes = points[:: max(1, len(points) // NUM_PROBES)]
-    spacings = tree.query(probes, k=near + 1)[0][:, -1] * np.sqrt(np.pi / near)
-    support = Support(tree, spacings[cKDTree(probes).query(points)[1]])
-    proposed, margin = propose_faces(units, winners, support)
-    is_new = (proposed >= num_kept).any(axis=1)
-    faces = np.concatenate([kept_faces, proposed[is_new]])
-    quality = np.concatenate([np.full(len(kept_faces), np.inf), margin[is_new]])
-    return finish_faces(units, faces, quality, support)
+def _scatter(samples: np.ndarray, distance: float, rng: np.random.Generator) -> np.ndarray:
+    """Choose samples so that none is nearer to another than a distance, and all others are: indices."""
+    if len(samples) == 0:
+        return np.empty(0, dtype=np.int64)
+    tree = cKDTree(samples)
+    is_left = np.ones(len(samples), dtype=bool)
+    chosen = []
+    for place in rng.permutation(len(samples)).tolist():
+        if is_left[place]:
+            chosen.append(place)
+            is_left[tree.query_ball_point(samples[place], distance)] = False
+    return np.array(chosen)
 
 
-def _fit_locally(units: np.ndarray, faces: np.ndarray, num_kept: int, points: np.ndarray) -> np.ndarray:
-    """Return the units with the new ones fitted to the points; the kept ones stay where they are."""
-    near = faces[_widen(faces, np.arange(len(units)) >= num_kept, 1)[faces].any(axis=1)]
-    if len(near) == 0 or len(points) == 0:
-        return units
-    used, flat = np.unique(near, return_inverse=True)
-    fitted = fit_surface(units[used], flat.reshape(-1, 3), points)
+def _fit_new(
+    units: np.ndarray, faces: np.ndarray, num_kept: int, samples: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the units with the new ones fitted to the samples, and the faces with edges turned between them.
+
+    The kept units stay where they are.
+    """
+    is_new = np.arange(len(units)) >= num_kept
+    is_own = np.asarray(is_new[faces].any(axis=1))
+    is_near = widen(faces, is_new, 1)[faces].any(axis=1)
+    if not is_own.any() or len(samples) == 0:
+        return units, faces
+    used, flat = np.unique(faces[is_near], return_inverse=True)
+    near, is_movable = flat.reshape(-1, 3), is_new[used]
+    is_inner = is_own[is_near]
+    part = units[used]
+    winners = np.asarray(cKDTree(part).query(samples)[1])
+    is_won = np.isin(winners, near[is_inner])
+    samples, winners = samples[is_won], winners[is_won]
+    part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[0])
+    near[is_inner] = turn_edges(part, near[is_inner])
+    part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[1])
+    part = np.where(is_movable[:, None], unfold_faces(part, near), part)
+    turned = faces.copy()
+    turned[is_near] = used[near]
     moved = units.copy()
-    moved[used] = fitted
-    moved[:num_kept] = units[:num_kept]
-    return moved
+    moved[used] = part
+    return moved, turned if is_sound(turned, is_new) else faces

@@ -1,0 +1,106 @@
+"""What rays pass through is no longer there."""
+
+import igl
+import numpy as np
+
+from reconstruction.errors import ReconstructionError
+
+MIN_RAYS = 3
+"""So many rays must pass through a vertex's faces before it is believed."""
+PASSING_SHARE = 0.3
+"""Gone is a vertex where rays that pass are more than this share of them and the readings that agree."""
+
+
+def check_origins(origins: object, num_points: int) -> np.ndarray:
+    """Return where each reading was made from, `[M, 3]`; one place `[3]` is meant for all.
+
+    Raises:
+        ReconstructionError: another shape, not numbers, NaN or infinity.
+    """
+    try:
+        array = np.asarray(origins)
+        if array.dtype.kind not in "fiu":
+            raise TypeError(f"values are {array.dtype}")
+    except (TypeError, ValueError) as error:
+        raise ReconstructionError(f"origins must be real numbers x, y, z: {error}") from error
+    array = array.astype(np.float64)
+    if array.shape not in ((3,), (num_points, 3)):
+        raise ReconstructionError(
+            f"origins must have the shape [3] (one place for all) or [{num_points}, 3] (one a point), "
+            f"got {list(array.shape)}"
+        )
+    if not np.isfinite(array).all():
+        raise ReconstructionError(
+            f"{int((~np.isfinite(array)).sum())} of the values in origins are NaN or infinite; "
+            "leave out the points whose origin is unknown"
+        )
+    return np.ascontiguousarray(np.broadcast_to(array, (num_points, 3)))
+
+
+def find_passed(
+    surface: igl.AABB,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    points: np.ndarray,
+    origins: np.ndarray,
+    agreeing: np.ndarray,
+    margin: float,
+) -> np.ndarray:
+    """Return which vertices rays pass through: `[V]`.
+
+    A ray passes through a face where it goes on by more than the margin behind it, measured along the face's
+    normal, and neither ended nor met another face on that way: it did not only graze an edge.
+
+    Args:
+        surface: the bounding-volume tree of the faces.
+        vertices: `[V, 3]`.
+        faces: `[F, 3]` int64.
+        points: `[M, 3]` where the rays end.
+        origins: `[M, 3]` where they begin.
+        agreeing: `[V]` how many readings found each vertex where it was.
+        margin: the distance up to which a reading agrees.
+    """
+    ray, face, share, corner = _find_hits(surface, vertices, faces, points, origins)
+    direction = (points - origins)[ray]
+    a, b, c = vertices[faces[face]].swapaxes(0, 1)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    steepness = np.abs((normal * direction).sum(axis=1))
+    # The hits of one ray follow one another; the last is followed by the ray's end.
+    is_last = np.append(ray[1:] != ray[:-1], True) if len(ray) else np.zeros(0, dtype=bool)
+    onward = np.where(is_last, 1.0, np.append(share[1:], 1.0)) - share
+    back = np.where(np.append(True, is_last[:-1]), np.inf, share - np.append(0.0, share[:-1]))
+    passes = np.minimum(onward, back) * steepness > margin
+    struck = faces[face, corner][passes]
+    votes = np.bincount(struck, minlength=len(vertices))
+    is_passed = (votes >= MIN_RAYS) & (votes > PASSING_SHARE * (votes + agreeing))
+    is_open = (votes > 0) & (agreeing == 0)
+    while True:
+        wider = is_passed.copy()
+        wider[faces[is_passed[faces].any(axis=1)]] = True
+        wider = is_passed | wider & is_open
+        if (wider == is_passed).all():
+            return is_passed
+        is_passed = wider
+
+
+def _find_hits(
+    surface: igl.AABB, vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, origins: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return all hits before the rays' ends, in order: ray, face, share of the way, nearest corner, each `[H]`."""
+    direction = points - origins
+    _, share, _ = surface.intersect_ray_first(vertices, faces, origins, direction)
+    crossing = np.flatnonzero(np.asarray(share) < 1)
+    found = surface.intersect_ray(vertices, faces, origins[crossing], direction[crossing])
+    rows = [
+        (ray, face, t, np.argmax((1 - u - v, u, v)))
+        for ray, hits in zip(crossing.tolist(), found, strict=True)
+        for face, t, u, v in hits
+        if t < 1
+    ]
+    if not rows:
+        nothing = np.empty(0, dtype=np.int64)
+        return nothing, nothing, np.empty(0), nothing
+    ray, face, share, corner = np.array(rows).T
+    order = np.lexsort((share, ray))
+    return ray[order].astype(int), face[order].astype(int), share[order], corner[order].astype(int)
