@@ -21,6 +21,8 @@ TAPS = 3
 """Reach of the neighbourhood along each grid axis."""
 MAX_ITERATIONS = 24
 """Iterations of a fit at most."""
+MAX_SHORT = 0.02
+"""Share of tiles that may reach beyond their list of candidates before all lists are made twice as long."""
 FAR = 1e6
 """Where padded units stand: they win nothing."""
 
@@ -131,8 +133,8 @@ def _as_grid(values: jax.Array, units: np.ndarray) -> np.ndarray:
 def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the units `[capacity, 3]`, row after row, and every tile's candidates `[T, C]`.
 
-    Both shapes follow from the capacity and the number of samples alone: another seed, another proportion of
-    the grid, but the same compiled program.
+    Both shapes follow from the capacity, the number of samples and whether the lists are long enough: another
+    seed, another proportion of the grid, but the same compiled program.
     """
     flat = units.reshape(-1, 3)
     padded = pad_rows(flat.astype(np.float32), capacity, FAR)
@@ -140,7 +142,11 @@ def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[np.ndarray, np
         candidates = np.broadcast_to(np.arange(capacity, dtype=np.int32), (len(tiles.centers), capacity))
     else:
         number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
-        candidates, _ = find_candidates(tiles, flat, number)
+        candidates, reach = find_candidates(tiles, flat, number)
+        # Steep parts of a sheet put more units under a tile than the mean.
+        radius = np.linalg.norm(tiles.samples[:, ::4] - tiles.centers[:, None], axis=-1).max(axis=1)
+        if (reach < radius).mean() > MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
+            candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
     return padded, candidates
 
 

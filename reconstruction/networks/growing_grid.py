@@ -40,6 +40,7 @@ from reconstruction.networks.grid_mesh import triangulate
 from reconstruction.networks.grid_refinement import refine_sheet
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.progress import Progress, silent
+from reconstruction.surfaces.unfolding import unfold_faces
 
 MAX_FIT_SAMPLES = 200
 """Samples for each unit that the final fit uses."""
@@ -182,7 +183,9 @@ def _train_batch(
     wanted = config.wanted_units
     number = choose_num_samples(len(points), MAX_FIT_SAMPLES * wanted)
     sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-    return fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
+    units = fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
+    faces = triangulate(units, np.ones((units.shape[0] - 1, units.shape[1] - 1), dtype=bool))
+    return unfold_faces(units.reshape(-1, 3), faces).reshape(units.shape)
 
 
 def _grow(
