@@ -1,0 +1,113 @@
+"""Draw the pictures of the pages about the wings: `python docs/pictures.py`, from the repository's root."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import mujoco
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import trimesh
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
+
+import reconstruction as rc
+import symbrion_gym as sg
+
+FOLDER = Path(__file__).parent / "images"
+LIGHT = (0.4, -0.5, 0.77)
+COLOURS = plt.get_cmap("Set2").colors  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def draw_cleaning(log: rc.ScanLog, points: np.ndarray) -> None:
+    """Draw a strip along the course before and after pre-processing, from the side."""
+    figure, axes = plt.subplots(2, 1, figsize=(9, 4.2), sharex=True)
+    for axis, cloud, title in ((axes[0], log.points(), "as scanned"), (axes[1], points, "pre-processed")):
+        strip = cloud[np.abs(cloud[:, 1]) < 0.1]
+        axis.plot(strip[:, 0], strip[:, 2], ".", ms=0.8, color="#1f5f8b", rasterized=True)
+        axis.set(title=title, ylabel="z [m]", xlim=(-1.6, 1.6), ylim=(-0.15, 0.4), aspect="equal")
+    axes[1].set_xlabel("x [m]")
+    _save(figure, "cleaning.png")
+
+
+def draw_networks(surfaces: dict[str, trimesh.Trimesh]) -> None:
+    """Draw meshes around the pit as wires, from above one side."""
+    figure, axes = plt.subplots(1, len(surfaces), figsize=(11, 3.6), subplot_kw={"projection": "3d"})
+    for axis, (title, mesh) in zip(axes, surfaces.items(), strict=True):
+        centres = mesh.triangles_center
+        near = (np.abs(centres[:, 0]) < 1.0) & (centres[:, 1] < 0.3)
+        light = 0.5 + 0.5 * np.clip(mesh.face_normals[near] @ LIGHT, 0, 1)
+        _add_faces(axis, mesh.triangles[near], light[:, None] * np.array([0.86, 0.80, 0.68]), "#00000055")
+        axis.set_title(title, y=0.98, fontsize=10)
+    _save(figure, "networks.png")
+
+
+def draw_pieces(arena: sg.Arena) -> None:
+    """Draw the convex pieces, each in its colour, a little apart."""
+    spec = mujoco.MjSpec()
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1400, 480
+    spec.visual.headlight.ambient = [0.45] * 3
+    spec.worldbody.add_light(pos=[-2, -3, 5], dir=[0.35, 0.5, -0.8], diffuse=[0.6] * 3)
+    for index, piece in enumerate(sorted(arena.pieces, key=lambda piece: piece.centroid[0])):
+        name, colour = f"piece {index}", (*COLOURS[index % len(COLOURS)][:3], 1.0)
+        spec.add_mesh(name=name, uservert=np.ravel(piece.vertices), userface=np.ravel(piece.faces))
+        shift = (0.25 * piece.centroid[0], 0.0, 0.3 if piece.bounds[1, 2] > 0.05 else 0.0)
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=shift, rgba=colour)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    camera = mujoco.MjvCamera()
+    camera.lookat, camera.distance, camera.azimuth, camera.elevation = (0, 0, 0.1), 5.2, 68, -24
+    with mujoco.Renderer(model, 480, 1400) as renderer:
+        renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = False
+        renderer.update_scene(data, camera)
+        pixels = renderer.render().copy()
+    pixels[(pixels == 0).all(axis=2)] = 255
+    _write(pixels, "pieces.png")
+
+
+def _add_faces(axis: Any, triangles: np.ndarray, colours: np.ndarray, edge: str) -> None:
+    axis.add_collection3d(
+        Poly3DCollection(
+            triangles, facecolors=colours, edgecolors=edge, linewidths=0.25, antialiased=edge != "none"
+        )
+    )
+    low, high = triangles.reshape(-1, 3).min(0), triangles.reshape(-1, 3).max(0)
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axis.set_box_aspect(high - low, zoom=1.5)
+    axis.view_init(elev=28, azim=-62)
+    axis.set_axis_off()
+
+
+def _save(figure: Figure, name: str) -> None:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=140, format="png")
+    _write(np.asarray(Image.open(buffer).convert("RGB")), name)
+    plt.close(figure)
+
+
+def _write(pixels: np.ndarray, name: str) -> None:
+    """Write a picture cut to what is drawn on it."""
+    rows, columns = (np.flatnonzero((pixels < 250).any(axis=(axis, 2))) for axis in (1, 0))
+    cut = pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    Image.fromarray(np.ascontiguousarray(cut)).quantize(128).save(FOLDER / name, optimize=True)
+
+
+def main() -> None:
+    """Survey, reconstruct, decompose, draw."""
+    log = sg.survey("truth", seed=0)
+    points = rc.thin(rc.preprocess(log), 0.015)
+    draw_cleaning(log, points)
+    coarse, fine = (rc.reconstruct(points, units=units).mesh for units in (800, 5000))
+    grid = rc.reconstruct(points, method="gg", units=2200).mesh
+    draw_networks({"GSRM, 800 units": coarse, "GSRM, 5,000 units": fine, "growing grid, 2,200 units": grid})
+    draw_pieces(sg.load_arena("gsrm"))
+
+
+if __name__ == "__main__":
+    main()
