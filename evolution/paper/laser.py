@@ -12,7 +12,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.paper.arenas import load_arena
 from evolution.paper.config import PaperConfig
-from evolution.paper.networks import list_networks
+from evolution.paper.networks import list_networks, name_network
 from evolution.paper.ray_casters import BruteForceCaster, Caster, EmbreeCaster, TreeCaster, show_surface
 from evolution.paper.statistics import find_ratio, summarise
 
@@ -126,10 +126,13 @@ def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
 
 def _list_exact(folder: Path, config: PaperConfig, arenas: Mapping[str, sg.Arena]) -> list[Way]:
     """Return the ways that see an exact surface: the arenas', and those of the other sizes of the networks."""
+    known = {name_network("gsrm", config.arena_units), name_network("gg", config.arena_triangles)}
     ways = [
         Way(name, "tree", len(arena.surface.faces), TreeCaster(arena), name) for name, arena in arenas.items()
     ]
     for name in list_networks(config):
+        if name in known:
+            continue
         mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
         ways.append(Way(name, "tree", len(mesh.faces), TreeCaster(show_surface(mesh)), name))
     return ways

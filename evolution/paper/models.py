@@ -34,7 +34,7 @@ def measure_resolutions(
     for index, name in enumerate(names):
         progress(name, index / len(names))
         mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
-        arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed, cache=False)
+        arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed)
         arena.save(folder / "arenas" / name)
         run = evolve_champion(folder, name, f"runs/{name}", config, config.model_generations, workers)
         assert run.champion is not None

@@ -119,7 +119,7 @@ def _intersect(
         u = -(directions @ np.cross(reach, other).T) / det
         v = -(directions @ np.cross(edge, reach).T) / det
         t = np.sum(reach * normal, axis=1) / det
-    t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0))] = np.inf
+        t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0))] = np.inf
     return t.min(axis=1, initial=np.inf)
 
 

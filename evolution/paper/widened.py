@@ -46,7 +46,7 @@ def measure_widened(
     )
     refined.save(folder / "surfaces" / "widened.npz")
     progress("arena", 0.4)
-    arena = sg.make_arena(refined.mesh, name="widened", course=course, seed=config.seed, cache=False)
+    arena = sg.make_arena(refined.mesh, name="widened", course=course, seed=config.seed)
     arena.save(folder / "arenas" / "widened")
     places = {"truth": sg.load_arena("truth"), "widened": truth}
     progress("champion before", 0.5)

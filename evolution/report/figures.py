@@ -45,7 +45,7 @@ def draw_cloud(
     if marked is not None:
         seen = marked if bounds is None else _crop(marked, bounds)
         seen = seen[:: max(1, len(seen) // limit)]
-        axes.scatter(*seen.T, c=MARK, s=1.6, depthshade=False, linewidths=0, rasterized=True)
+        axes.scatter(*seen.T, c=MARK, s=2.2, depthshade=False, linewidths=0, rasterized=True)
     return figure
 
 

@@ -16,13 +16,13 @@ Row = Mapping[str, Any]
 ABSENT = "-"
 NETWORKS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
 METHODS = {
-    "tree": "exact surface, mj_multiRay",
-    "embree": "exact surface, Embree",
-    "brute force": "every triangle, brute force",
-    "hulls": "contact: convex pieces",
-    "boxes": "contact: boxes",
-    "mixed": "contact: boxes and pieces",
-    "height field": "contact: height field",
+    "tree": "mj_multiRay, tree",
+    "embree": "Embree, tree",
+    "brute force": "every triangle",
+    "hulls": "contact pieces",
+    "boxes": "contact boxes",
+    "mixed": "boxes and pieces",
+    "height field": "height field",
 }
 
 
@@ -163,11 +163,12 @@ def tabulate_laser(record: Record) -> Table:
             SCAN_RATIOS.get(row["model"], ABSENT) if paper else ABSENT,
             format_millimetres(row["error"], 1), row["scans"],
         ])  # fmt: skip
-    columns = ["surface", "way", "triangles", "one scan [µs]", "paper [µs]", "ratio to hand-made (95 %)",
+    columns = ["surface", "way", "triangles", "one scan [µs]", "paper [µs]", "to hand-made (95 %)",
                "paper", "wrong by [mm]", "scans"]  # fmt: skip
     text = (
         f"Table III. One scan of {figures['beams']} beams from where the survey's robot scanned; mean ± deviation of "
-        "processor time; the ways take turns pose by pose. Wrong by: mean difference from the exact surface's ranges."
+        "processor time; the ways take turns pose by pose. The first rows see the exact surface, the last shapes that "
+        "robots touch. Wrong by: mean difference from the exact surface's ranges."
     )
     return Table(columns, rows, sign(text, record))
 

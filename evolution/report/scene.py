@@ -18,7 +18,7 @@ from markupsafe import Markup
 from evolution.report.figures import PALETTE, shade
 
 MILLIMETRE_DIGITS = 3
-CAMERA = {"eye": {"x": -1.05, "y": -1.5, "z": 1.0}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
+CAMERA = {"eye": {"x": -0.9, "y": -2.05, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
 
 
 @dataclass

@@ -3,18 +3,24 @@
 import io
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from evolution import report
 from symbrion_gym.arenas.course import Course
 
 
-def open_picture(png: bytes) -> np.ndarray:
-    """Return the pixels of a PNG that must show something."""
+def open_picture(figure: Figure) -> np.ndarray:
+    """Return the pixels of a figure that must show something, as PNG and as SVG."""
+    svg = report.to_svg(figure)
+    assert ElementTree.fromstring(svg).tag.endswith("svg")
+    assert svg == report.to_svg(figure)
+    png = report.to_png(figure)
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
     assert pixels.shape[0] > 60
     assert pixels.shape[1] > 300
@@ -27,12 +33,20 @@ def test_figures_show_something() -> None:
     surface = course.surface()
     points = np.random.default_rng(0).uniform(-1, 1, (500, 3))
     open_picture(report.draw_cloud(points))
+    open_picture(report.draw_cloud(points, marked=points[:50], bounds=np.array([[-1.0] * 3, [1.0] * 3])))
     open_picture(report.draw_surface(surface, points))
     open_picture(report.draw_pieces(course.pieces()))
     open_picture(report.draw_section({"truth": surface, "pieces": course.pieces()}, points))
     open_picture(report.draw_learning_curve(np.arange(3), np.arange(3.0), np.zeros(3)))
     body = np.zeros((50, 8, 3)) + np.linspace(0, 1, 8)[:, None]
     open_picture(report.draw_tracks(body, surface))
+
+
+def test_marked_points_are_red() -> None:
+    points = np.random.default_rng(0).uniform(-1, 1, (500, 3))
+    pixels = open_picture(report.draw_cloud(points, marked=points[:200])).astype(int)
+    is_red = (pixels[..., 0] > 150) & (pixels[..., 1] < 90) & (pixels[..., 2] < 110)
+    assert is_red.sum() > 50
 
 
 def test_a_film_holds_its_frames(tmp_path: Path) -> None:
@@ -65,3 +79,48 @@ def test_the_page_holds_everything_itself(tmp_path: Path) -> None:
     assert not re.findall(r'(?:src|href)="(?!data:)', html)
     assert not re.findall(r"https?://", html)
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_gallery_a_list_and_contents(tmp_path: Path) -> None:
+    page = report.Page("title")
+    page.add_contents()
+    page.add_section("Fig. 3: the cloud")
+    page.add_gallery({"left": b"png", "right": b"png"}, "two pictures")
+    page.add_list(["one", "two & three"])
+    page.write(tmp_path / "page.html")
+    html = (tmp_path / "page.html").read_text()
+    assert '<a href="#fig-3-the-cloud">' in html
+    assert 'id="fig-3-the-cloud"' in html
+    assert html.count("<img") == 2
+    assert "<li>two &amp; three</li>" in html
+
+
+def test_columns_of_words_stand_left(tmp_path: Path) -> None:
+    page = report.Page("title")
+    page.add_table(["arena", "what", "cost"], [["a", "boxes", "1.5"], ["b", "-", "2.5"]], "a table")
+    page.write(tmp_path / "page.html")
+    html = (tmp_path / "page.html").read_text()
+    assert "<td class=text>boxes</td>" in html
+    assert "<td>1.5</td>" in html
+
+
+def test_switches_know_their_traces(tmp_path: Path) -> None:
+    scene = report.Scene()
+    surface = Course().surface()
+    scene.add_points("cloud", np.zeros((50, 3)), limit=10)
+    scene.add_surface("surface", surface, "#aabbcc")
+    scene.add_pieces("pieces", Course().pieces(), is_shown=False)
+    body = np.zeros((50, 8, 3)) + np.linspace(0, 1, 8)[:, None]
+    scene.add_path("path", body)
+    switches = scene.switches()
+    assert [switch["traces"] for switch in switches] == [[0], [1, 2], [3, 4, 5, 6, 7], [8, 9]]
+    assert [switch["is_shown"] for switch in switches] == [True, True, False, True]
+    assert len(scene.layers[0].traces[0].x) == 10
+    page = report.Page("title")
+    page.add_scene(scene, "a scene")
+    with pytest.raises(ValueError, match="one already"):
+        page.add_scene(scene, "another")
+    page.write(tmp_path / "page.html")
+    html = (tmp_path / "page.html").read_text()
+    assert not re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(?!data:)', html)
+    assert 'data-traces="[1, 2]" checked' in html

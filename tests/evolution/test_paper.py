@@ -1,0 +1,177 @@
+"""The paper's experiments: kept one by one, counted right, refused where they contradict what is there."""
+
+import contextlib
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evolution as ev
+import symbrion_gym as sg
+from evolution.cli import run
+from evolution.paper.arenas import RECIPES
+from evolution.paper.config import QUICK, PaperConfig
+from evolution.paper.experiments import list_experiments
+from evolution.paper.folder import PaperFolder
+from evolution.paper.models import find_benchmark
+from evolution.paper.networks import list_networks
+from evolution.paper.physics import time_crossings
+from evolution.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
+from evolution.paper.robots import choose_moments
+from evolution.paper.statistics import find_ratio, summarise
+
+
+def look_down(x: float, height: float = 1.5) -> np.ndarray:
+    """Return the pose of a scanner whose middle beam points down, its fan across the course's y axis."""
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[0, 0, -1], [1, 0, 0], [0, -1, 0]]).T  # x down, y along the course
+    pose[:3, 3] = x, 0.1, height
+    return pose
+
+
+@pytest.fixture(scope="module")
+def champion() -> ev.Champion:
+    names = tuple(f"g{index}" for index in range(8))
+    genotype = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
+    return ev.Champion(genotype, names, "reactive", 8, "simple", 0, 0.0)
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
+    calls = []
+
+    def experiment() -> dict[str, list[float]]:
+        calls.append(1)
+        return {"values": [1.0, 2.0]}
+
+    assert PaperFolder(tmp_path, QUICK).find("cloud") is None
+    first = PaperFolder(tmp_path, QUICK).keep("cloud", experiment)
+    second = PaperFolder(tmp_path, QUICK).keep("cloud", experiment)
+    assert first == second
+    assert len(calls) == 1
+    assert first["figures"] == {"values": [1.0, 2.0]}
+    assert "mujoco" in first["machine"]
+
+
+def test_an_experiment_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    folder = PaperFolder(tmp_path, QUICK)
+
+    def fail() -> dict[str, float]:
+        raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="disk is full"):
+        folder.keep("cloud", fail)
+    assert folder.find("cloud") is None
+    assert list((tmp_path / "experiments").iterdir()) == []
+
+
+def test_another_configuration_is_refused(tmp_path: Path) -> None:
+    PaperFolder(tmp_path, QUICK)
+    with pytest.raises(ev.RunError, match=r"runs 3, not 100.*name another folder"):
+        PaperFolder(tmp_path, PaperConfig())
+
+
+def test_a_damaged_record_is_named(tmp_path: Path) -> None:
+    folder = PaperFolder(tmp_path, QUICK)
+    (tmp_path / "experiments" / "cloud.json").write_text("{")
+    with pytest.raises(ev.RunError, match=r"cloud\.json is damaged"):
+        folder.find("cloud")
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
+    folder, other = PaperFolder(tmp_path, QUICK), PaperFolder(tmp_path, QUICK)
+    with folder.lock(), pytest.raises(ev.RunError, match="another run"), other.lock():
+        pass
+
+
+@pytest.mark.parametrize(
+    "changes", [{"runs": 0}, {"gsrm_units": ()}, {"widened": 0.2}, {"scans": -1}], ids=str
+)
+def test_impossible_sizes_are_refused(changes: dict) -> None:
+    with pytest.raises(ev.RunError, match=next(iter(changes))):
+        dataclasses.replace(QUICK, **changes)
+
+
+def test_the_command_refuses_another_seed_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    PaperFolder(tmp_path, QUICK)
+    assert run(["paper", "--quick", "--seed", "1", "--out", str(tmp_path)]) == 1
+    assert "seed 0, not 1" in capsys.readouterr().err
+
+
+def test_the_full_run_is_the_papers() -> None:
+    config = PaperConfig()
+    assert (config.runs, config.steps) == (100, 3500)
+    assert (config.arena_units, config.arena_triangles) == (2200, 13860)
+    assert len(list_networks(config)) == 6
+    names = list(list_experiments(Path(), config, 1))
+    assert names == [
+        "cloud", "networks", "arenas", "evolution", "physics", "laser", "films", "widened", "resolutions",
+    ]  # fmt: skip
+    assert "resolutions" not in list_experiments(Path(), QUICK, 1)
+    assert {"gg", "gsrm", "simple", "boxes", "hfield", "prisms"} <= set(RECIPES)
+
+
+def test_ratio_of_known_costs() -> None:
+    reference = np.random.default_rng(0).uniform(90, 110, 200)
+    ratio = find_ratio(1.2 * reference, reference)
+    assert ratio["ratio"] == pytest.approx(1.2)
+    assert ratio["low"] == pytest.approx(1.2)  # drawn in pairs: what slows both down does not count
+    noisy = find_ratio(1.2 * np.random.default_rng(1).permutation(reference), reference)
+    assert noisy["low"] < 1.2 < noisy["high"]
+    assert noisy == find_ratio(1.2 * np.random.default_rng(1).permutation(reference), reference)
+    assert summarise([1.0, 2.0, 6.0]) == {
+        "mean": 3.0, "deviation": pytest.approx(2.1602469), "median": 2.0,
+    }  # fmt: skip
+
+
+def test_all_ways_of_scanning_see_the_same() -> None:
+    arena = sg.load_arena("simple")
+    casters = [TreeCaster(arena), TreeCaster(arena, on_contact=True), BruteForceCaster(arena.surface)]
+    with contextlib.suppress(ImportError):
+        casters.append(EmbreeCaster(arena.surface))
+    for x in (-2.0, -0.45, 0.03):
+        exact, *others = (caster(look_down(x)) for caster in casters)
+        assert np.isfinite(exact).sum() > 100
+        assert exact[180] == pytest.approx(1.5 - float(arena.height(x, 0.1)), abs=1e-4)  # the middle beam
+        for ranges in others:
+            both = np.isfinite(exact) & np.isfinite(ranges)
+            assert both.sum() >= 0.98 * np.isfinite(exact).sum()
+            assert np.abs(exact - ranges)[both].mean() < 1e-4
+
+
+def test_contact_shapes_are_scanned_where_they_are() -> None:
+    arena = sg.load_arena("simple")
+    raised = [piece.copy().apply_translation([0, 0, 0.1]) for piece in arena.pieces]
+    lifted = dataclasses.replace(arena, pieces=raised)
+    pose = look_down(-0.45)
+    difference = TreeCaster(lifted)(pose)[180] - TreeCaster(lifted, on_contact=True)(pose)[180]
+    assert difference == pytest.approx(0.1, abs=1e-4)
+
+
+def test_crossings_are_timed(champion: ev.Champion) -> None:
+    config = dataclasses.replace(QUICK, runs=2, steps=80)
+    samples = time_crossings(champion, {"simple": sg.load_arena("simple")}, config)["simple"]
+    assert [len(values) for values in samples.values()] == [2, 2, 2, 2]
+    assert min(samples["collision_us"]) > 0
+    assert np.all(np.array(samples["physics_us"]) > np.array(samples["collision_us"]))
+    assert min(samples["contacts"]) > 1
+
+
+def test_moments_tell_the_story() -> None:
+    positions = np.zeros((100, 3, 3))
+    positions[:, 0, 0] = np.linspace(-2.35, 1.65, 100)  # the head is before the pit at half time
+    assert choose_moments(positions, 20) == [10, 14, 19]
+    assert choose_moments(positions - 5.0, 20) == [0, 10, 19]
+
+
+def test_benchmarks_may_be_absent(tmp_path: Path) -> None:
+    assert find_benchmark("models", tmp_path) is None
+    record = {"results": {"models": {"gsrm": {}}}, "date": "2026-01-01", "machine": {}, "versions": {}}
+    (tmp_path / "evolution.json").write_text(json.dumps(record))
+    found = find_benchmark("models", tmp_path)
+    assert found is not None
+    assert found["figures"] == {"gsrm": {}}
+    assert find_benchmark("stages", tmp_path) is None
