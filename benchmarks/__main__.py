@@ -25,7 +25,9 @@ def find_benchmarks() -> list[str]:
 def main() -> None:
     """Read the command line and run; a benchmark that fails does not stop the others."""
     names = find_benchmarks()
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"which to run (default: all): {', '.join(names)}"
     )

@@ -17,6 +17,8 @@ REDUCTIONS: dict[str, Callable[[list[Any]], Any]] = {
     "sum": sum,
     "count": len,
 }
+MM = 1000.0
+PERCENT = 100.0
 SENSES = {"<=": operator.le, ">=": operator.ge}
 
 
@@ -98,10 +100,18 @@ class Claim:
         """Name of the results that the first number comes from."""
         return self.values[0].file
 
-    @property
-    def part(self) -> str:
-        """First key of the path of the first number."""
-        return self.values[0].path.split("/")[0]
+    def find_part(self, records: dict[str, dict[str, Any]]) -> Any:
+        """Return the part of the results that the first number lies in; None where it was never measured."""
+        results = records.get(self.file, {}).get("results", {})
+        keys = self.values[0].path.split("/")
+        return results.get("/".join(keys[: _find_key(results, keys)]))
+
+    def is_measured(self, records: dict[str, dict[str, Any]]) -> bool:
+        """Tell whether the part of the results that each number lies in is there."""
+        return all(
+            _find_key(records.get(value.file, {}).get("results", {}), value.path.split("/"))
+            for value in self.values
+        )
 
     def read(self, records: dict[str, dict[str, Any]]) -> list[Any]:
         """Return the numbers.
@@ -121,7 +131,7 @@ class Claim:
             except ClaimError as error:
                 raise ClaimError(
                     f"claim {self.what!r}, benchmarks/results/{value.file}.json: {error}; "
-                    f"run `python -m benchmarks.{value.file}` or correct benchmarks/claims.py"
+                    f"run `python -m benchmarks.{value.file}` or correct benchmarks/claims/"
                 ) from None
         return numbers
 
@@ -161,13 +171,21 @@ def _walk(entry: Any, keys: list[str], path: str) -> Iterator[Any]:
         yield entry
         return
     key, *rest = keys
+    joined = _find_key(entry, keys)
     if key == "*" and isinstance(entry, dict | list) and entry:
         for below in entry.values() if isinstance(entry, dict) else entry:
             yield from _walk(below, rest, path)
-    elif isinstance(entry, dict) and key in entry:
-        yield from _walk(entry[key], rest, path)
+    elif isinstance(entry, dict) and joined:
+        yield from _walk(entry["/".join(keys[:joined])], keys[joined:], path)
     elif isinstance(entry, list) and key.lstrip("-").isdigit() and -len(entry) <= int(key) < len(entry):
         yield from _walk(entry[int(key)], rest, path)
     else:
         there = ", ".join(map(repr, entry)) if isinstance(entry, dict) else f"a {type(entry).__name__}"
         raise ClaimError(f"no {key!r} on the way to {path!r}; there is {there:.200}")
+
+
+def _find_key(entry: Any, keys: list[str]) -> int:
+    """Return how many of the keys together are one key of the entry (`a/b` may be one), 0 if none are."""
+    if not isinstance(entry, dict):
+        return 0
+    return next((n for n in range(1, len(keys) + 1) if "/".join(keys[:n]) in entry), 0)

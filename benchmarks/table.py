@@ -2,6 +2,9 @@
 
     python -m benchmarks.table [--check]
 
+A claim whose part of the results was never measured is left out, and named; one whose number has gone from its
+part is an error.
+
 Between `<!-- figures -->` and `<!-- /figures -->` of the README stands the table of the main claims, between
 `<!-- limits -->` and `<!-- /limits -->` what is known to fall short. Nothing there is written by hand.
 """
@@ -23,7 +26,11 @@ Records = dict[str, dict[str, Any]]
 
 def main() -> None:
     """Write the texts, or check that they are up to date."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.table", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.table",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument(
         "--check", action="store_true", help="change nothing; fail where a text is out of date"
     )
@@ -45,11 +52,14 @@ def main() -> None:
         sys.exit(f"out of date: {', '.join(old)}; run `python -m benchmarks.table`")
     for path, text in wanted.items():
         write_whole(path, text)
-    print(f"{len(CLAIMS)} claims; changed: {', '.join(old) or 'nothing'}")
+    absent = [claim for claim in (*CLAIMS, *LIMITS) if not claim.is_measured(records)]
+    for claim in absent:
+        print(f"left out, not measured: {claim.file}: {claim.what}")
+    print(f"{len(CLAIMS) + len(LIMITS) - len(absent)} claims; changed: {', '.join(old) or 'nothing'}")
 
 
 def make_table(records: Records, is_patient: bool = False) -> str:
-    """Return the table of all claims as Markdown, by group.
+    """Return the table of all claims that were measured as Markdown, by group.
 
     Args:
         records: what the benchmarks wrote.
@@ -61,6 +71,8 @@ def make_table(records: Records, is_patient: bool = False) -> str:
     parts = [describe_origin(records, [claim.file for claim in CLAIMS])]
     for title, claims in GROUPS.items():
         lines = [line for claim in claims if (line := _make_line(claim, records, is_patient))]
+        if not lines:
+            continue
         commands = dict.fromkeys(f"`python -m benchmarks.{claim.file}`" for claim in claims)
         parts += [f"## {title}", " and ".join(commands), "\n".join([HEAD, *lines])]
     return "\n\n".join(parts) + "\n"
@@ -72,10 +84,10 @@ def fill_in(readme: str, records: Records) -> str:
     Raises:
         ClaimError: a claim has no figure, or a mark is missing.
     """
-    claims = [claim for claim in CLAIMS if claim.is_headline]
+    claims = [claim for claim in CLAIMS if claim.is_headline and claim.is_measured(records)]
     origin = describe_origin(records, [claim.file for claim in claims])
     figures = "\n".join([origin, "", HEAD, *(_make_line(claim, records) for claim in claims)])
-    limits = "\n".join(f"- {limit.format(records)}" for limit in LIMITS)
+    limits = "\n".join(f"- {limit.format(records)}" for limit in LIMITS if limit.is_measured(records))
     return replace_section(replace_section(readme, "figures", figures), "limits", limits)
 
 
@@ -113,6 +125,8 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def _make_line(claim: Claim, records: Records, is_patient: bool = False) -> str:
+    if not claim.is_measured(records):
+        return ""
     try:
         remark = " (quick run)" if _is_quick(claim, records) else ""
         return f"| {claim.what} | {claim.format(records)}{remark} | {claim.judge(records)} |"
@@ -124,9 +138,9 @@ def _make_line(claim: Claim, records: Records, is_patient: bool = False) -> str:
 
 def _is_quick(claim: Claim, records: Records) -> bool:
     """Tell whether the part of the results that a claim is about comes from a quick run."""
-    record = records.get(claim.file, {"results": {}})
-    part = record["results"].get(claim.part)
-    return bool(isinstance(part, dict) and part.get("is_quick", record.get("is_quick", False)))
+    part = claim.find_part(records)
+    whole = records.get(claim.file, {}).get("is_quick", False)
+    return bool(part.get("is_quick", whole) if isinstance(part, dict) else whole)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,25 @@
+"""Every figure that README and documentation state, and where in `benchmarks/results` it comes from.
+
+One file a benchmark. `python -m benchmarks.table` turns these lists into text; a figure stands nowhere else.
+"""
+
+from benchmarks.claims.arena import ARENA
+from benchmarks.claims.environment import ENVIRONMENT
+from benchmarks.claims.evolution import EVOLUTION
+from benchmarks.claims.limits import LIMITS
+from benchmarks.claims.reconstruction import RECONSTRUCTION
+from benchmarks.claims.scans import SCANS
+from benchmarks.claims.staircase import STAIRCASE
+from benchmarks.figures import Claim
+
+GROUPS: dict[str, tuple[Claim, ...]] = {
+    "Scans": SCANS,
+    "Reconstruction": RECONSTRUCTION,
+    "Arenas": ARENA,
+    "Environment": ENVIRONMENT,
+    "Evolution": EVOLUTION,
+    "A real staircase": STAIRCASE,
+}
+CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)
+
+__all__ = ["CLAIMS", "GROUPS", "LIMITS"]

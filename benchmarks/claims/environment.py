@@ -1,0 +1,81 @@
+"""Speed and honesty of the environment."""
+
+from benchmarks.figures import Claim, Value
+
+
+def _speed(arena: str) -> Value:
+    return Value("environment", f"speed/{arena}: robot-seconds per second")
+
+
+def _agreement(part: str, key: str) -> tuple[Value, Value]:
+    path = f"{part}/{key}"
+    return (
+        Value("environment", path, pattern=r"(\d+) of \d+ agree"),
+        Value("environment", path, pattern=r"of (\d+) agree"),
+    )
+
+
+ENVIRONMENT = (
+    Claim(
+        "robot-seconds per second, 8 modules, one thread: truth / gsrm / gg",
+        "{0:.0f} / {1:.0f} / {2:.0f}",
+        (_speed("truth"), _speed("gsrm"), _speed("gg")),
+        bar=">= 60 on gsrm",
+        judged=1,
+        is_headline=True,
+    ),
+    Claim(
+        "`env.step` against bare `mj_step`, gsrm",
+        "{0:.2f}",
+        (Value("environment", "speed/gsrm: over bare mj_step"),),
+        bar="<= 1.10",
+    ),
+    Claim(
+        "`reset`, gsrm",
+        "{0:.1f} ms",
+        (Value("environment", "speed/gsrm: reset [ms]"),),
+        bar="<= 2 ms",
+    ),
+    Claim(
+        "vector environment: two threads over one",
+        "{0:.2f}",
+        (Value("environment", "threads/two threads over one"),),
+        bar=">= 1.7 on an idle machine",
+    ),
+    Claim(
+        "5 ms physics agrees with 1 ms on who crosses, pit 0.30 m",
+        "{0} of {1}",
+        _agreement("timestep", "pit 0.30"),
+        bar=">= 28 of 30",
+        is_headline=True,
+    ),
+    Claim(
+        "5 ms physics agrees with 1 ms on who crosses, pit 0.35 m",
+        "{0} of {1}",
+        _agreement("timestep", "pit 0.35"),
+        bar=">= 28 of 30",
+    ),
+    Claim(
+        "sphere tracks agree with wheels on joints, pit 0.35 m",
+        "{0} of {1}",
+        _agreement("tracks", "pit 0.35: wheels"),
+        bar=">= 27 of 30",
+    ),
+    Claim(
+        "sphere tracks agree with the authors' cylinders, pit 0.35 m",
+        "{0} of {1}",
+        _agreement("tracks", "pit 0.35: cylinders"),
+        bar=">= 27 of 30",
+    ),
+    Claim(
+        "cheats found by a second judge among the successes of random and of evolved episodes",
+        "{0} in {1:,} + {2:,}",
+        (
+            Value("environment", "cheats/cheats"),
+            Value("environment", "cheats/episodes/random"),
+            Value("environment", "cheats/episodes/evolved"),
+        ),
+        bar="<= 0",
+        is_headline=True,
+    ),
+)

@@ -1,0 +1,96 @@
+"""Whether champions hold, and what they cost."""
+
+from benchmarks.figures import PERCENT, Claim, Value
+
+
+def _count_champions(part: str) -> tuple[Value, ...]:
+    names = ("champions_that_hold", "of", "median_genotypes")
+    return Value("evolution", f"{part}/{names[0]}"), *(Value("evolution", f"{part}/{n}") for n in names[1:])
+
+
+def _claim_model(model: str, words: str) -> Claim:
+    values = (*_count_champions(f"models/{model}"), Value("evolution", f"models/{model}/median_cpu_seconds"))
+    return Claim(
+        f"evolved on {words}", "{0} of {1} hold; {2:.0f} genotypes, {3:.0f} CPU s in the median", values
+    )
+
+
+EVOLUTION = (
+    Claim(
+        "runs whose champion, evolved in the scanned arena, crosses in at least 18 of 20 fresh trials in the true one "
+        "(pit 0.40 m, 8 modules); genotypes in the median",
+        "{0} of {1}; {2:.0f}",
+        _count_champions("champions"),
+        bar=">= 5 of 5",
+        is_headline=True,
+    ),
+    Claim(
+        "likewise with 6 modules",
+        "{0} of {1}; {2:.0f}",
+        _count_champions("six_modules"),
+        bar=">= 3 of 5",
+    ),
+    Claim(
+        "likewise over an abyss of 0.35 m, where only a bridge counts",
+        "{0} of {1}; {2:.0f}",
+        _count_champions("abyss"),
+        bar=">= 3 of 5",
+    ),
+    Claim(
+        "likewise from zero instead of from a genotype set by hand",
+        "{0} of {1}; {2:.0f}",
+        _count_champions("from_zero"),
+    ),
+    Claim(
+        "crossings of 20 by a body without control / by the genotype that the search begins with",
+        "{0} / {1}",
+        (Value("evolution", "start/zero/successes"), Value("evolution", "start/hint/successes")),
+    ),
+    Claim(
+        "how much better validation was than the final test, trials of 20, mean over all runs",
+        "{0:.2f}",
+        (Value("evolution", "gap/mean_of_20"),),
+        bar="<= 1.5",
+        is_headline=True,
+    ),
+    _claim_model("simple", "the model made by hand"),
+    _claim_model("gsrm 200", "a GSRM of 200 units"),
+    _claim_model("gsrm 800", "a GSRM of 800 units"),
+    _claim_model("gsrm 2200", "a GSRM of 2,200 units"),
+    _claim_model("gsrm 5000", "a GSRM of 5,000 units"),
+    _claim_model("gg 210", "a growing grid of 210 triangles"),
+    _claim_model("gg 13860", "a growing grid of 13,860 triangles"),
+    Claim(
+        "coarse to fine: times less processor time than fine only",
+        "{0:.1f}",
+        (Value("evolution", "stages_compared/times_less_cpu_seconds"),),
+        bar=">= 1.5",
+    ),
+    Claim(
+        "length of the body where evolution may choose it (4 to 9), shortest / longest of the champions",
+        "{0} / {1}",
+        (
+            Value("evolution", "body_length/runs/*/modules", "min"),
+            Value("evolution", "body_length/runs/*/modules", "max"),
+        ),
+    ),
+    Claim(
+        "overhead of the loop over bare stepping, trials of equal length",
+        "{0:.1f} %",
+        (Value("evolution", "overhead/none of which ends before the others", scale=PERCENT),),
+        bar="<= 10 %",
+    ),
+    Claim(
+        "two threads over one",
+        "{0:.2f}",
+        (Value("evolution", "workers/speedup_of_two"),),
+        bar=">= 1.7 on an idle machine",
+    ),
+    Claim(
+        "runs killed by signal 9 at random moments that end, resumed, as if they had not been",
+        "{0} of {1}",
+        (Value("evolution", "kills/same_champion_and_history"), Value("evolution", "kills/kills")),
+        bar=">= 20 of 20",
+        is_headline=True,
+    ),
+)
