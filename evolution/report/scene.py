@@ -9,14 +9,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import plotly.graph_objects as go
-import plotly.io
-import plotly.offline
 import trimesh
 from markupsafe import Markup
 
 from evolution.report.figures import PALETTE, shade
 
+Trace = dict[str, Any]
 MILLIMETRE_DIGITS = 3
 CAMERA = {"eye": {"x": -0.9, "y": -2.05, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
 
@@ -27,12 +25,12 @@ class Layer:
 
     Attributes:
         name: beside the switch.
-        traces: of Plotly.
+        traces: of Plotly, as plain dictionaries.
         is_shown: at the beginning.
     """
 
     name: str
-    traces: list[Any]
+    traces: list[Trace]
     is_shown: bool = True
 
 
@@ -46,14 +44,14 @@ class Scene:
         """Add a cloud `[N, 3]` [m], coloured by height, thinned evenly to `limit`."""
         shown = points[:: max(1, -(-len(points) // limit))]
         marker = {"size": 1.6, "color": _round(shown[:, 2]), "colorscale": "Viridis"}
-        self._add(name, [go.Scatter3d(**_place(shown), mode="markers", marker=marker)], is_shown)
+        self._add(name, [_make("scatter3d", **_place(shown), mode="markers", marker=marker)], is_shown)
 
     def add_surface(self, name: str, mesh: trimesh.Trimesh, colour: str, is_shown: bool = True) -> None:
         """Add a mesh with its edges."""
         edges = np.asarray(mesh.vertices)[mesh.edges_unique]
         gaps = np.full((len(edges), 1, 3), np.nan)
         lines = np.concatenate([edges, gaps], axis=1).reshape(-1, 3)
-        wire = go.Scatter3d(**_place(lines), mode="lines", line={"color": "#3a4a5c", "width": 1})
+        wire = _make("scatter3d", **_place(lines), mode="lines", line={"color": "#3a4a5c", "width": 1})
         self._add(name, [_make_mesh(mesh, colour), wire], is_shown)
 
     def add_pieces(self, name: str, pieces: Sequence[trimesh.Trimesh], is_shown: bool = True) -> None:
@@ -71,10 +69,12 @@ class Scene:
             snapshots: moments.
             is_shown: at the beginning.
         """
-        head = go.Scatter3d(**_place(positions[::5, 0]), mode="lines", line={"color": PALETTE[1], "width": 4})
+        head = _make(
+            "scatter3d", **_place(positions[::5, 0]), mode="lines", line={"color": PALETTE[1], "width": 4}
+        )
         chosen = positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)]
         gap = np.full((snapshots, 1, 3), np.nan)
-        bodies = go.Scatter3d(
+        bodies = _make("scatter3d",
             **_place(np.concatenate([chosen, gap], axis=1).reshape(-1, 3)),
             mode="lines+markers", line={"color": "#7a1f12", "width": 3},
             marker={"size": 4, "color": PALETTE[1]},
@@ -92,6 +92,9 @@ class Scene:
 
     def to_html(self) -> Markup:
         """Return the scene as a `div` and the script that fills it; the page holds Plotly itself."""
+        import plotly.graph_objects as go
+        import plotly.io
+
         figure = go.Figure([trace for layer in self.layers for trace in layer.traces])
         axis: Mapping[str, Any] = {"visible": False, "showspikes": False}
         figure.update_layout(
@@ -108,26 +111,33 @@ class Scene:
             )
         )  # fmt: skip
 
-    def _add(self, name: str, traces: list[Any], is_shown: bool) -> None:
+    def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
         for trace in traces:
-            trace.update(visible=is_shown, hoverinfo="skip", name=name)
+            trace |= {"visible": is_shown, "hoverinfo": "skip", "name": name}
         self.layers.append(Layer(name, traces, is_shown))
 
 
 def get_plotly_program() -> Markup:
     """Return Plotly's JavaScript, to be put into a page."""
+    import plotly.offline
+
     return Markup(plotly.offline.get_plotlyjs())
 
 
-def _make_mesh(mesh: trimesh.Trimesh, colour: str) -> go.Mesh3d:
+def _make_mesh(mesh: trimesh.Trimesh, colour: str) -> Trace:
     """Return a mesh with its shading in the colours of its faces: Plotly's own light is not that of the figures."""
     i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
     shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(colour)))).astype(np.uint8)
     facecolor = ["#" + bytes(rgb).hex() for rgb in shaded]
-    return go.Mesh3d(
+    return _make(
+        "mesh3d",
         **_place(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
         lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     )  # fmt: skip
+
+
+def _make(kind: str, **values: Any) -> Trace:
+    return {"type": kind, **values}
 
 
 def _place(points: np.ndarray) -> dict[str, np.ndarray]:

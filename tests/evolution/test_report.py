@@ -115,7 +115,7 @@ def test_switches_know_their_traces(tmp_path: Path) -> None:
     switches = scene.switches()
     assert [switch["traces"] for switch in switches] == [[0], [1, 2], [3, 4, 5, 6, 7], [8, 9]]
     assert [switch["is_shown"] for switch in switches] == [True, True, False, True]
-    assert len(scene.layers[0].traces[0].x) == 10
+    assert len(scene.layers[0].traces[0]["x"]) == 10
     page = report.Page("title")
     page.add_scene(scene, "a scene")
     with pytest.raises(ValueError, match="one already"):
