@@ -107,18 +107,21 @@ def replace_section(text: str, mark: str, content: str) -> str:
 def describe_origin(records: Records, files: list[str]) -> str:
     """Return one line: machine, versions and days of the results in these files."""
     used = [records[name] for name in dict.fromkeys(files) if name in records]
+    if not used:
+        return "Nothing was measured yet."
     machines = {
         "{cores} cores of an {processor}, {system}, Python {python}".format(**record["machine"])
         for record in used
     }
     versions = {"MuJoCo {mujoco}, JAX {jax}, coacd {coacd}".format(**record["versions"]) for record in used}
     days = sorted(record["date"] for record in used)
-    span = days[0] if days[:1] == days[-1:] else f"{days[0]} to {days[-1]}" if days else "no results yet"
+    span = days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
     return f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
 
 
 def write_whole(path: Path, text: str) -> None:
     """Write a file beside its place, then move it there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_suffix(".part")
     beside.write_text(text)
     beside.replace(path)
