@@ -1,199 +1,183 @@
 """Does evolution find champions that hold in the true arena, at what price, and is its bookkeeping honest?
 
-    python -m benchmarks.evolution [--quick] [--only champions stages ...]
+    python -m benchmarks.evolution [--quick] [--only champions stages ...] [--seeds 0 1 ...]
 
 Every champion is judged by 20 fresh randomised trials from the floor in the true arena, which the search
-never saw. Wall seconds mean something on an idle machine only; genotypes and trials always do.
+never saw. Each run is written as soon as it is known; a part that is measured again replaces its own rows.
+Wall seconds mean something on an idle machine only (`load` tells); genotypes, trials and processor seconds
+always do.
 """
 
 import argparse
-import time
+import tempfile
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import write_results
-from evolution.cmaes import evolve
+from benchmarks.evolution_machine import measure_backends, measure_kills, measure_overhead, measure_workers
+from benchmarks.evolution_runs import PASS, TRIALS, Results, make_model, measure_runs
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX
-from evolution.evaluation import Job, Trials, evaluate, make_backend
-from evolution.playback import judge
-from evolution.rollout import simulate
-from evolution.run import Run
+from evolution.evaluation import evaluate
 from evolution.stages import Stage
-from symbrion_gym.environment import vector
 
-TRIALS = 20
-PASS = 18
+SEEDS = (0, 1, 2, 3, 4)
 BASE = EvolutionConfig(arena="gsrm", modules=8, generations=50, workers=2)
-MODELS = ("simple", "gsrm", "gg", "truth")
+"""At most 600 genotypes."""
+MODELS: dict[str, tuple[str, int] | str] = {
+    "simple": "simple",
+    "gsrm 200": ("gsrm", 200),
+    "gsrm 800": ("gsrm", 800),
+    "gsrm 2200": "gsrm",
+    "gsrm 5000": ("gsrm", 5000),
+    "gg 210": ("gg", 210),
+    "gg 13860": "gg",
+}
+"""Models to evolve on: a ready-made arena, or a network and its units (gsrm) or triangles (gg)."""
+COARSE, FINE = "gsrm 200", "gg 13860"
+CANTILEVER = (("abyss", True), ("pit", 0.35))
 
 
-def measure_run(config: EvolutionConfig) -> dict[str, Any]:
-    """Evolve, judge in truth, and return figures of both."""
-    began = time.perf_counter()
-    run = evolve(config)
-    seconds = time.perf_counter() - began
-    assert run.champion is not None
-    environment = tuple(pair for pair in run.champion.environment if pair[0] in ("abyss", "pit"))
-    champion, seed = replace(run.champion, environment=environment), 10_000 + config.seed
-    held = judge(champion, "truth", TRIALS, seed, workers=config.workers).successes
-    return {
-        "seed": config.seed,
-        "genotypes": int(run.history["evaluations"][-1]),
-        "trials": int(run.history["trials"][-1]),
-        "wall_seconds": round(seconds, 1),
-        "modules": run.champion.modules,
-        "validated": [run.champion.successes, run.champion.trials],
-        "held_in_truth": held,
-        "gap_of_20": _find_gap(run, held),
-    }
+class Benchmark:
+    """The parts, each a method of its name.
+
+    Args:
+        results: where they write.
+        seeds: of the runs.
+        repeats: of what is timed.
+        say: told each figure.
+    """
+
+    def __init__(
+        self, results: Results, seeds: tuple[int, ...], repeats: int, say: Callable[[str], None]
+    ) -> None:
+        self._results, self._seeds, self._repeats, self._say = results, seeds, repeats, say
+
+    def _run(self, part: str, seeds: tuple[int, ...] | None = None, **changes: Any) -> list[dict[str, Any]]:
+        chosen = self._seeds if seeds is None else seeds
+        return measure_runs(self._results, part, replace(BASE, **changes), chosen, self._say)
+
+    def _put(self, part: str, figures: dict[str, Any]) -> None:
+        self._results.put(part, figures)
+        self._say(f"{part}: {figures}")
+
+    def start(self) -> None:
+        """How often a body without control, and the point where the search begins, cross in truth."""
+        figures = {}
+        for name, genotype in (("zero", np.zeros(len(REFLEX))), ("hint", np.array(REFLEX))):
+            _, outcomes = evaluate(genotype, trials=TRIALS, start="floor", seed=99, workers=2)
+            figures[name] = {"successes": outcomes[0].successes, "trials": TRIALS}
+        self._put("start", figures)
+
+    def overhead(self) -> None:
+        """The loop over bare stepping."""
+        self._put("overhead", measure_overhead(self._repeats))
+
+    def workers(self) -> None:
+        """Two threads over one."""
+        self._put("workers", measure_workers(self._repeats))
+
+    def backends(self) -> None:
+        """Equal histories from 1, 2 and 4 threads and from processes; Ray has its own test."""
+        self._put("backends", measure_backends())
+
+    def kills(self) -> None:
+        """Runs killed by signal 9 and resumed."""
+        self._put("kills", measure_kills(20))
+
+    def champions(self) -> None:
+        """The task: pit 0.40 m, 8 modules, on the scanned arena."""
+        self._run("champions")
+
+    def six_modules(self) -> None:
+        """A shorter body."""
+        self._run("six_modules", modules=6)
+
+    def abyss(self) -> None:
+        """A bridge of 0.35 m, about as far as a hinge can hold the body out."""
+        self._run("abyss", arena="truth", environment=CANTILEVER)
+
+    def models(self) -> None:
+        """Evolved on coarse and fine models of the same arena, judged in truth."""
+        with tempfile.TemporaryDirectory() as folder:
+            for name, recipe in MODELS.items():
+                arena = recipe if isinstance(recipe, str) else make_model(*recipe, Path(folder))
+                self._run(f"models/{name}", arena=arena)
+
+    def stages(self) -> None:
+        """Coarse to fine against fine only (the row of `models`), by the time to a champion that holds."""
+        with tempfile.TemporaryDirectory() as folder:
+            method, units = MODELS[COARSE]
+            coarse = make_model(str(method), int(units), Path(folder))
+            staged = self._run("stages", stages=(Stage(coarse, 15, "success"), Stage("gg")))
+        fine = self._results.find_runs(f"models/{FINE}")
+        if fine:
+            figures = {
+                f"times_less_{name}": _compare(fine, staged, name) for name in ("cpu_seconds", "genotypes")
+            }
+            self._put("stages_compared", {"coarse": COARSE, "fine": FINE, **figures})
+
+    def body_length(self) -> None:
+        """Evolution chooses the length of the body; then one module less gets as many genotypes."""
+        seeds = self._seeds[:3]
+        rows = self._run("body_length", seeds, body_lengths=(4, 9), stop_when_solved=False)
+        shortest = min((row["modules"] for row in rows if row["held_in_truth"] >= PASS), default=None)
+        if shortest is not None:
+            self._run("body_one_shorter", seeds, modules=shortest - 1)
+
+    def from_zero(self) -> None:
+        """The search begins with no knowledge and a larger step."""
+        self._run("from_zero", self._seeds[:3], origin="zero", sigma=0.5, generations=100)
+
+    def gap(self) -> None:
+        """The gap between validation and final test, over all runs of all parts."""
+        runs = [row for part in list(self._results.content) for row in self._results.find_runs(part)]
+        gaps = np.array([row["gap_of_20"] for row in runs if row["gap_of_20"] is not None])
+        if len(gaps):
+            figures = {"runs": len(gaps), "mean_of_20": round(float(gaps.mean()), 2)}
+            self._put("gap", {**figures, "largest_of_20": float(gaps.max())})
 
 
-def _find_gap(run: Run, held: int) -> float | None:
-    champion = run.champion
-    return (
-        round(20 * champion.successes / champion.trials - held, 2) if champion and champion.trials else None
-    )
+PARTS = tuple(name for name in vars(Benchmark) if not name.startswith("_"))
+QUICK = ("start", "overhead", "workers", "backends", "champions", "gap")
 
 
-def measure_champions(seeds: int, **changes: Any) -> dict[str, Any]:
-    """Evolve once for each seed and count the champions that hold."""
-    rows = [measure_run(replace(BASE, seed=seed, **changes)) for seed in range(seeds)]
-    gaps = [row["gap_of_20"] for row in rows if row["gap_of_20"] is not None]
-    return {
-        "runs": rows,
-        "champions_that_hold": sum(row["held_in_truth"] >= PASS for row in rows),
-        "of": seeds,
-        "median_genotypes": float(np.median([row["genotypes"] for row in rows])),
-        "median_wall_seconds": float(np.median([row["wall_seconds"] for row in rows])),
-        "mean_gap_of_20": float(np.mean(gaps)) if gaps else None,
-    }
+def _compare(fine: list[dict[str, Any]], staged: list[dict[str, Any]], name: str) -> float:
+    """Return how many times less coarse to fine needs, by the medians of the runs that hold."""
+    one, other = ([row[name] for row in rows if row["held_in_truth"] >= PASS] for rows in (fine, staged))
+    return round(float(np.median(one) / np.median(other)), 2) if one and other else float("nan")
 
 
-def measure_start(trials: int) -> dict[str, Any]:
-    """Return how often a body without control, and the point where the search begins, cross in truth."""
-    results = {}
-    for name, genotype in (("zero", np.zeros(len(REFLEX))), ("start of the search", np.array(REFLEX))):
-        _, outcomes = evaluate(genotype, arena="truth", trials=trials, start="floor", seed=99, workers=2)
-        results[name] = {"successes": outcomes[0].successes, "trials": trials}
-    return results
-
-
-def measure_stages(seeds: int) -> dict[str, Any]:
-    """Compare coarse to fine with fine only, by the time to a champion that holds in truth."""
-    fine = measure_champions(seeds, arena="gg")
-    staged = measure_champions(seeds, stages=(Stage("gsrm", 15, "success"), Stage("gg")))
-    ratio = fine["median_wall_seconds"] / staged["median_wall_seconds"]
-    return {"fine_only": fine, "coarse_to_fine": staged, "times_faster": round(ratio, 2)}
-
-
-class _TimedBatch(vector.Batch):
-    """The batch of simulations, with a clock at its steps."""
-
-    seconds = 0.0
-
-    def step(self, *arguments: Any, **options: Any) -> Any:
-        began = time.perf_counter()
-        try:
-            return super().step(*arguments, **options)
-        finally:
-            _TimedBatch.seconds += time.perf_counter() - began
-
-
-def measure_overhead(repeats: int) -> dict[str, Any]:
-    """Return what everything around the steps of `mujoco.batch` adds to their time, median over repeats."""
-    trials = Trials(arena="gsrm", count=2, environment=(("duration", 10.0), ("stuck_time", 20.0)))
-    jobs = [Job(np.array(REFLEX) + 0.01 * index, trials) for index in range(12)]
-    original, vector.Batch = vector.Batch, _TimedBatch
-    shares = []
-    try:
-        for _ in range(repeats + 1):  # the first one compiles
-            began, _TimedBatch.seconds = time.perf_counter(), 0.0
-            simulate(jobs, 1)
-            shares.append((time.perf_counter() - began) / _TimedBatch.seconds - 1)
-    finally:
-        vector.Batch = original
-    return {"overhead_over_bare_stepping": round(float(np.median(shares[1:])), 3)}
-
-
-def measure_workers(repeats: int) -> dict[str, Any]:
-    """Compare two threads with one on the same jobs, in turns."""
-    jobs = [Job(np.array(REFLEX) + 0.01 * index, Trials(arena="gsrm", count=2)) for index in range(12)]
-    seconds: dict[int, list[float]] = {1: [], 2: []}
-    outcomes = {}
-    for _ in range(repeats + 1):
-        for workers in seconds:
-            began = time.perf_counter()
-            outcomes[workers] = make_backend("batch", workers).run(jobs)
-            seconds[workers].append(time.perf_counter() - began)
-    speedup = np.median(seconds[1][1:]) / np.median(seconds[2][1:])
-    return {"speedup_of_two": round(float(speedup), 2), "equal_results": outcomes[1] == outcomes[2]}
-
-
-def measure_body_length(seeds: int) -> dict[str, Any]:
-    """Let evolution choose the length of the body."""
-    return measure_champions(seeds, body_lengths=(4, 9), generations=80, stop_when_solved=False)
-
-
-def run(quick: bool = False, only: tuple[str, ...] = (), seeds: int = 5) -> dict[str, Any]:
+def run(quick: bool = False, only: tuple[str, ...] = (), seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
     """Measure, print, keep and return the figures.
 
     Args:
         quick: two seeds, and the small parts only.
         only: names of the parts to measure; empty means all (all small ones if quick).
-        seeds: number of runs of each kind.
+        seeds: of the runs of each kind.
     """
-    seeds = 2 if quick else seeds
-    parts = {
-        "start": lambda: measure_start(20),
-        "overhead": lambda: measure_overhead(2 if quick else 5),
-        "workers": lambda: measure_workers(2 if quick else 5),
-        "champions": lambda: measure_champions(seeds),
-        "six_modules": lambda: measure_champions(seeds, modules=6),
-        "abyss": lambda: measure_champions(
-            seeds, arena="truth", environment=(("abyss", True), ("pit", 0.35))
-        ),
-        "models": lambda: {model: measure_champions(seeds, arena=model) for model in MODELS},
-        "stages": lambda: measure_stages(seeds),
-        "body_length": lambda: measure_body_length(min(seeds, 3)),
-    }
-    small = ("start", "overhead", "workers", "champions")
-    names = only or (small if quick else tuple(parts))
-    results = {}
-    for name in names:
-        results[name] = parts[name]()
-        _print(name, results[name])
-    write_results("_".join(["evolution_quick" if quick else "evolution", *only]), results)
-    return results
-
-
-def _print(name: str, result: Any) -> None:
-    if isinstance(result, dict) and "runs" in result:
-        print(f"{name}: {result['champions_that_hold']} of {result['of']} champions hold in truth", end="; ")
-        print(
-            f"median {result['median_genotypes']:.0f} genotypes, {result['median_wall_seconds']:.0f} s",
-            end="; ",
-        )
-        print(f"mean gap {result['mean_gap_of_20']} of 20")
-        for row in result["runs"]:
-            print("   ", ", ".join(f"{key} {value}" for key, value in row.items()))
-    elif isinstance(result, dict) and any(isinstance(value, dict) for value in result.values()):
-        for key, value in result.items():
-            _print(f"{name}, {key}", value)
-    else:
-        print(f"{name}: {result}")
+    results = Results("evolution")
+    benchmark = Benchmark(
+        results, seeds[:2] if quick else seeds, 2 if quick else 5, lambda text: print(text, flush=True)
+    )
+    for name in only or (QUICK if quick else PARTS):
+        getattr(benchmark, name)()
+    return results.content
 
 
 def main() -> None:
     """Read the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--quick", action="store_true", help="two seeds, and the small parts only")
-    parser.add_argument("--only", nargs="*", default=[], help="parts to measure")
-    parser.add_argument("--seeds", type=int, default=5, help="runs of each kind")
+    parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to measure")
+    parser.add_argument("--seeds", nargs="*", type=int, default=list(SEEDS), help="of the runs of each kind")
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.seeds)
+    run(options.quick, tuple(options.only), tuple(options.seeds))
 
 
 if __name__ == "__main__":

@@ -355,9 +355,8 @@ def _share_of_successes(entries: Sequence[Entry], index: int) -> float:
 
 def _make_space(config: EvolutionConfig, controller: Controller) -> Space:
     count = len(controller.parameters)
-    space = Space(
-        controller.parameters, controller.lower, controller.upper, controller.initial, (1.0,) * count
-    )
+    initial = controller.initial if config.origin == "hint" else (0.0,) * count
+    space = Space(controller.parameters, controller.lower, controller.upper, initial, (1.0,) * count)
     if config.body_lengths is None:
         return space
     shortest, longest = config.body_lengths

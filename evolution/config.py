@@ -33,6 +33,7 @@ class EvolutionConfig:
         backend: "batch", "processes" or "ray"; the results are equal.
         address: of an existing Ray cluster; None starts a local one.
         controller: "reactive", "travelling", "posture" or "network".
+        origin: where the search begins, "hint" (the controller's own, set by hand) or "zero" (no knowledge).
         population_size: genotypes a generation; doubles at a restart.
         sigma: first step size.
         trials: of each genotype, under the same conditions within a generation.
@@ -57,6 +58,7 @@ class EvolutionConfig:
     backend: str = "batch"
     address: str | None = None
     controller: str = "reactive"
+    origin: str = "hint"
     population_size: int = 12
     sigma: float = 0.15
     trials: int = 2
@@ -95,7 +97,8 @@ class EvolutionConfig:
                 raise RunError(f"{name} is {value!r}; a whole number of at least {smallest} is needed")
         if not (math.isfinite(self.sigma) and self.sigma > 0):
             raise RunError(f"sigma is {self.sigma}; it must be above 0")
-        for name, choices in (("backend", BACKENDS), ("start", ("pit", "floor"))):
+        choices_by_name = {"backend": BACKENDS, "start": ("pit", "floor"), "origin": ("hint", "zero")}
+        for name, choices in choices_by_name.items():
             if getattr(self, name) not in choices:
                 raise RunError(f"there is no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
         if self.body_lengths is not None:

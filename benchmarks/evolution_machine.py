@@ -1,0 +1,148 @@
+"""What the machinery of evolution costs and survives: overhead, workers, backends, kill -9."""
+
+import json
+import os
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evolution.cmaes import evolve, load_run, resume
+from evolution.config import EvolutionConfig
+from evolution.controller import REFLEX
+from evolution.evaluation import Job, Trials, make_backend
+from evolution.rollout import simulate
+from evolution.run import format_history
+from symbrion_gym.environment import vector
+
+_ENDLESS = (("duration", 10.0), ("stuck_time", 20.0))
+_SMALL = EvolutionConfig(
+    arena="truth",
+    modules=4,
+    generations=6,
+    population_size=4,
+    trials=1,
+    stop_when_solved=False,
+    environment=(("duration", 3.0),),
+)
+_PROGRAM = """
+import json, sys
+from evolution.cmaes import evolve
+from evolution.config import EvolutionConfig
+evolve(EvolutionConfig.from_json(json.loads(sys.argv[1])))
+"""
+
+
+class _TimedBatch(vector.Batch):
+    """The batch of simulations, with a clock at its steps."""
+
+    seconds = 0.0
+
+    def step(self, *arguments: Any, **options: Any) -> Any:
+        began = time.thread_time()
+        try:
+            return super().step(*arguments, **options)
+        finally:
+            _TimedBatch.seconds += time.thread_time() - began
+
+
+def measure_overhead(repeats: int) -> dict[str, Any]:
+    """Return what everything around the steps of `mujoco.batch` adds to their time on one thread.
+
+    Processor time, so that others on the machine count little; median over repeats.
+    """
+    original, vector.Batch = vector.Batch, _TimedBatch
+    try:
+        parts = {
+            "a generation of 12 genotypes, 2 trials each": Trials(arena="gsrm", count=2),
+            "none of which ends before the others": Trials(arena="gsrm", count=2, environment=_ENDLESS),
+        }
+        return {name: _measure_overhead(trials, repeats) for name, trials in parts.items()}
+    finally:
+        vector.Batch = original
+
+
+def _measure_overhead(trials: Trials, repeats: int) -> float:
+    jobs = [Job(np.array(REFLEX) + 0.01 * index, trials) for index in range(12)]
+    shares = []
+    for _ in range(repeats + 1):  # the first one compiles
+        began, _TimedBatch.seconds = time.thread_time(), 0.0
+        simulate(jobs, 1)
+        shares.append((time.thread_time() - began) / _TimedBatch.seconds - 1)
+    return round(statistics.median(shares[1:]), 3)
+
+
+def measure_workers(repeats: int) -> dict[str, Any]:
+    """Compare two threads with one on the same jobs, in turns."""
+    jobs = [Job(np.array(REFLEX) + 0.01 * index, Trials(arena="gsrm", count=2)) for index in range(12)]
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    outcomes = {}
+    load = os.getloadavg()[0]
+    for _ in range(repeats + 1):
+        for workers in seconds:
+            backend = make_backend("batch", workers)
+            began = time.perf_counter()
+            outcomes[workers] = backend.run(jobs)
+            seconds[workers].append(time.perf_counter() - began)
+    ratios = [one / two for one, two in zip(seconds[1][1:], seconds[2][1:], strict=True)]
+    return {
+        "speedup_of_two": round(statistics.median(ratios), 2),
+        "best": round(min(seconds[1][1:]) / min(seconds[2][1:]), 2),
+        "equal_results": outcomes[1] == outcomes[2],
+        "load": round(load, 1),
+    }
+
+
+def measure_backends() -> dict[str, Any]:
+    """Run the same evolution on 1, 2 and 4 threads and on processes; compare the histories but for times."""
+    histories = {}
+    for backend, workers in (("batch", 1), ("batch", 2), ("batch", 4), ("processes", 2)):
+        run = evolve(replace(_SMALL, backend=backend, workers=workers))
+        history = run.history.copy()
+        history["wall_seconds"] = 0.0
+        histories[f"{backend}, {workers}"] = format_history(history)
+    return {"compared": list(histories), "all_equal": len(set(histories.values())) == 1}
+
+
+def measure_kills(count: int) -> dict[str, Any]:
+    """Kill runs by signal 9 at random moments, resume each, compare champion and history with a whole run."""
+    equal, cut_off = 0, 0
+    with tempfile.TemporaryDirectory() as name:
+        began = time.perf_counter()
+        whole = _run_program(Path(name) / "whole", None)
+        seconds, expected = time.perf_counter() - began, load_run(Path(name) / "whole")
+        assert whole == 0
+        for number, share in enumerate(np.random.default_rng(0).uniform(0.3, 1.0, count)):
+            folder = Path(name) / f"run_{number}"
+            cut_off += _run_program(folder, share * seconds) == -signal.SIGKILL
+            run = resume(folder) if (folder / "config.json").exists() else evolve(_in_folder(folder))
+            equal += run.champion == expected.champion and _is_equal(run.history, expected.history)
+    return {"kills": count, "really_cut_off": cut_off, "same_champion_and_history": equal}
+
+
+def _is_equal(one: np.ndarray, other: np.ndarray) -> bool:
+    names = [name for name in one.dtype.names or () if name != "wall_seconds"]
+    return len(one) == len(other) and all(np.array_equal(one[name], other[name]) for name in names)
+
+
+def _in_folder(folder: Path) -> EvolutionConfig:
+    return replace(_SMALL, folder=str(folder))
+
+
+def _run_program(folder: Path, seconds: float | None) -> int:
+    """Evolve in a process of its own, killed after so long; return its exit status."""
+    config = json.dumps(_in_folder(folder).to_json())
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen([sys.executable, "-c", _PROGRAM, config], env=environment)
+    try:
+        return process.wait(seconds)
+    except subprocess.TimeoutExpired:
+        process.send_signal(signal.SIGKILL)
+        return process.wait()

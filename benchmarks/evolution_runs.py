@@ -1,0 +1,133 @@
+"""Runs of evolution for the benchmark: what is measured of each, and a file of results that grows run by run."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import RESULTS, write_results
+from evolution.cmaes import evolve
+from evolution.config import EvolutionConfig
+from evolution.playback import judge
+from evolution.run import Run
+from reconstruction.reconstruct import reconstruct
+from reconstruction.scans.preprocess import preprocess, thin
+from symbrion_gym.arenas.arena import make_arena
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.ready_made import SPACING
+from symbrion_gym.sensing.survey import survey
+
+TRIALS = 20
+"""Trials in the true arena, which the search never saw."""
+PASS = 18
+"""So many of them must hold."""
+
+Row = dict[str, Any]
+
+
+class Results:
+    """The file of results; what is measured again replaces its own part only.
+
+    Args:
+        name: of the file in `benchmarks/results`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        path = RESULTS / f"{name}.json"
+        self.content: dict[str, Any] = json.loads(path.read_text())["results"] if path.exists() else {}
+
+    def put(self, part: str, figures: dict[str, Any]) -> None:
+        """Write a part that is no table of runs."""
+        self.content[part] = figures
+        write_results(self._name, self.content)
+
+    def add_run(self, part: str, row: Row) -> None:
+        """Write a run; one of the same seed is replaced."""
+        rows = [other for other in self.find_runs(part) if other["seed"] != row["seed"]]
+        rows = sorted([*rows, row], key=lambda each: each["seed"])
+        self.put(part, {**summarise(rows), "runs": rows})
+
+    def find_runs(self, part: str) -> list[Row]:
+        """Return the runs of a part."""
+        return self.content.get(part, {}).get("runs", [])
+
+
+def measure_runs(
+    results: Results, part: str, config: EvolutionConfig, seeds: Iterable[int], say: Callable[[str], None]
+) -> list[Row]:
+    """Evolve once for each seed, judge in truth, and keep each row as soon as it is known."""
+    for seed in seeds:
+        row = measure_run(replace(config, seed=seed))
+        results.add_run(part, row)
+        say(f"{part}: " + ", ".join(f"{key} {value}" for key, value in row.items()))
+    return results.find_runs(part)
+
+
+def measure_run(config: EvolutionConfig) -> Row:
+    """Evolve, judge in truth, and return figures of both."""
+    began, cpu_began, load = time.perf_counter(), time.process_time(), os.getloadavg()[0]
+    run = evolve(config)
+    seconds, cpu_seconds = time.perf_counter() - began, time.process_time() - cpu_began
+    assert run.champion is not None
+    environment = tuple(pair for pair in run.champion.environment if pair[0] in ("abyss", "pit"))
+    champion, seed = replace(run.champion, environment=environment), 10_000 + config.seed
+    held = judge(champion, "truth", TRIALS, seed, workers=config.workers).successes
+    return {
+        "seed": config.seed,
+        "held_in_truth": held,
+        "genotypes": int(run.history["evaluations"][-1]),
+        "trials": int(run.history["trials"][-1]),
+        "restarts": int(run.history["restarts"][-1]),
+        "wall_seconds": round(seconds, 1),
+        "cpu_seconds": round(cpu_seconds, 1),
+        "load": round(load, 1),
+        "modules": run.champion.modules,
+        "validated": [run.champion.successes, run.champion.trials],
+        "gap_of_20": _find_gap(run, held),
+    }
+
+
+def _find_gap(run: Run, held: int) -> float | None:
+    """Return how much better the validation was than the final test, in trials of 20."""
+    champion = run.champion
+    if champion is None or not champion.trials:
+        return None
+    return round(TRIALS * champion.successes / champion.trials - held, 2)
+
+
+def summarise(rows: list[Row]) -> dict[str, Any]:
+    """Return what a table of runs comes to."""
+    gaps = [row["gap_of_20"] for row in rows if row["gap_of_20"] is not None]
+    medians = {
+        f"median_{name}": float(np.median([row[name] for row in rows]))
+        for name in ("genotypes", "wall_seconds", "cpu_seconds", "held_in_truth")
+    }
+    return {
+        "champions_that_hold": sum(row["held_in_truth"] >= PASS for row in rows),
+        "of": len(rows),
+        **medians,
+        "mean_gap_of_20": round(float(np.mean(gaps)), 2) if gaps else None,
+    }
+
+
+def make_model(method: str, size: int, folder: Path) -> str:
+    """Survey the true arena, grow a network, save the arena made of it; return its folder.
+
+    Args:
+        method: "gsrm" or "gg".
+        size: units of a gsrm, triangles of a gg.
+        folder: where it goes.
+    """
+    path = folder / f"{method}_{size}"
+    if not path.exists():
+        points = thin(preprocess(survey("truth", seed=0)), SPACING)
+        sizes: dict[str, Any] = {"units": size} if method == "gsrm" else {"triangles": size}
+        mesh = reconstruct(points, method=method, seed=0, **sizes).mesh
+        make_arena(mesh, name=path.name, course=Course(), seed=0).save(path)
+    return str(path)
