@@ -39,13 +39,16 @@ class Results:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        path = RESULTS / f"{name}.json"
-        self.content: dict[str, Any] = json.loads(path.read_text())["results"] if path.exists() else {}
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """What the file holds now; another process may have added to it."""
+        path = RESULTS / f"{self._name}.json"
+        return json.loads(path.read_text())["results"] if path.exists() else {}
 
     def put(self, part: str, figures: dict[str, Any]) -> None:
         """Write a part that is no table of runs."""
-        self.content[part] = figures
-        write_results(self._name, self.content)
+        write_results(self._name, self.content | {part: figures})
 
     def add_run(self, part: str, row: Row) -> None:
         """Write a run; one of the same seed is replaced."""
