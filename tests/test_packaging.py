@@ -1,9 +1,14 @@
 """An installed wheel works from another folder: packages, assets and the command are all in it."""
 
+import ast
 import os
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -52,6 +57,53 @@ def test_wheel_holds_packages_and_assets_alone(wheel: Path) -> None:
     for arena in ("truth", "simple", "gsrm", "gg"):
         assert f"symbrion_gym/assets/arenas/{arena}/arena.json" in names
     assert "evolution/report/page.html.j2" in names
+
+
+def _normalise(requirement: str) -> str:
+    """Return the name of a distribution as the index compares it."""
+    match = re.match(r"[A-Za-z0-9._-]+", requirement)
+    assert match, requirement
+    return re.sub(r"[-_.]+", "-", match[0]).lower()
+
+
+def _find_foreign_imports() -> Iterator[tuple[str, str]]:
+    """Yield (file, package) of what the wings import from elsewhere."""
+    own = ("reconstruction", "symbrion_gym", "evolution")
+    for path in (path for wing in own for path in sorted((ROOT / wing).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names = [node.module]
+            for root in {name.split(".")[0] for name in names} - set(own) - set(sys.stdlib_module_names):
+                yield str(path.relative_to(ROOT)), root
+
+
+def test_what_is_imported_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = [one for group in project["optional-dependencies"].values() for one in group]
+    declared = {_normalise(one) for one in (*project["dependencies"], *extras)}
+    known = packages_distributions()
+    missing = [
+        (file, root)
+        for file, root in _find_foreign_imports()
+        if not {_normalise(one) for one in known.get(root, [root])} & declared
+    ]
+    assert not missing, "name it in pyproject.toml"
+
+
+def test_constraints_pin_what_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    lines = (ROOT / "constraints.txt").read_text().split()
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[^/@ ]+", line) for line in lines), (
+        "versions alone, no addresses"
+    )
+    pinned = {_normalise(line) for line in lines}
+    groups = ("embree", "docs", "dev")
+    wanted = [
+        *project["dependencies"],
+        *(one for name in groups for one in project["optional-dependencies"][name]),
+    ]
+    assert {_normalise(one) for one in wanted} - {"symbrion-gym"} <= pinned
 
 
 def test_ready_made_arenas_are_small() -> None:
