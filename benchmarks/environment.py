@@ -1,6 +1,9 @@
 """The environment: is the task neither trivial nor impossible, is its physics honest, is it fast?
 
-python -m benchmarks.environment [--quick] [--only NAME ...]
+python -m benchmarks.environment [--quick] [--only NAME ...] [--more]
+
+The parts "cheats" and "robustness" go round by round: `--minutes` limits them, and `--more` adds to what they
+found before instead of beginning again.
 """
 
 import argparse
@@ -8,47 +11,48 @@ import gc
 import json
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
-from benchmarks.material.crossings import cross, draw_conditions, draw_controllers, evolve
+from benchmarks.material.cheats import try_evolved, try_random
+from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
+from benchmarks.material.robustness import torment
 from benchmarks.report import RESULTS, write_results
 from symbrion_gym import ArenaError, load_arena
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 RANDOM_EPISODES = 10_000
-MINUTES = 20.0
+EVOLVED_EPISODES = 2_000
+RANDOM_STEPS = 10_000_000
+MINUTES = 60.0
 
 
 def run(
-    quick: bool = False,
-    only: tuple[str, ...] = (),
-    episodes: int = RANDOM_EPISODES,
-    minutes: float = MINUTES,
+    quick: bool = False, only: tuple[str, ...] = (), minutes: float = MINUTES, more: bool = False
 ) -> dict:
     """Run the parts and return what they measured; parts left out keep their last results.
 
     Args:
         quick: smaller sizes and fewer repetitions.
         only: names of parts; all by default.
-        episodes: random episodes to judge twice.
-        minutes: limit of the test of robustness.
+        minutes: limit of each of the parts that go round by round.
+        more: those parts add to their last results.
     """
-    results = _load_last()
-    special = {"cheats": {"episodes": episodes}, "robustness": {"minutes": minutes}}
     for name, part in PARTS.items():
         if not only or name in only:
             start = time.perf_counter()
-            results[name] = {**part(quick, **special.get(name, {})), "is_quick": quick}
+            last = _load_last().get(name, {}) if more else {}
+            options = {"minutes": minutes, "last": last} if name in ROUNDS else {}
+            result = {**part(quick, **options), "is_quick": quick}
             print(f"{name} ({time.perf_counter() - start:.0f} s)")
-            for key, value in results[name].items():
+            for key, value in result.items():
                 print(f"  {key:32s} {value}")
-            results = {**_load_last(), name: results[name]}
-            write_results("environment", results)
-    return results
+            write_results("environment", {**_load_last(), name: result})
+    return _load_last()
 
 
 def measure_task(quick: bool) -> dict:
@@ -66,28 +70,23 @@ def measure_task(quick: bool) -> dict:
     return outcomes
 
 
-def measure_cheats(quick: bool, episodes: int = RANDOM_EPISODES) -> dict:
+def measure_cheats(quick: bool, minutes: float, last: dict) -> dict:
     """Judge every success of random and of evolved controllers a second time."""
-    random_trials, generations = (240, 4) if quick else (episodes, 22)
-    rng, counts = np.random.default_rng(0), {"random": 0, "evolved": 0}
-    successes, cheats = {"random": 0, "evolved": 0}, []
-    bodies = {
-        m: SnakePitVectorEnv(40, modules=m, start="pit", stuck_time=4.0, autoreset_mode="Disabled", pit=pit)
-        for m, pit in ((4, 0.30), (5, 0.35), (6, 0.40), (8, 0.40))
-    }
-    while counts["random"] < random_trials:
-        for envs in bodies.values():
-            genotypes = np.clip(rng.normal(0.0, 0.5, (envs.num_envs, 12)), -1.5, 1.5)
-            outcomes = cross(envs, genotypes, draw_conditions(rng, envs.num_envs))
-            counts["random"] += len(outcomes)
-            successes["random"] += sum(one.success for one in outcomes)
-            cheats += [one.faults for one in outcomes if one.faults]
-    envs = SnakePitVectorEnv(24, modules=8, start="pit", stuck_time=6.0, autoreset_mode="Disabled")
-    for _, one in evolve(envs, 3, generations):
-        counts["evolved"] += 1
-        successes["evolved"] += one.success
-        cheats += [one.faults] if one.faults else []
-    return {"episodes": counts, "successes": successes, "cheats": len(cheats), "faults": cheats[:5]}
+    wanted = {"random": 200 if quick else RANDOM_EPISODES, "evolved": 100 if quick else EVOLVED_EPISODES}
+    rounds, counts = Counter(last.get("rounds", {})), Counter(last.get("counts", {}))
+    faults, limit = list(last.get("faults", [])), time.perf_counter() + 60 * minutes
+    tries = {"random": try_random, "evolved": try_evolved}
+    while time.perf_counter() < limit:
+        open_kinds = [kind for kind in tries if counts[f"{kind} episodes"] < wanted[kind]]
+        if not open_kinds:
+            break
+        kind = min(open_kinds, key=lambda kind: counts[f"{kind} episodes"] / wanted[kind])
+        found, new = tries[kind](rounds[kind])
+        rounds[kind] += 1
+        counts.update(found)
+        faults += new
+    cheats = counts["random cheats"] + counts["evolved cheats"]
+    return {"cheats": cheats, "faults": faults[:5], "counts": dict(counts), "rounds": dict(rounds)}
 
 
 def measure_tracks(quick: bool) -> dict:
@@ -163,27 +162,14 @@ def measure_threads(quick: bool) -> dict:
     return {"two threads over one": round(float(np.median(ratios)), 2), "best": round(max(ratios), 2)}
 
 
-def measure_robustness(quick: bool, minutes: float = MINUTES) -> dict:
+def measure_robustness(quick: bool, minutes: float, last: dict) -> dict:
     """Random steps over random options and actions that no one should send."""
-    wanted, rng, steps, refused, ended = 20_000 if quick else 10_000_000, np.random.default_rng(0), 0, 0, 0
-    start, limit = time.perf_counter(), np.inf if quick else minutes * 60
-    while steps < wanted and time.perf_counter() - start < limit:
-        env = _draw_environment(rng)
-        observation, _ = env.reset(seed=int(rng.integers(1 << 30)))
-        for _ in range(2000):
-            action = _draw_action(rng, env.action_space.shape[0])
-            try:
-                observation, reward, terminated, truncated, _ = env.step(action)
-            except ValueError:
-                refused += 1
-                continue
-            steps += 1
-            if not (np.isfinite(observation).all() and np.isfinite(reward)):
-                return {"steps": steps, "not finite": True}
-            if terminated or truncated:
-                ended += 1
-                env.reset(options={"friction": (0.1, 1.5), "yaw": (-1.0, 1.0), "torque_scale": (0.2, 3.0)})
-    return {"steps": steps, "wrong shapes refused": refused, "episodes": ended, "not finite": False}
+    rounds, counts = int(last.get("rounds", 0)), Counter(last.get("counts", {}))
+    limit = time.perf_counter() + 60 * minutes
+    while counts["steps"] < (100_000 if quick else RANDOM_STEPS) and time.perf_counter() < limit:
+        counts.update(torment(rounds))
+        rounds += 1
+    return {"counts": dict(counts), "rounds": rounds}
 
 
 def measure_memory(quick: bool) -> dict:
@@ -205,6 +191,7 @@ def measure_memory(quick: bool) -> dict:
     return {"after resets [MB]": round(resets, 2), "after creations [MB]": round(_find_memory() - before, 2)}
 
 
+ROUNDS = ("cheats", "robustness")
 PARTS: dict[str, Callable[..., dict]] = {
     "task": measure_task,
     "cheats": measure_cheats,
@@ -247,34 +234,6 @@ def _find_arenas() -> list[str]:
     return names
 
 
-def _draw_environment(rng: np.random.Generator) -> SnakePitEnv:
-    return SnakePitEnv(
-        modules=int(rng.integers(2, 5)),
-        pit=float(rng.choice([0.0, 0.2, 0.4])),
-        friction=float(rng.uniform(0.1, 1.5)),
-        track_speed=float(rng.uniform(0.0, 0.5)),
-        hinge_torque=float(rng.uniform(0.5, 30.0)),
-        start=str(rng.choice(["floor", "pit"])),
-        noise=float(rng.choice([0.0, 1.0])),
-        abyss=bool(rng.integers(2)),
-        track_control=str(rng.choice(["constant", "body", "modules"])),
-        frame_skip=int(rng.integers(1, 6)),
-    )
-
-
-def _draw_action(rng: np.random.Generator, size: int) -> np.ndarray:
-    kind = rng.integers(20)
-    if kind == 0:
-        return np.full(size, rng.choice([np.nan, np.inf, -np.inf, 1e300]))
-    if kind == 1:
-        return np.zeros(size + 1)
-    if kind == 2:
-        return rng.uniform(-100, 100, size).astype(np.float32)
-    if kind == 3:
-        return np.where(rng.random(size) < 0.5, np.nan, 1.0)
-    return rng.uniform(-1, 1, size)
-
-
 def _record_controls(env: SnakePitEnv, action: np.ndarray, ticks: int) -> list[np.ndarray]:
     """Return what the servos are told from the start on, tick by tick, `[nu]` each."""
     env.reset(seed=0)
@@ -299,10 +258,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.environment", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="smaller sizes and fewer repetitions")
     parser.add_argument("--only", nargs="*", default=(), choices=list(PARTS), help="parts (default: all)")
-    parser.add_argument("--episodes", type=int, default=RANDOM_EPISODES, help="random episodes judged twice")
-    parser.add_argument("--minutes", type=float, default=MINUTES, help="limit of the test of robustness")
+    parser.add_argument(
+        "--minutes", type=float, default=MINUTES, help="limit of each of: " + ", ".join(ROUNDS)
+    )
+    parser.add_argument("--more", action="store_true", help="let these add to their last results")
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.episodes, options.minutes)
+    run(options.quick, tuple(options.only), options.minutes, options.more)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,21 @@
 """Controllers for the benchmarks of the environment, and what became of them, judged twice."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import cma
 import numpy as np
 
+from evolution.controller import make_controller
 from symbrion_gym.environment.audit import Trajectory, audit
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Where the posture has its knots, along the course from the middle of the pit [m]."""
+LAWS = ("posture of places", "reactive", "travelling")
+"""Kinds of controllers: ours, with 12 knots, and two of `evolution`."""
+Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""From observations `[P, O]` and x of the heads `[P]` [m] to actions `[P, h]`."""
 
 
 class Crossing(NamedTuple):
@@ -43,16 +49,43 @@ def follow_the_leader(head: np.ndarray, genotypes: np.ndarray, num_hinges: int) 
     return np.array(angles) / (np.pi / 2)
 
 
+def find_start(law: str, modules: int) -> np.ndarray:
+    """Return where a search for a controller begins."""
+    if law == LAWS[0]:
+        return np.zeros(len(KNOTS))
+    return np.array(make_controller(law, modules).initial)
+
+
+def make_act(envs: SnakePitVectorEnv, genotypes: np.ndarray, law: str = LAWS[0]) -> Act:
+    """Return how controllers act, one for each simulation."""
+    hinges, structure = envs.world.num_hinges, envs.observation_structure
+    if law == LAWS[0]:
+        return lambda _, head: follow_the_leader(head, genotypes, hinges)
+    controller = make_controller(law, envs.world.num_modules)
+    state = controller.begin(envs.num_envs)
+
+    def act(observation: np.ndarray, head: np.ndarray) -> np.ndarray:
+        nonlocal state
+        actions, state = controller.act(observation, genotypes, structure, state, head)
+        return actions
+
+    return act
+
+
 def cross(
-    envs: SnakePitVectorEnv, genotypes: np.ndarray, conditions: dict[str, Any], keep: bool = False
+    envs: SnakePitVectorEnv,
+    genotypes: np.ndarray,
+    conditions: dict[str, Any],
+    keep: bool = False,
+    law: str = LAWS[0],
 ) -> list[Crossing]:
     """Let as many controllers as there are simulations try, each under its own conditions."""
-    _, info = envs.reset(seed=0, options=conditions)
+    observation, info = envs.reset(seed=0, options=conditions)
+    act = make_act(envs, genotypes, law)
     qpos, finished = envs.batch.bind("qpos"), np.zeros(envs.num_envs, dtype=bool)
     recorded = [qpos.copy()]
     while not finished.all():
-        actions = follow_the_leader(info["x_position"], genotypes, envs.world.num_hinges)
-        *_, terminated, truncated, info = envs.step(actions)
+        observation, _, terminated, truncated, info = envs.step(act(observation, info["x_position"]))
         recorded.append(qpos.copy())
         finished |= terminated | truncated
     states, dt = np.array(recorded), envs.config.dt
@@ -93,18 +126,20 @@ def draw_controllers(seed: int, count: int) -> np.ndarray:
     return np.clip(np.random.default_rng(seed).normal(0.0, 0.35, (count, 12)), -1.5, 1.5)
 
 
-def evolve(envs: SnakePitVectorEnv, seed: int, generations: int) -> list[tuple[np.ndarray, Crossing]]:
-    """Run CMA-ES, half as many genotypes as simulations, two trials each; return every trial."""
+def evolve(
+    envs: SnakePitVectorEnv, seed: int, generations: int, law: str = LAWS[0], keep: bool = False
+) -> list[list[tuple[np.ndarray, Crossing]]]:
+    """Run CMA-ES, half as many genotypes as simulations, two trials each; return generations of trials."""
     population = envs.num_envs // 2
     options = {"popsize": population, "bounds": [-1.5, 1.5], "seed": seed + 1, "verbose": -9}
-    strategy = cma.CMAEvolutionStrategy([0.0] * 12, 0.3, options)
+    strategy = cma.CMAEvolutionStrategy(find_start(law, envs.world.num_modules), 0.3, options)
     rng, trials = np.random.default_rng(seed), []
     for _ in range(generations):
         genotypes = np.array(strategy.ask())
         conditions = {name: np.tile(v, population) for name, v in draw_conditions(rng, 2).items()}
         doubled = np.repeat(genotypes, 2, axis=0)
-        outcomes = cross(envs, doubled, conditions)
+        outcomes = cross(envs, doubled, conditions, keep, law)
         fitness = np.array([one.progress + one.success for one in outcomes]).reshape(-1, 2).mean(axis=1)
         strategy.tell(list(genotypes), list(-fitness))
-        trials += list(zip(doubled, outcomes, strict=True))
+        trials.append(list(zip(doubled, outcomes, strict=True)))
     return trials
