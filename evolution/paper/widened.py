@@ -11,7 +11,7 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.paper.arenas import load_surface
-from evolution.paper.cloud import survey_arena
+from evolution.paper.cloud import find_origins, survey_arena
 from evolution.paper.config import PIT, PaperConfig
 from evolution.paper.robots import describe_run, evolve_champion, judge_champion
 
@@ -37,10 +37,11 @@ def measure_widened(
     course = sg.Course(pit=PIT + config.widened)
     truth = sg.Arena.from_course(course)
     progress("second survey", 0.0)
-    _, points = survey_arena(truth, folder, "widened_", config.seed + 1, rc.silent)
+    log, points = survey_arena(truth, folder, "widened_", config.seed + 1, rc.silent)
     progress("refining", 0.2)
     known = load_surface(folder, "gsrm", config)
-    refined, refine_seconds = _time(lambda: known.refine(points, seed=config.seed))
+    origins = find_origins(log, points)
+    refined, refine_seconds = _time(lambda: known.refine(points, origins=origins, seed=config.seed))
     anew, anew_seconds = _time(
         lambda: rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
     )
