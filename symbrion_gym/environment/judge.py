@@ -27,6 +27,8 @@ SPEED_SLACK = 0.05
 """What a body may be ahead of its tracks' path, for falling forwards [m]."""
 LARGEST_SPEED = 50.0
 """A coordinate faster than this [m/s or rad/s] means that the simulation has diverged."""
+_CORNER = 0.05
+"""Half the edge of what of a module must be beyond the far edge however it is turned [m]."""
 _TOUCH_BAND = 0.01
 """A module this close to the floor of the pit [m] touches it."""
 
@@ -73,6 +75,7 @@ class Judge:
         self._arena, self._route = world.arena, world.route
         self._direction = world.route.direction
         self.finish = world.route.finish
+        self._edge = self.finish - world.organism.scout.pitch / 2
         self.is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
         self._half = world.organism.scout.size[2] / 2
         self.share = 1.0 / world.num_modules
@@ -129,10 +132,14 @@ class Judge:
         return aside > self._route.half_width or lowest < self._route.lowest
 
     def is_standing(self, physics: Physics, row: int) -> bool:
-        """Return whether every module of one simulation is upright and at ground height."""
-        position, up = physics.position[row], physics.rotation[row, :, 8]
-        above = position[:, 2] - self._arena.height(position[:, 0], position[:, 1])
-        return bool(((above > GROUND_BAND[0]) & (above < GROUND_BAND[1]) & (up > UPRIGHT)).all())
+        """Return whether every module of one simulation is upright, at ground height and wholly across."""
+        position, rotation = physics.position[row], physics.rotation[row]
+        above, up = position[:, 2] - self._arena.height(position[:, 0], position[:, 1]), rotation[:, 8]
+        c, s = self._direction
+        reach = _CORNER * np.abs(c * rotation[:, :3] + s * rotation[:, 3:6]).sum(axis=1)
+        is_across = self.find_distance(position[None])[0] - reach > self._edge
+        is_low = (above > GROUND_BAND[0]) & (above < GROUND_BAND[1])
+        return bool((is_low & is_across & (up > UPRIGHT)).all())
 
     def has_touched_pit(self, physics: Physics, row: int) -> bool:
         """Return whether a module of one simulation touches the floor of the pit."""
