@@ -1,145 +1,192 @@
-"""The arena: how closely contact pieces follow the truth, and whether robots notice.
+"""The arena: how closely contact pieces follow the truth, what they cost, and whether robots notice.
 
-Run as `python -m benchmarks.arena [--quick]`.
+python -m benchmarks.arena [--quick] [--only NAME ...]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import time
+from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import trimesh
 
-from benchmarks.arena_behaviour import compare, compare_sleds, time_steps
-from benchmarks.report import write_results
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.formats import load_points
-from symbrion_gym.arenas.arena import Arena, make_arena
-from symbrion_gym.arenas.course import Course, StairsCourse
+from benchmarks.material.arena_drives import Behaviour, time_steps
+from benchmarks.material.arena_surfaces import (
+    MAIN,
+    RESOLUTIONS,
+    make_other_profiles,
+    map_stairs,
+    scan_course,
+    turn,
+)
+from benchmarks.material.ray_casts import compare_with_embree, measure_scans
+from benchmarks.material.sleds import compare_drawn
+from benchmarks.report import RESULTS, write_results
+from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.quality import measure_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.pieces.decomposition import decompose
 from symbrion_gym.pieces.mesh_repair import repair_mesh
 from symbrion_gym.pieces.solid import close_downwards
 
-STAIRS = Path(__file__).resolve().parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
-SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
-SLANTED_PIT += [(1.7, 0), (3, 0)]
-SURFACES = {"gsrm 800": ("gsrm", 800), "gsrm 2200": ("gsrm", 2200), "gg": ("gg", 7000)}
+_PIT = 0.40
+_EASY_PIT = 0.30
+"""Of random controllers some cross this pit, some do not [m]."""
+Rows = dict[str, dict[str, float]]
 
 
-def run(quick: bool = False) -> dict:
-    """Measure; `quick` leaves out the naive decomposition and most controllers."""
-    course = Course()
-    truth = course.surface()
-    points = scan(truth)
-    surfaces = {
-        name: reconstruct(points, method, units=units).mesh for name, (method, units) in SURFACES.items()
-    }
-    rows, arenas = {}, {}
-    for name, mesh in surfaces.items():
-        arenas[name] = make_arena(mesh, course=course, cache=False, name=name)
-        rows[name] = judge(arenas[name], truth, mesh)
-        yaw = np.radians(20)
-        turned = cut_irregular(mesh, yaw)
-        rows[f"{name}, yawed and cut"] = judge(make_arena(turned, cache=False), turn(truth, yaw), turned)
-    for name, profile in make_other_profiles().items():
-        mesh = turn(make_scanned_surface(profile, num_vertices=2200), -0.6)
-        exact = turn(make_scanned_surface(profile, num_vertices=20000, noise=0.0), -0.6)
-        rows[name] = judge(make_arena(mesh, cache=False), exact, mesh)
-    if STAIRS.is_file():
-        mesh = reconstruct(crop_stairs(load_points(STAIRS)), units=2200).mesh
-        rows["real staircase, own surface"] = judge(make_arena(mesh, cache=False), mesh, mesh)
-    mesh = surfaces["gsrm 2200"]
-    if not quick:
-        rows["naive coacd 0.05"] = judge(make_naive(mesh), truth, mesh)
-    print_table(rows)
-    kinds = {
-        kind: make_arena(mesh, kind=kind, course=course, cache=False) for kind in ("primitives", "hfield")
-    }
-    results = {
-        "accuracy": rows,
-        "steps_us": time_steps({"boxes": Arena.from_course(course), **arenas, **kinds}, 300),
-    }
-    print(results["steps_us"])
-    results["sled"] = compare_sleds(Arena.from_course(course), arenas)
-    print_table(results["sled"])
-    results["behaviour"] = measure_behaviour(quick)
-    print_table(results["behaviour"])
-    write_results("arena", results)
+def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict:
+    """Run the parts and return what they measured; parts left out keep their last results.
+
+    Args:
+        quick: fewer controllers, rounds and rows.
+        only: names of parts; all by default.
+    """
+    results = _load_last()
+    for name, part in PARTS.items():
+        if only and name not in only:
+            continue
+        begin = time.perf_counter()
+        print(f"{name} ...", flush=True)
+        found = part(quick)
+        results = {**_load_last(), **found}
+        write_results("arena", results)
+        print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
     return results
 
 
-def scan(surface: trimesh.Trimesh, count: int = 60_000, noise: float = 0.005, seed: int = 0) -> np.ndarray:
-    """Points strewn over a surface, with noise [m]."""
-    points, _ = trimesh.sample.sample_surface(surface, count, seed=seed)
-    return np.asarray(points) + np.random.default_rng(seed).normal(scale=noise, size=(count, 3))
+def measure_accuracy(quick: bool) -> dict:
+    """Distances of contact pieces from the truth, their number and the time to make them."""
+    truth, rows = Course().surface(), {}
+    for name in MAIN:
+        mesh, yaw = scan_course(_PIT, name), np.radians(20)
+        _judge(rows, name, make_arena(mesh, cache=False), truth, mesh)
+        turned = cut_irregular(mesh, yaw)
+        _judge(rows, f"{name}, yawed and cut", make_arena(turned, cache=False), turn(truth, yaw), turned)
+    for name, profile in make_other_profiles().items():
+        mesh = turn(make_scanned_surface(profile, num_vertices=2200), -0.6)
+        exact = turn(make_scanned_surface(profile, num_vertices=20000, noise=0.0), -0.6)
+        _judge(rows, name, make_arena(mesh, cache=False), exact, mesh)
+    stairs = map_stairs()
+    if stairs is not None:
+        _judge(rows, "real staircase, own surface", make_arena(stairs, cache=False), stairs, stairs)
+    if not quick:
+        mesh = scan_course(_PIT, "gsrm 2200")
+        begin = time.perf_counter()
+        pieces = decompose(close_downwards(repair_mesh(mesh), 0.2), 0.05, time_limit=300)
+        seconds = time.perf_counter() - begin
+        made = make_arena(mesh)
+        naive = replace(made, pieces=pieces, quality=replace(made.quality, seconds=seconds))
+        _judge(rows, "naive coacd 0.05", naive, truth, mesh)
+    return {"accuracy": rows}
 
 
-def judge(arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh) -> dict:
-    """Distances of the contact pieces from the truth [mm], their number and the time they took."""
+def measure_steps(quick: bool) -> dict:
+    """Time of a physics step of one snake under one sequence of controls."""
+    mesh, course = scan_course(_PIT, "gsrm 2200"), Course()
+    arenas = {"boxes": Arena.from_course(course)}
+    arenas |= {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
+    for kind in ("primitives", "hfield"):
+        arenas[kind] = make_arena(mesh, kind=kind, course=course)
+    return {"steps_us": _show_one(time_steps(arenas, 100 if quick else 600))}
+
+
+def measure_seams(quick: bool) -> dict:
+    """Kicks and losses of speed of a sled and a wheel drawn over all seams."""
+    course = Course()
+    arenas = {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
+    for name in ("gsrm", "gg"):
+        arenas[f"ready-made {name}"] = load_arena(name)
+    if not quick:
+        mesh = scan_course(_PIT, "gsrm 2200")
+        arenas["exact triangles of gsrm 2200"] = make_arena(mesh, kind="prisms", course=course)
+    found = compare_drawn(Arena.from_course(course), arenas)
+    for rows in found.values():
+        _show(rows)
+    return found
+
+
+def measure_behaviour(quick: bool) -> dict:
+    """Crossing and distance of random controllers in every kind of contact, against the truth."""
+    course = Course(pit=_EASY_PIT)
+    truth = Arena.from_course(course)
+    behaviour = Behaviour(truth, *((10, 15.0) if quick else (30, 40.0)))
+    rows: Rows = {"truth": behaviour.reference}
+    moved = [piece.copy().apply_translation([0, 0, 0.001]) for piece in truth.pieces]
+    rows["truth moved by 1 mm"] = behaviour.compare(replace(truth, pieces=moved))
+    wanted = [("convex", name) for name in RESOLUTIONS]
+    if not quick:
+        wanted += [(kind, name) for kind in ("primitives", "hfield") for name in RESOLUTIONS]
+        wanted += [("prisms", name) for name in ("gsrm 800", "gsrm 2200", "gg 1500")]
+    for kind, name in wanted:
+        arena = make_arena(scan_course(_EASY_PIT, name), course=course, kind=kind)
+        label = name if kind == "convex" else f"{name}, {kind}"
+        rows[label] = behaviour.compare(arena)
+        _show({label: rows[label]})
+    return {"behaviour": rows}
+
+
+def measure_rays(quick: bool) -> dict:
+    """Time of one laser scan by every way to cast it, and MuJoCo's ranges against Embree's."""
+    course, mesh = Course(), scan_course(_PIT, "gg")
+    arenas = {
+        "gg": make_arena(mesh, course=course),
+        "hfield": make_arena(mesh, course=course, kind="hfield"),
+        "hand-made": load_arena("simple"),
+        "boxes": Arena.from_course(course),
+    }
+    rows = measure_scans(arenas, "gg", quick)
+    _show(rows)
+    return {"scans": rows, "random_rays": _show_one(compare_with_embree(arenas["gg"]))}
+
+
+PARTS: dict[str, Callable[[bool], dict]] = {
+    "accuracy": measure_accuracy,
+    "steps": measure_steps,
+    "seams": measure_seams,
+    "rays": measure_rays,
+    "behaviour": measure_behaviour,
+}
+
+
+def _judge(rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh) -> None:
+    """Put down distances [mm], number of pieces and the time they took."""
     quality = measure_arena(arena.pieces, truth, region=region)
-    return {
+    rows[name] = {
         "pieces": quality.num_pieces,
         "mean_mm": 1e3 * quality.mean,
         "p95_mm": 1e3 * quality.p95,
         "uncovered": quality.uncovered,
         "seconds": arena.quality.seconds,
     }
+    _show({name: rows[name]})
 
 
-def measure_behaviour(quick: bool) -> dict:
-    """Crossing of random controllers: a pit of 0.30 m, which some of them cross."""
-    course = Course(pit=0.30)
-    points = scan(course.surface())
-    arenas = {}
-    for name, (method, units) in SURFACES.items():
-        mesh = reconstruct(points, method, units=units).mesh
-        arenas[name] = make_arena(mesh, course=course, cache=False)
-        if name == "gsrm 2200" and not quick:
-            for kind in ("primitives", "hfield", "prisms"):
-                arenas[f"{name}, {kind}"] = make_arena(mesh, course=course, kind=kind, cache=False)
-    truth = Arena.from_course(course)
-    moved = [piece.copy().apply_translation([0, 0, 0.001]) for piece in truth.pieces]
-    arenas["truth moved by 1 mm"] = replace(truth, pieces=moved)
-    return compare(truth, arenas, 10 if quick else 30, 15.0 if quick else 40.0)
-
-
-def make_other_profiles() -> dict[str, np.ndarray]:
-    """Profiles that are not the course: a slanted pit, a hump, steps."""
-    x = np.linspace(-0.5, 0.5, 60)
-    hump = [(-2.5, 0), *zip(x, 0.1 * (1 + np.cos(2 * np.pi * x)), strict=True), (2.5, 0)]
-    steps = StairsCourse(rise=0.1).profile()
-    return {"slanted pit": np.array(SLANTED_PIT), "hump": np.array(hump), "steps": steps}
-
-
-def make_naive(mesh: trimesh.Trimesh) -> Arena:
-    """What anybody would do first: close the mesh and hand it to coacd."""
-    made = make_arena(mesh, cache=False)
-    pieces = decompose(close_downwards(repair_mesh(mesh), 0.2), 0.05, time_limit=300)
-    return replace(made, pieces=pieces)
-
-
-def crop_stairs(points: np.ndarray) -> np.ndarray:
-    """The stairs of the scan (see the data's README)."""
-    low, high = np.array([0.4, -4.3, -np.inf]), np.array([9.6, 1.4, 2.0])
-    return points[((points > low) & (points < high)).all(axis=1)]
-
-
-def turn(mesh: trimesh.Trimesh, yaw: float) -> trimesh.Trimesh:
-    """A copy turned about z [rad]."""
-    return mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
-
-
-def print_table(rows: dict[str, dict]) -> None:
-    """Print rows of names and figures."""
+def _show(rows: Rows) -> None:
     for name, row in rows.items():
-        print(f"{name:32s}", "  ".join(f"{key} {value:.4g}" for key, value in row.items()))
+        print(f"  {name:32s}", "  ".join(f"{key} {value:.4g}" for key, value in row.items()), flush=True)
+
+
+def _show_one(row: dict) -> dict:
+    _show({"": row})
+    return row
+
+
+def _load_last() -> dict:
+    path = RESULTS / "arena.json"
+    return json.loads(path.read_text())["results"] if path.exists() else {}
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer controllers, no naive decomposition")
-    run(parser.parse_args().quick)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer controllers, rounds and rows")
+    parser.add_argument("--only", nargs="+", default=[], choices=PARTS, help="parts to run (default: all)")
+    options = parser.parse_args()
+    run(options.quick, tuple(options.only))

@@ -1,0 +1,93 @@
+"""Whether a snake fares in an arena as it does in the truth, and what its steps cost."""
+
+from __future__ import annotations
+
+import time
+
+import mujoco
+import numpy as np
+from scipy.stats import spearmanr
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+
+MODULES = 8
+
+
+def drive(arena: Arena, num_controllers: int, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """Let seeded random hinge controllers (sines of random size, pace and phase) drive; who crossed, how far."""
+    generator = np.random.default_rng(7)
+    shape = (num_controllers, MODULES - 1)
+    size = generator.uniform(0.0, 0.45, (num_controllers, 1)) * generator.uniform(0.3, 1.0, shape)
+    pace = generator.uniform(0.3, 1.5, (num_controllers, 1))
+    phase = generator.uniform(0, 2 * np.pi, (num_controllers, 1)) + np.arange(
+        MODULES - 1
+    ) * generator.uniform(-1.5, 1.5, (num_controllers, 1))
+    bias = generator.uniform(-0.1, 0.1, shape)
+    envs = SnakePitVectorEnv(
+        num_envs=num_controllers,
+        arena=arena,
+        modules=MODULES,
+        start="pit",
+        duration=duration,
+        autoreset_mode="Disabled",
+    )
+    envs.reset(seed=[0] * num_controllers)
+    has_crossed, reached = np.zeros(num_controllers, dtype=bool), np.zeros(num_controllers)
+    is_done = np.zeros(num_controllers, dtype=bool)
+    for tick in range(round(duration / 0.02) + 1):
+        actions = np.clip(bias + size * np.sin(pace * 0.02 * tick + phase), -1, 1)
+        _, _, terminated, truncated, info = envs.step(actions)
+        now = ~is_done
+        reached[now] = np.asarray(info["x_position"])[now]
+        has_crossed[now] |= np.asarray(info["success"])[now]
+        is_done |= terminated | truncated
+        if is_done.all():
+            break
+    envs.close()
+    return has_crossed, reached
+
+
+class Behaviour:
+    """The same controllers in arena after arena, against the truth."""
+
+    def __init__(self, truth: Arena, num_controllers: int, duration: float) -> None:
+        """Let them drive in the truth."""
+        self._count, self._duration = num_controllers, duration
+        self._crossed, self._reached = drive(truth, num_controllers, duration)
+
+    @property
+    def reference(self) -> dict[str, float]:
+        """What they did in the truth."""
+        return {"crossed": int(self._crossed.sum()), "controllers": self._count}
+
+    def compare(self, arena: Arena) -> dict[str, float]:
+        """Return how many agree on crossing or not, and the rank correlation of the distance."""
+        begin = time.process_time()
+        also, there = drive(arena, self._count, self._duration)
+        return {
+            "agree": int((also == self._crossed).sum()),
+            "crossed": int(also.sum()),
+            "rank_correlation": float(spearmanr(self._reached, there).statistic),
+            "cpu_seconds": time.process_time() - begin,
+        }
+
+
+def time_steps(arenas: dict[str, Arena], num_ticks: int) -> dict[str, float]:
+    """Find the processor time of a bare physics step [µs] of the same snake under the same controls, side by side."""
+    worlds = {}
+    for name, arena in arenas.items():
+        env = SnakePitEnv(arena=arena, modules=MODULES, start="pit")
+        env.reset(seed=0)
+        worlds[name] = env
+    spent = dict.fromkeys(worlds, np.inf)
+    for _ in range(5):
+        for name, env in worlds.items():
+            env.reset(seed=0)
+            begin = time.thread_time()
+            for tick in range(num_ticks):
+                env.data.ctrl[: MODULES - 1] = 0.2 * np.sin(0.04 * tick + np.arange(MODULES - 1))
+                mujoco.mj_step(env.model, env.data, nstep=4)
+            spent[name] = min(spent[name], time.thread_time() - begin)
+    return {name: 1e6 * seconds / num_ticks / 4 for name, seconds in spent.items()}
