@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import reduce
 from math import isnan
 from operator import add
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -131,14 +131,16 @@ class Episodes:
             self._start_head[row] = measured.head
             self._speed[row] = speed
 
-    def command(self, actions: np.ndarray, rows: list[int] | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def command(
+        self, actions: np.ndarray, listens: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Take actions `[N, A]`: move the servos' targets at their speed.
 
         A number that is not one leaves what it commands as it was; the others are clipped to ±1.
 
         Args:
             actions: of all simulations.
-            rows: the simulations that listen; None for all.
+            listens: `[N]` which simulations do; None for all.
 
         Returns:
             Targets `[N, h]` [rad] and track speeds `[N, 1 or n]` [m/s].
@@ -146,16 +148,16 @@ class Episodes:
         actions = np.minimum(np.maximum(actions, -1.0), 1.0)
         if isnan(np.add.reduce(actions, axis=None)):
             actions = np.where(np.isnan(actions), self.action, actions)
-        listens: Any = True
-        if rows is not None:
-            listens = np.zeros((len(actions), 1), dtype=bool)
-            listens[rows] = True
-            actions = np.where(listens, actions, self.action)
+        if listens is not None:
+            actions = np.where(listens[:, None], actions, self.action)
         self.action = actions
         turn = (actions[:, : self._num_hinges] if self.num_tracks else actions) * self._range
         turn -= self.target
         np.minimum(np.maximum(turn, -self._largest_turn, out=turn), self._largest_turn, out=turn)
-        np.add(self.target, turn, out=self.target, where=listens)
+        if listens is None:
+            self.target += turn
+        else:
+            np.add(self.target, turn, out=self.target, where=listens[:, None])
         return self.target, self._speed * actions[:, -self.num_tracks :] if self.num_tracks else self._speed
 
     def observe(self, physics: Physics) -> np.ndarray:

@@ -114,11 +114,9 @@ class Judge:
         return c * position[:, :, 0] + s * position[:, :, 1]
 
     def find_places(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how far along the route and how far left of its middle each module is, `[N, n]` each [m]."""
-        if self.is_plain:
-            return position[:, :, 0], position[:, :, 1]
-        (c, s), x, y = self._direction, position[:, :, 0], position[:, :, 1]
-        return c * x + s * y, c * y - s * x - self._route.lateral
+        """Return how far along the route and how far left of its middle places `[n, 3]` are, `[n]` each [m]."""
+        (c, s), x, y = self._direction, position[:, 0], position[:, 1]
+        return (x, y) if self.is_plain else (c * x + s * y, c * y - s * x - self._route.lateral)
 
     def find_limits(self) -> tuple[float, float]:
         """Return how far aside and how low a module can be while nothing has happened [m]."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import repeat
 from typing import Any
 
 import mujoco
@@ -30,6 +31,8 @@ from symbrion_gym.environment.randomisation import (
 from symbrion_gym.environment.rendering import RENDER_MODES, Pictures
 from symbrion_gym.environment.snake_pit import SnakePitEnv, make_spaces
 from symbrion_gym.environment.world import World
+
+_NEWS = tuple(f"_{name}" for name in NUMBERS + FLAGS)
 
 
 class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -147,7 +150,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             values = np.zeros(self.num_envs)
             values[rows] = [getattr(domain, name) for domain in domains]
             info[name], info[f"_{name}"] = values, mask
-        return self._add_noise(self._episodes.observe(self._physics), rows), info
+        return self._add_noise(self._episodes.observe(self._physics), mask), info
 
     def _choose(self, stretch: Any, rows: list[int]) -> None:
         """Choose the worlds in which simulations begin from now on."""
@@ -204,13 +207,12 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         actions = np.asarray(actions, dtype=np.float64)
         if actions.shape != self.action_space.shape:
             raise ValueError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
-        was_done = self._is_done
-        rows = np.flatnonzero(~was_done).tolist()
-        reward, terminated, truncated = self._advance(actions, rows)
+        was_done, listens = self._is_done, ~self._is_done
+        reward, terminated, truncated = self._advance(actions, listens)
         ended = terminated | truncated
         self._is_done = was_done | ended
-        info = self._make_info(~was_done)
-        observation = self._add_noise(self._episodes.observe(self._physics), rows)
+        info = self._make_info(listens)
+        observation = self._add_noise(self._episodes.observe(self._physics), listens)
         if ended.any():
             diverged = np.flatnonzero(self._episodes.flags[FLAGS.index("diverged")] & ended)
             if len(diverged):
@@ -223,43 +225,44 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 final[row] = observation[row].copy()
             kept = {name: info[name] for name in NUMBERS + FLAGS}
             observation = self._restart(ended, observation)
-            info = {**self._make_info(~was_done), "final_obs": final, "_final_obs": ended}
+            info = {**self._make_info(listens), "final_obs": final, "_final_obs": ended}
             info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
         return observation, reward, terminated, truncated, info
 
-    def _advance(self, actions: np.ndarray, rows: list[int]) -> Ticks:
-        """Step the physics of some simulations and judge them."""
-        episodes, world = self._episodes, self.world
-        if rows:
-            target, speed = episodes.command(actions, None if len(rows) == self.num_envs else rows)
-            world.write_control(self._control, target, speed)
+    def _advance(self, actions: np.ndarray, listens: np.ndarray) -> Ticks:
+        """Step the physics of the simulations that listen, and judge them."""
+        episodes = self._episodes
+        is_everyone = bool(listens.all())
+        if is_everyone or listens.any():
+            target, speed = episodes.command(actions, None if is_everyone else listens)
+            self.world.write_control(self._control, target, speed)
             if episodes.num_tracks:
                 self._models.write_track_speed(speed)
-            self.batch.step(rows, nstep=self.config.frame_skip)
+            self.batch.step(None if is_everyone else listens, nstep=self.config.frame_skip)
             self._refresh()
-        ticks = episodes.finish_ticks(self._physics, rows)
+        ticks = episodes.finish_ticks(self._physics, listens)
         if self._max_ticks is not None:
             limit = (self._max_ticks - 0.5) * self.config.dt
-            is_late = episodes.numbers[NUMBERS.index("time")] > limit
-            ticks.truncated[rows] |= (is_late & ~ticks.terminated)[rows]
+            is_late = listens & (episodes.numbers[NUMBERS.index("time")] > limit)
+            np.copyto(ticks.truncated, ~ticks.terminated, where=is_late)
         return ticks
 
     def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
         rows = np.flatnonzero(mask).tolist()
         self._begin(rows)
-        fresh = self._add_noise(self._episodes.observe(self._physics), rows)
+        fresh = self._add_noise(self._episodes.observe(self._physics), mask)
         return np.where(mask[:, None], fresh, observation)
 
     def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
         """Return `info` with Gymnasium's `_name` masks: which simulations a value is news of."""
         info: dict[str, Any] = dict(zip(NUMBERS, self._episodes.numbers.copy(), strict=True))
         info.update(zip(FLAGS, self._episodes.flags.copy(), strict=True))
-        info.update([(f"_{name}", mask) for name in NUMBERS + FLAGS])
+        info.update(zip(_NEWS, repeat(mask), strict=False))
         return info
 
-    def _add_noise(self, observation: np.ndarray, rows: list[int]) -> np.ndarray:
+    def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if self.config.noise:
-            for row in rows:
+            for row in np.flatnonzero(mask):
                 observer = self._episodes.observer
                 observation[row] = add_noise(observation[row], observer, self._generators[row])
         return observation
