@@ -18,6 +18,8 @@ from evolution.paper.statistics import find_ratio, summarise
 
 MODELS = ("gg", "gsrm", "simple")
 CONTACTS = {"gg": "hulls", "gsrm": "hulls", "boxes": "boxes", "mixed": "mixed", "hfield": "height field"}
+BLOCK = 20
+"""Scans of one way before the next one's turn: as in a simulation, the arena is in the processor's caches."""
 log = logging.getLogger(__name__)
 
 
@@ -42,7 +44,7 @@ class Way(NamedTuple):
 def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent) -> dict[str, Any]:
     """Time scans of 361 beams from the places where the survey's robot scanned.
 
-    All ways take turns pose by pose. Processor time counts, so that other work on the machine does not. No
+    All ways take turns, a block of poses each. Processor time counts, so that other work on the machine does not. No
     robot stands in the arena: what is timed is the arena alone.
 
     Args:
@@ -60,20 +62,18 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
     ways = _list_ways(folder, config)
     seconds: list[list[float]] = [[] for _ in ways]
     errors: list[list[float]] = [[] for _ in ways]
-    exact = {way.model: index for index, way in enumerate(ways) if way.method == "tree"}
-    brute_every = max(1, len(poses) // config.brute_scans)
-    for turn, pose in enumerate(poses):
-        progress(f"scan {turn + 1} of {len(poses)}", turn / len(poses))
-        ranges: list[np.ndarray] = []
-        for index, way in enumerate(ways):
-            if way.method == "brute force" and turn % brute_every:
-                ranges.append(np.empty(0))
-                continue
-            start = time.process_time()
-            ranges.append(way.caster(pose))
-            seconds[index].append(1e6 * (time.process_time() - start))
-            difference = np.abs(ranges[index] - ranges[exact[way.reference]])
-            errors[index] += difference[np.isfinite(difference)].tolist()
+    for start in range(0, len(poses), BLOCK):
+        progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
+        block = poses[start : start + BLOCK]
+        exact: dict[str, list[np.ndarray]] = {}
+        for way, times, apart in zip(ways, seconds, errors, strict=True):
+            is_slow = way.method == "brute force"
+            chosen = block[: -(-len(block) * config.brute_scans // config.scans)] if is_slow else block
+            ranges = _time_scans(way.caster, chosen, times)
+            known = exact.setdefault(way.model if way.method == "tree" else way.reference, ranges)
+            for one, other in zip(ranges, known, strict=False):
+                difference = np.abs(one - other)
+                apart += difference[np.isfinite(difference)].tolist()
     return {
         "beams": 361,
         "rows": [
@@ -95,6 +95,16 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
             for method in ("tree", "brute force")
         },
     }
+
+
+def _time_scans(caster: Caster, poses: np.ndarray, times: list[float]) -> list[np.ndarray]:
+    """Return the ranges of scans from the poses, and add what each took [µs] to `times`."""
+    ranges = []
+    for pose in poses:
+        start = time.process_time()
+        ranges.append(caster(pose))
+        times.append(1e6 * (time.process_time() - start))
+    return ranges
 
 
 def _pick(ways: list[Way], seconds: list[list[float]], model: str, method: str) -> list[float]:

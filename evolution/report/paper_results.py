@@ -33,8 +33,8 @@ def add_physics(context: PaperContext) -> None:
         "The paper found that triangles do not matter for the physics. Here every mesh becomes a few convex pieces "
         f"first, and the growing grid's step takes {steps['gg']} times the hand-made model's (mean and 95 % bootstrap "
         f"interval; its collision detection {collision} times), the GSRM's {steps['gsrm']} times. Where triangles are "
-        f"kept for contact, one prism each, they do matter: {steps['prisms']} times. As exact boxes the hand-made model "
-        f"itself takes {steps['boxes']} times.",
+        f"kept for contact, one prism each, they do matter: {steps['prisms']} times. As exact boxes the hand-made "
+        f"model itself takes {steps['boxes']} times.",
     )
     context.add_figure(
         "table2_costs",

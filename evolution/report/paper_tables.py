@@ -167,7 +167,7 @@ def tabulate_laser(record: Record) -> Table:
                "paper", "wrong by [mm]", "scans"]  # fmt: skip
     text = (
         f"Table III. One scan of {figures['beams']} beams from where the survey's robot scanned; mean ± deviation of "
-        "processor time; the ways take turns pose by pose. The first rows see the exact surface, the last shapes that "
+        "processor time; the ways take turns every 20 scans. The first rows see the exact surface, the last ones what "
         "robots touch. Wrong by: mean difference from the exact surface's ranges."
     )
     return Table(columns, rows, sign(text, record))
