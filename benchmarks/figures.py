@@ -32,7 +32,8 @@ class Value:
 
     Attributes:
         file: name of the results without `.json`.
-        path: keys of `results` from the top, with `/` between them; `*` means every entry there.
+        path: keys of `results` from the top, with `/` between them; `*` means every entry there. After ` | ` may
+            stand where an earlier version of the benchmark put it; the first place that is there counts.
         reduce: what becomes of several entries: only, min, max, median, mean, sum, count.
         scale: factor into the unit of the claim (1000: from metres to millimetres).
         offset: added after that (-100: from 112 % of something to 12 % more than it).
@@ -56,9 +57,11 @@ class Value:
         Raises:
             ClaimError: nothing stands there, or several entries where one is expected.
         """
-        found = [self._take(entry) for entry in _walk(results, self.path.split("/"), self.path)]
+        *places, last = self.path.split(" | ")
+        path = next((place for place in places if _is_there(results, place)), last)
+        found = [self._take(entry) for entry in _walk(results, path.split("/"), path)]
         if self.reduce == "only" and len(found) != 1:
-            raise ClaimError(f"{len(found)} entries at {self.path!r}; say how to reduce them")
+            raise ClaimError(f"{len(found)} entries at {path!r}; say how to reduce them")
         reduced = REDUCTIONS[self.reduce](found)
         if (self.scale, self.offset) == (1.0, 0.0) or isinstance(reduced, str):
             return reduced
@@ -182,6 +185,13 @@ def _walk(entry: Any, keys: list[str], path: str) -> Iterator[Any]:
     else:
         there = ", ".join(map(repr, entry)) if isinstance(entry, dict) else f"a {type(entry).__name__}"
         raise ClaimError(f"no {key!r} on the way to {path!r}; there is {there:.200}")
+
+
+def _is_there(results: dict[str, Any], path: str) -> bool:
+    try:
+        return any(True for _ in _walk(results, path.split("/"), path))
+    except ClaimError:
+        return False
 
 
 def _find_key(entry: Any, keys: list[str]) -> int:

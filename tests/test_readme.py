@@ -81,6 +81,7 @@ def test_values_are_reduced_scaled_and_taken_from_text() -> None:
     assert Value("a", "runs/*/words", "min", pattern=r"(\d+) of").read(results) == 28
     assert Value("a", "runs/*", "count").read(results) == 2
     assert Value("a", "models/gsrm 800/of").read({"models/gsrm 800": {"of": 5}}) == 5
+    assert Value("a", "new/far | runs/0/far").read(results) == 0.1
     for bad in (Value("a", "runs/*/far"), Value("a", "runs"), Value("a", "runs/2/far"), Value("a", "far")):
         with pytest.raises(ClaimError):
             bad.read(results)

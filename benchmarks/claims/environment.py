@@ -72,8 +72,8 @@ ENVIRONMENT = (
         "{0} in {1:,} + {2:,}",
         (
             Value("environment", "cheats/cheats"),
-            Value("environment", "cheats/episodes/random"),
-            Value("environment", "cheats/episodes/evolved"),
+            Value("environment", "cheats/counts/random episodes | cheats/episodes/random"),
+            Value("environment", "cheats/counts/evolved episodes | cheats/episodes/evolved"),
         ),
         bar="<= 0",
         is_headline=True,
