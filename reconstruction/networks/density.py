@@ -12,10 +12,12 @@ from scipy.spatial import cKDTree
 NUM_PROBES = 512
 _NEAR = 10
 _WIDE = 32
-_UNEVEN = 3.0
-"""An even cloud's probes differ by less: 95th over 5th percentile of the distance to the tenth neighbour."""
+_UNEVEN = 2.5
+"""An even cloud's probes differ by less: 98th over 2nd percentile of the distance to the tenth neighbour."""
 _LINEAR = 0.08
 """Below this ratio of variances a neighbourhood is one scan line, not a surface."""
+_GAPS = 1.5
+"""In an uneven cloud the distance between samples varies with the direction: it is up to so many times the mean."""
 _EQUALITY = 0.75
 """Exponent of the area a sample stands for in its weight: 0 puts the units where the samples are, 1 evenly on
 the surface. Sparse samples have noise of their own, so neither."""
@@ -61,7 +63,7 @@ def study_density(samples: np.ndarray, tree: cKDTree, rng: np.random.Generator) 
     probes = samples[rng.integers(0, num_samples, NUM_PROBES)]
     distances, neighbors = tree.query(probes, k=near + 1)
     reach = distances[:, -1]
-    low, typical, high = np.percentile(reach, [5, 50, 95])
+    low, typical, high = np.percentile(reach, [2, 50, 98])
     is_line = _find_spread(tree.data[neighbors])[:, 1] < _LINEAR
     spacing = typical * np.sqrt(np.pi / near)
     if high < _UNEVEN * max(low, 1e-30) and reach.max() < 2 * _UNEVEN * typical and is_line.mean() < 0.05:
@@ -74,15 +76,8 @@ def _study_all(samples: np.ndarray) -> Density:
     sound = samples[~is_outlier]
     tree = cKDTree(sound)
     wide = min(_WIDE, len(sound) - 1)
-    near = min(_NEAR, wide)
-    distances, neighbors = tree.query(sound, k=wide + 1, workers=-1)
-    found = np.zeros(len(sound))
-    for k in sorted({near, min(20, wide), wide}):
-        # The fewest neighbours that span a surface; where none do, the most.
-        todo = np.flatnonzero(found == 0)
-        is_surface = _find_spread(sound[neighbors[todo, : k + 1]])[:, 1] >= _LINEAR
-        chosen = todo[is_surface | (k == wide)]
-        found[chosen] = distances[chosen, k] * np.sqrt(np.pi / k)
+    distances = tree.query(sound, k=[wide + 1], workers=-1)[0][:, 0]
+    found = _GAPS * distances * np.sqrt(np.pi / wide)
     spacing = np.full(len(samples), np.median(found))
     spacing[~is_outlier] = np.maximum(found, 1e-6 * np.median(found))
     weights = np.where(is_outlier, 0, (spacing**2) ** _EQUALITY)

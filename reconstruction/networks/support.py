@@ -23,15 +23,17 @@ _PLACES = _INNER / 12
 class Support:
     """The samples, ready to be asked whether they carry a face."""
 
-    def __init__(self, tree: cKDTree, spacings: np.ndarray) -> None:
+    def __init__(self, tree: cKDTree, spacings: np.ndarray, *, is_uneven: bool = False) -> None:
         """Keep the samples.
 
         Args:
             tree: of the samples.
             spacings: distance between samples round each of the tree's.
+            is_uneven: whether the cloud's density varies, as scan lines' does.
         """
         self._tree = tree
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
+        self.is_uneven = is_uneven
 
     def measure_void(self, corners: np.ndarray) -> np.ndarray:
         """Return how much of each face `[F, 3, 3]` is far from all samples, in squared spacings: `[F]`."""
@@ -85,7 +87,8 @@ def make_support(level: Level, units: np.ndarray, winners: np.ndarray) -> Suppor
         spacings = np.where(is_used, np.maximum(spacings, widest[winners]), spacings)
     by_tree = np.empty(level.tiles.tree.n)
     by_tree[level.tiles.tree.indices] = spacings.ravel()
-    return Support(level.tiles.tree, by_tree)
+    is_uneven = bool(np.ptp(level.spacings) > 0)
+    return Support(level.tiles.tree, by_tree, is_uneven=is_uneven)
 
 
 def find_sparse(winners: np.ndarray, num_units: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction.networks.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 from reconstruction.surfaces.hole_patching import patch_holes
-from reconstruction.surfaces.manifold import make_manifold
+from reconstruction.surfaces.manifold import group_sides, make_manifold
 from reconstruction.surfaces.orientation import find_components
 
 MIN_COMPONENT_FACES = 6
@@ -47,9 +47,27 @@ def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> t
     triples = find_triples(winners, len(units))
     sparse = find_sparse(winners[:, 0], len(units))
     if len(sparse):
-        midpoints = find_midpoints(units, sparse)
-        added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
-        triples = _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
+        triples = _witness_midpoints(units, triples, sparse, support)
+    faces, margin = _propose(units, triples, support)
+    if support.is_uneven:
+        # Between scan lines farther apart than the units on them no sample sees both sides.
+        faces, margin = _propose(
+            units, _witness_midpoints(units, triples, find_border(faces, len(units)), support), support
+        )
+    return faces, margin
+
+
+def _witness_midpoints(
+    units: np.ndarray, triples: np.ndarray, chosen: np.ndarray, support: Support
+) -> np.ndarray:
+    """Return the keys with those that places between the chosen units and their neighbours witness as well."""
+    midpoints = find_midpoints(units, chosen)
+    added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
+    return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
+
+
+def _propose(units: np.ndarray, triples: np.ndarray, support: Support) -> tuple[np.ndarray, np.ndarray]:
+    """Return the faces of witnessed edges that are empty and lie on samples, and their margins."""
     edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
     faces = cliques[empty]
@@ -57,6 +75,15 @@ def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> t
     is_kept = ~is_doubtful
     is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
     return faces[is_kept], margin[is_kept]
+
+
+def find_border(faces: np.ndarray, num_units: int) -> np.ndarray:
+    """Return the units `[B]` at the end of an edge with one face, and those without a face."""
+    sides = group_sides(faces, num_units)
+    slots = sides.slots[sides.starts[sides.counts == 1]]
+    is_border = np.bincount(faces.ravel(), minlength=num_units) == 0
+    is_border[faces.ravel()[slots]] = is_border[faces[slots // 3, (slots % 3 + 1) % 3]] = True
+    return np.flatnonzero(is_border)
 
 
 def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, support: Support) -> np.ndarray:
