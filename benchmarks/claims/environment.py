@@ -78,4 +78,19 @@ ENVIRONMENT = (
         bar="<= 0",
         is_headline=True,
     ),
+    Claim(
+        "steps with random options and with actions that no one should send; numbers that were not finite",
+        "{0:,}; {1}",
+        (
+            Value("environment", "robustness/counts/steps"),
+            Value("environment", "robustness/counts/not finite"),
+        ),
+        bar="<= 0",
+        judged=1,
+    ),
+    Claim(
+        "growth of the process over 1,000 resets",
+        "{0:.1f} MB",
+        (Value("environment", "memory/after resets [MB]"),),
+    ),
 )

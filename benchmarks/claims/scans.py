@@ -52,6 +52,12 @@ SCANS = (
         bar="<= 10 mm",
     ),
     Claim(
+        "largest error of its heading",
+        "{0:.2f}°",
+        (_survey("localisation_max_deg", "max"),),
+        bar="<= 0.5°",
+    ),
+    Claim(
         "real scan: veils of mixed pixels removed",
         "{0:.0f} %",
         (Value("scans", "real_scan/veils_removed", scale=PERCENT),),
