@@ -37,7 +37,6 @@ from reconstruction.networks.grid_learning import (
     learn,
 )
 from reconstruction.networks.grid_mesh import triangulate
-from reconstruction.networks.grid_refinement import refine_sheet
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.progress import Progress, silent
 from reconstruction.surfaces.unfolding import unfold_faces
@@ -246,6 +245,10 @@ def refine(
     Returns:
         The new grid, and the points that are still true with the new ones.
     """
+    from reconstruction.networks.grid_refinement import (
+        refine_sheet,
+    )  # a fresh process that only reconstructs starts sooner
+
     progress("refine", 0.0)
     units, has_face, known = refine_sheet(
         state.units,

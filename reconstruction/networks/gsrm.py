@@ -18,7 +18,6 @@ from reconstruction.errors import ReconstructionError
 from reconstruction.networks import gsrm_paper
 from reconstruction.networks.density import study_density
 from reconstruction.networks.growth import Level, grow, make_level
-from reconstruction.networks.map_refinement import refine_map
 from reconstruction.networks.support import make_support
 from reconstruction.networks.winners import make_tiles, search_all
 from reconstruction.progress import Progress, silent
@@ -202,6 +201,10 @@ def refine(
     Returns:
         The new map, and the points that are still true with the new ones.
     """
+    from reconstruction.networks.map_refinement import (
+        refine_map,
+    )  # a fresh process that only reconstructs starts sooner
+
     progress("refine", 0.0)
     units, faces, known = refine_map(
         state.units, state.faces, points, new_points, config.fit, np.random.default_rng(seed), origins
