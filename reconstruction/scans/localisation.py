@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from reconstruction.errors import ScanError
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.levelling import find_lean
-from reconstruction.scans.mixed_pixels import find_jumps
+from reconstruction.scans.mixed_pixels import find_jumps, find_noise
 from reconstruction.scans.scan import Array, HorizontalScans, ScanLog, make_pose, planar_pose
 
 _LAYERS = np.array([-0.04, 0.0, 0.04])
@@ -18,6 +18,8 @@ _LAYERS = np.array([-0.04, 0.0, 0.04])
 
 
 _LINE_REACH = 0.15
+_NUM_NEIGHBORS, _NOISE = 12, 0.012
+"""Points that make a line of the map, and the noise up to which they do [m]; a thicker wall takes more."""
 _PLANAR = [3, 4, 2]
 """x, y and the turn about z among the six parameters of a match (turns first)."""
 _MATCH_SIGMA = 0.05
@@ -29,7 +31,8 @@ _SHAKE = 0.0129
 _MATCH_ERROR = 0.001
 """Of a scan matched to the settled map [m]."""
 _LEAST_HEIGHT, _MAX_PITCH = 0.1, 0.1
-_MIN_MAP = 20
+_MIN_MAP, _MIN_MATCH = 20, 11
+"""Points without which nothing is matched."""
 _MAX_SCALE_ERROR = 0.2
 
 
@@ -201,23 +204,24 @@ def _match_to_map(
     if not count:
         return np.empty((0, 3))
     points = _find_wall_points(scans)
+    thickness = max(1.0, find_noise(scans.ranges) / _NOISE)
     planar, keys = np.tile(scans.start, (count, 1)), [0]
-    target = _make_map(points, planar, keys)
+    target = _make_map(points, planar, keys, thickness)
     for i in range(1, count):
         step = _between(scans.odometry[i - 1], scans.odometry[i])
         planar[i] = _align(target, points[i], _compose(planar[i - 1], step), reach=0.15)
         gone = planar[i] - planar[keys[-1]]
         if np.hypot(*gone[:2]) > key_distance or abs(gone[2]) > key_angle:
             keys.append(i)
-            target = _make_map(points, planar, keys)
+            target = _make_map(points, planar, keys, thickness)
         if i % 50 == 0:
             progress("localising: first pass", 0.4 * i / count)
     keys = list(range(0, count, max(1, count // 400)))
     for k in range(num_rounds):
-        target = _make_map(points, planar, keys)
+        target = _make_map(points, planar, keys, thickness)
         planar[keys] = [_align(target, points[i], planar[i], reach=0.06) for i in keys]
         progress("localising: settling the map", 0.4 + 0.3 * k / num_rounds)
-    target = _make_map(points, planar, keys)
+    target = _make_map(points, planar, keys, thickness)
     planar = np.stack([_align(target, p, guess, reach=0.06) for p, guess in zip(points, planar, strict=True)])
     if sway is not None:
         planar[:, :2] -= _turn(sway, planar[:, 2])
@@ -253,7 +257,7 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def _make_map(
-    points: list[Array], planar: Array, keys: range | list[int], cell: float = 0.03
+    points: list[Array], planar: Array, keys: range | list[int], thickness: float, cell: float = 0.03
 ) -> tuple | None:
     """Lay the key scans on each other, average them in cells, draw those onto lines, find normals; None: blind."""
     cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
@@ -265,14 +269,14 @@ def _make_map(
         grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
     )
     means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
-    walls = _draw_onto_lines(means, counts.astype(float))
+    walls = _draw_onto_lines(means, counts.astype(float), round(_NUM_NEIGHBORS * thickness))
     raised = small_gicp.PointCloud(np.concatenate([np.c_[walls, np.full(len(walls), z)] for z in _LAYERS]))
     tree = small_gicp.KdTree(raised)
     small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=15)
     return raised, tree
 
 
-def _draw_onto_lines(points: Array, weights: Array, num_neighbors: int = 12) -> Array:
+def _draw_onto_lines(points: Array, weights: Array, num_neighbors: int = _NUM_NEIGHBORS) -> Array:
     """Move points `[N, 2]` onto the line through their neighbours, and drop those at corners.
 
     A map as thick as the noise holds scans where they are: a point finds its own error in it.
@@ -297,7 +301,7 @@ def _align(target: tuple | None, points: Array, guess: Array, reach: float) -> A
     With d the step from guess to match and H the match's information (per variance of a reading), the pose is
     ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
     """
-    if target is None or not len(points):
+    if target is None or len(points) < _MIN_MATCH:
         return guess
     source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])
     result = small_gicp.align(

@@ -8,6 +8,12 @@ from scipy.ndimage import uniform_filter1d
 
 from reconstruction.scans.scan import Array
 
+_SAMPLED = 8
+"""One scan in so many is asked for the noise."""
+_NOISE, _MOST_NOISE = 0.008, 3.0
+"""Noise from which on jumps are higher [m], and how many times."""
+_SPACING, _STEP = np.radians(0.5), 0.10
+"""Steps of this height [m] between beams this far apart [rad] make a veil; coarser scanners step more."""
 _FRAYED, _LEAST = (9, 4), 1e-3
 """Where 4 of 9 beams are in doubt, so are the others: the least doubt [m]."""
 
@@ -15,7 +21,7 @@ _FRAYED, _LEAST = (9, 4), 1e-3
 def find_mixed_beams(
     ranges: Array,
     *,
-    step: float = 0.10,
+    step: float = _STEP,
     jump: float = 0.03,
     jump_per_metre: float = 0.003,
     max_share: float = 0.02,
@@ -29,12 +35,14 @@ def find_mixed_beams(
        doubt, as high as the jumps [m].
     3. *Frays*: every beam that has four of 1 and 2 among the nine around it; an edge along the scan plane.
 
+    The jumps of 2 grow with the noise of the readings (`find_noise`) where that is above 8 mm.
+
     In a cluttered scene 2 and 3 would cost a tenth of the beams: the most doubtful ones go, to at most
     `max_share` of all valid beams.
 
     Args:
         ranges: `[S, B]` [m], nan: no return.
-        step: see 1 [m].
+        step: see 1 [m]; on a surface met aslant the steps grow with the angle between beams: see `find_step`.
         jump: see `find_jumps` [m].
         jump_per_metre: likewise.
         max_share: see above; 0 leaves 1 alone.
@@ -45,7 +53,8 @@ def find_mixed_beams(
     is_mixed = np.zeros(ranges.shape, bool)
     rising, falling = difference > step, difference < -step
     is_mixed[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
-    height = np.where(find_jumps(bridged, jump, jump_per_metre), np.abs(difference), 0.0)
+    scale = float(np.clip(find_noise(ranges) / _NOISE, 1.0, _MOST_NOISE))
+    height = np.where(find_jumps(bridged, scale * jump, scale * jump_per_metre), np.abs(difference), 0.0)
     doubt = np.zeros(ranges.shape)
     doubt[:, 1:] += height
     doubt[:, :-1] += height
@@ -58,6 +67,24 @@ def find_mixed_beams(
         place = doubt.size - most - 1
         doubt[doubt <= np.partition(doubt, place, axis=None)[place]] = 0.0
     return (is_mixed | (doubt > 0)) & is_valid
+
+
+def find_step(angles: Array) -> float:
+    """Return the step that makes a veil [m]: 10 cm for beams half a degree apart or less, more for coarser ones."""
+    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else _SPACING
+    return _STEP * spacing / _SPACING if spacing > 1.01 * _SPACING else _STEP
+
+
+def find_noise(ranges: Array) -> float:
+    """Estimate the noise of readings, the middle of them [m]; 0 where no three beams lie side by side.
+
+    On a plane 1/r hardly bends from beam to beam: ``r^2 (q_(i+1) - 2 q_i + q_(i-1))`` has sqrt(6) times the noise.
+    """
+    inverse = 1.0 / ranges[::_SAMPLED]
+    bend = np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2])
+    bend /= inverse[:, 1:-1] ** 2
+    bend = bend[np.isfinite(bend)]
+    return float(np.median(bend)) / (0.6745 * np.sqrt(6)) if bend.size else 0.0
 
 
 def find_jumps(ranges: Array, jump: float = 0.03, jump_per_metre: float = 0.004) -> NDArray[np.bool_]:

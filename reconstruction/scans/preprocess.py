@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
 from reconstruction.scans.levelling import find_declination, level_floor
-from reconstruction.scans.mixed_pixels import find_mixed_beams
+from reconstruction.scans.mixed_pixels import find_mixed_beams, find_step
 from reconstruction.scans.scan import Array, ScanLog
 from reconstruction.scans.smoothing import smooth_ranges
 
@@ -58,7 +58,7 @@ def preprocess(
     progress("levelling", 0.0)
     log = level_floor(scans)
     progress("filtering", 0.3)
-    is_mixed = find_mixed_beams(log.ranges)
+    is_mixed = find_mixed_beams(log.ranges, step=find_step(log.angles))
     progress("smoothing", 0.6)
     log = smooth_ranges(log.replace(ranges=np.where(is_mixed, np.nan, log.ranges)), across_jumps=across_jumps)
     points = log.points()
@@ -79,7 +79,7 @@ def remove_mixed_pixels(scans: ScanLog | ArrayLike) -> ScanLog | Array:
     if not isinstance(scans, ScanLog):
         points = as_points(scans)
         return points[~find_sparse_points(points)]
-    ranges = np.where(find_mixed_beams(scans.ranges), np.nan, scans.ranges)
+    ranges = np.where(find_mixed_beams(scans.ranges, step=find_step(scans.angles)), np.nan, scans.ranges)
     log = scans.replace(ranges=ranges)
     ranges[log.is_valid] = np.where(
         find_sparse_points(log.points(), threshold=_ALONE, max_share=_SPARSE_SHARE),
