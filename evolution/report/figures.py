@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from evolution.report.pictures import DPI
+from evolution.report.pictures import CHART_WIDTH, DPI
 
 VIEW = (28.0, -62.0)  # elevation, azimuth [degree]
 LIGHT = np.array([0.35, -0.5, 0.79])
@@ -102,7 +102,7 @@ def draw_section(
         x_limits: the part of the course that is shown [m].
         marked: `[M, 3]` points drawn in red where they are near the cut.
     """
-    figure = Figure(figsize=(10, 3.6), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.9), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     if points is not None:
         near = points[np.abs(points[:, 1] - y) < 0.03]
@@ -121,8 +121,12 @@ def draw_section(
         colour = PALETTE[index % len(PALETTE)]
         axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=1.4, label=label))
     axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
-    axes.autoscale(axis="y")
-    axes.margins(y=0.15)
+    ground = [group for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
+    heights = np.concatenate([mesh.vertices[:, 2] for mesh in ground]) if ground else np.zeros(0)
+    if len(heights):
+        axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
+    else:
+        axes.autoscale(axis="y")
     axes.legend(frameon=False, fontsize=8, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     soften(axes)
     return figure
@@ -136,7 +140,7 @@ def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.nd
         best: `[G]` best fitness of the generation.
         median: `[G]` median fitness of the generation.
     """
-    figure = Figure(figsize=(10, 3.6), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.9), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
     axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
@@ -154,7 +158,7 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int 
         surface: the arena's surface.
         snapshots: moments drawn, from blue (early) to yellow (late).
     """
-    figure = Figure(figsize=(10, 3.0), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.5), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors="#1d2530", linewidths=1.6))
     colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))

@@ -9,6 +9,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 DPI = 110
+CHART_WIDTH = 7.2
+"""Width of a chart [inch]: its text can be read on a phone, too."""
 MARGIN = 12
 
 
