@@ -119,6 +119,7 @@ def measure_behaviour(quick: bool) -> dict:
     rows: Rows = {"truth": behaviour.reference}
     moved = [piece.copy().apply_translation([0, 0, 0.001]) for piece in truth.pieces]
     rows["truth moved by 1 mm"] = behaviour.compare(replace(truth, pieces=moved))
+    _show(rows)
     wanted = [("convex", name) for name in RESOLUTIONS]
     if not quick:
         wanted += [(kind, name) for kind in ("primitives", "hfield") for name in RESOLUTIONS]
@@ -128,6 +129,7 @@ def measure_behaviour(quick: bool) -> dict:
         label = name if kind == "convex" else f"{name}, {kind}"
         rows[label] = behaviour.compare(arena)
         _show({label: rows[label]})
+        write_results("arena", {**_load_last(), "behaviour": rows})
     return {"behaviour": rows}
 
 

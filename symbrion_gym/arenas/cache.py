@@ -110,7 +110,7 @@ def read_entry(path: Path) -> Contact | None:
             if "field_heights" in arrays:
                 height_field = HeightField(*(arrays[f"field_{name}"] for name in HeightField._fields))
         pieces = [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=True)]
-        return Contact(pieces, ArenaQuality(**about["quality"]), height_field, about["notes"])
+        return Contact(pieces, ArenaQuality.from_dict(about["quality"]), height_field, about["notes"])
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         _logger.warning("the cache entry %s cannot be read (%s); it is made again", path, error)
         return None

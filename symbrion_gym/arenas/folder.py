@@ -75,7 +75,7 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
             "kind": about["kind"],
             "friction": about["friction"],
             "course": make_course(about["course"]) if about["course"] else None,
-            "quality": ArenaQuality(**about["quality"]),
+            "quality": ArenaQuality.from_dict(about["quality"]),
             "provenance": about["provenance"],
             "surface": _read_obj(folder / "surface.obj"),
             "pieces": [_read_obj(folder / f"pieces/{i:03d}.obj") for i in range(about["num_pieces"])],
@@ -106,7 +106,7 @@ def _write(arena: Arena, folder: Path) -> None:
         "quality": arena.quality.as_dict(),
         "provenance": arena.provenance,
     }
-    (folder / "arena.json").write_text(json.dumps(about, indent=2) + "\n")
+    (folder / "arena.json").write_text(json.dumps(about, indent=2, allow_nan=False) + "\n")
     spec = make_arena_spec(arena, use_files=True)
     spec.assets = {name: text.encode() for name, text in files.items()}
     spec.compile()

@@ -19,7 +19,7 @@ class ArenaQuality:
     """Vertical distances between what is touched and the surface, on a grid; 2 cm around walls left out.
 
     Attributes:
-        mean: mean distance [m].
+        mean: mean distance [m]; inf where there is no ground to measure on, as are the next three.
         p95: 95th percentile [m].
         max: largest [m].
         bias: mean of touched minus surface: above 0 where the ground is lifted [m].
@@ -37,8 +37,14 @@ class ArenaQuality:
     seconds: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON."""
-        return asdict(self)
+        """Return the fields, for JSON: None where nothing could be measured."""
+        return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> ArenaQuality:
+        """Return what `as_dict` was made of."""
+        known: dict[str, Any] = {name: np.inf if value is None else value for name, value in fields.items()}
+        return cls(**known)
 
 
 def measure_arena(

@@ -1,18 +1,21 @@
 """coacd in a process of its own: it can crash or never end, and takes its caller along.
 
-Run as `python -m symbrion_gym.coacd_worker INPUT.npz OUTPUT.npz`; see `decomposition.py`.
+Run as `python -m symbrion_gym.pieces.coacd_worker INPUT.npz OUTPUT.npz [SECONDS]`; see `decomposition.py`.
 """
 
 from __future__ import annotations
 
 import json
+import resource
 import sys
 
 import numpy as np
 
 
-def main(source: str, target: str) -> None:
-    """Decompose `vertices`, `faces` of one file into pieces in another."""
+def main(source: str, target: str, processor_limit: str = "") -> None:
+    """Decompose `vertices`, `faces` of one file into pieces in another, within so many seconds of processor time."""
+    if processor_limit:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(processor_limit), int(processor_limit) + 1))
     import coacd
 
     with np.load(source, allow_pickle=False) as given:
@@ -28,4 +31,4 @@ def main(source: str, target: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2])
+    main(*sys.argv[1:])

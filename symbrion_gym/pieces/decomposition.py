@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import signal
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,12 @@ _logger = logging.getLogger(__name__)
 
 
 def decompose(
-    solid: trimesh.Trimesh, threshold: float = 0.05, seed: int = 0, time_limit: float = 60.0, **options: Any
+    solid: trimesh.Trimesh,
+    threshold: float = 0.05,
+    seed: int = 0,
+    time_limit: float = 60.0,
+    processor_limit: float | None = None,
+    **options: Any,
 ) -> list[trimesh.Trimesh]:
     """Decompose a closed solid into convex pieces.
 
@@ -34,7 +40,8 @@ def decompose(
         solid: closed mesh.
         threshold: concavity left, relative to half the longest extent.
         seed: of coacd's search.
-        time_limit: the process is ended after this time [s].
+        time_limit: the process is ended after this time, by the clock [s].
+        processor_limit: likewise after this processor time, which other work does not change [s].
         options: more options of `coacd.run_coacd`.
 
     Raises:
@@ -49,6 +56,8 @@ def decompose(
         source, target = Path(folder) / "solid.npz", Path(folder) / "pieces.npz"
         np.savez(source, vertices=solid.vertices, faces=solid.faces, options=json.dumps(options))
         command = [sys.executable, "-m", "symbrion_gym.pieces.coacd_worker", str(source), str(target)]
+        if processor_limit is not None:
+            command.append(str(max(int(np.ceil(processor_limit)), 1)))
         root = str(Path(__file__).resolve().parents[2])
         try:
             done = subprocess.run(command, capture_output=True, timeout=time_limit, cwd=root, check=False)
@@ -57,6 +66,11 @@ def decompose(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
                 "ask for less accuracy or allow more time"
             ) from error
+        if done.returncode == -signal.SIGXCPU:
+            raise ArenaError(
+                f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
+                "the mesh, ask for less accuracy or allow more time"
+            )
         if done.returncode or not target.is_file():
             last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
             raise ArenaError(f"coacd failed on {len(solid.faces)} faces (exit {done.returncode}): {last}")

@@ -27,7 +27,12 @@ _NUM_POINTS = 60_000
 
 
 def decompose_slabs(
-    slabs: list[trimesh.Trimesh], planes: Planes, areas: np.ndarray, seed: int, time_limit: float
+    slabs: list[trimesh.Trimesh],
+    planes: Planes,
+    areas: np.ndarray,
+    seed: int,
+    time_limit: float,
+    processor_limit: float | None = None,
 ) -> list[trimesh.Trimesh]:
     """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls.
 
@@ -37,6 +42,7 @@ def decompose_slabs(
         areas: `[F]` area of each face of that surface [m²].
         seed: of coacd's search.
         time_limit: coacd is ended after this time [s].
+        processor_limit: likewise, after this processor time [s].
 
     Raises:
         ArenaError: the union is not closed, or coacd crashed, ran out of time or found nothing.
@@ -48,6 +54,7 @@ def decompose_slabs(
         _THRESHOLD,
         seed,
         time_limit,
+        processor_limit,
         preprocess_mode="off",
         max_convex_hull=-1,
         mcts_iterations=_SEARCH_ITERATIONS,

@@ -1,5 +1,6 @@
 """Arenas: built, measured, kept, loaded, compiled."""
 
+import json
 import multiprocessing
 import pickle
 
@@ -21,6 +22,9 @@ SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15,
 SLANTED_PIT += [(1.7, 0), (3, 0)]
 
 
+_COURSES = [(800, False, 0.0), (800, False, 0.35), (2200, False, 0.0), (7000, True, 0.0), (7000, True, 0.35)]
+
+
 def make_hump():
     x = np.linspace(-0.5, 0.5, 60)
     return np.array([(-2.5, 0), *zip(x, 0.1 * (1 + np.cos(2 * np.pi * x)), strict=True), (2.5, 0)])
@@ -40,8 +44,13 @@ def arena(scanned):
     return make_arena(scanned, course=Course(), cache=False, name="scanned")
 
 
-@pytest.mark.parametrize(("num_vertices", "is_grid"), [(800, False), (2200, False), (7000, True)])
-@pytest.mark.parametrize("yaw", [0.0, np.radians(20)])
+@pytest.mark.parametrize(
+    ("num_vertices", "is_grid", "yaw"),
+    [
+        (2200, False, np.radians(20)),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in _COURSES),
+    ],
+)
 def test_the_course_is_met_in_any_direction(num_vertices, is_grid, yaw):
     mesh = make_scanned_surface(Course().profile(), num_vertices=num_vertices, is_grid=is_grid)
     mesh = cut_irregular(mesh, yaw) if yaw else mesh
@@ -54,7 +63,14 @@ def test_the_course_is_met_in_any_direction(num_vertices, is_grid, yaw):
     assert quality.num_pieces <= 16
 
 
-@pytest.mark.parametrize("profile", [np.array(SLANTED_PIT), make_hump(), StairsCourse(rise=0.1).profile()])
+@pytest.mark.parametrize(
+    "profile",
+    [
+        np.array(SLANTED_PIT),
+        pytest.param(make_hump(), marks=pytest.mark.slow),
+        pytest.param(StairsCourse(rise=0.1).profile(), marks=pytest.mark.slow),
+    ],
+)
 def test_other_courses_are_met_too(profile):
     yaw = np.radians(-33)
     mesh = cut_irregular(make_scanned_surface(profile, num_vertices=2200, seed=1), yaw)
@@ -223,7 +239,7 @@ BROKEN = {
 }
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=4, deadline=None, derandomize=True)
 @given(**BROKEN)
 def test_broken_meshes_give_an_arena_or_an_arena_error(seed, damage):
     check_broken_mesh(seed, damage)
@@ -259,3 +275,31 @@ def check_broken_mesh(seed, damage):
         return
     assert arena.pieces
     arena.spec().compile()
+
+
+def test_nothing_but_walls_is_written_as_strict_json(tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [1, 1, 0], [1, 1, 1]], dtype=float)
+    walls = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], process=False)
+    arena = make_arena(walls, cache=tmp_path / "cache")
+    assert arena.quality.mean == np.inf
+    arena.save(tmp_path / "walls")
+
+    def refuse(name):
+        raise AssertionError(f"{name} is not JSON")
+
+    about = json.loads((tmp_path / "walls" / "arena.json").read_text(), parse_constant=refuse)
+    assert about["quality"]["mean"] is None
+    assert Arena.load(tmp_path / "walls").quality == arena.quality
+    assert make_arena(walls, cache=tmp_path / "cache").quality == arena.quality
+
+
+@pytest.mark.slow
+def test_a_million_faces_end_within_the_limit():
+    """Progress is told all along, and the planes are found in what is left after simplification."""
+    profile = Course().profile()
+    grid = make_scanned_surface(profile, num_vertices=500, noise=0.0).subdivide_loop(iterations=5)
+    assert len(grid.faces) > 0.8e6
+    told = []
+    arena = make_arena(grid, cache=False, time_limit=60.0, progress=lambda name, share: told.append(name))
+    assert arena.quality.mean < 0.01
+    assert len(told) >= 4
