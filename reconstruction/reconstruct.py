@@ -15,9 +15,11 @@ from numpy.typing import ArrayLike
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks import growing_grid, gsrm
 from reconstruction.networks.compilation import keep_compiled_programs
-from reconstruction.networks.passages import check_origins
+from reconstruction.networks.passages import check_origins, check_scale
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points
+from reconstruction.scans.rays import read_rays
+from reconstruction.scans.scan import ScanLog
 from reconstruction.surfaces.orientation import orient_outwards
 from reconstruction.surfaces.quality import Quality, measure_quality
 from reconstruction.whole_file import write_whole
@@ -96,7 +98,7 @@ class Reconstruction:
 
     def refine(
         self,
-        new_points: ArrayLike,
+        new_points: ArrayLike | ScanLog,
         origins: ArrayLike | None = None,
         seed: int = 0,
         progress: Progress = silent,
@@ -106,14 +108,22 @@ class Reconstruction:
         What has moved moves, new parts grow, parts that are no longer there go; the rest stays put.
 
         Args:
-            new_points: `[N, 3]` readings made since [m].
+            new_points: `[N, 3]` readings made since [m], in the frame and unit of the first; or a scan log, which
+                is levelled, filtered and smoothed, and knows its origins itself.
+            origins: `[N, 3]` where each reading was made from, or `[3]` one place for all: what their rays pass
+                through is gone. Without them a part is gone where it is not read again and all about it is.
             seed: of the order of the signals.
             progress: told how far it is.
 
         Raises:
-            ReconstructionError: the points are no points.
+            ReconstructionError: the points or origins are no points, or their unit is another.
         """
+        if isinstance(new_points, ScanLog):
+            if origins is not None:
+                raise ReconstructionError("a scan log holds its own origins; leave out origins")
+            new_points, origins = read_rays(new_points)
         cloud = check_points(new_points)
+        check_scale(cloud, self.points)
         seen_from = None if origins is None else check_origins(origins, len(cloud))
         network, _ = _find_method(self.method)
         keep_compiled_programs()

@@ -56,10 +56,18 @@ class Change:
 
 
 def make_surface(
-    course: Course, box: tuple[float, ...] | None = None, end: float = np.inf
+    course: Course, *, box: tuple[float, ...] | None = None, end: float = np.inf, widening: float = 0.0
 ) -> trimesh.Trimesh:
-    """Return the course's surface, open and normals up; with a box on its first floor, or cut off at x = end."""
+    """Return the course's surface, open and normals up.
+
+    Args:
+        course: the course.
+        box: what stands on its first floor.
+        end: x where it is cut off.
+        widening: by how much the far wall of the pit has moved away [m].
+    """
     profile = course.profile()
+    profile[profile[:, 0] == course.pit / 2, 0] += widening
     quads = []
     for (x, z), (next_x, next_z) in itertools.pairwise(profile):
         if x >= end:
@@ -100,14 +108,14 @@ def scan(
     tree = igl.AABB()
     tree.init(vertices, faces)
     _, share, _ = tree.intersect_ray_first(vertices, faces, origins, places - origins)
-    seen = np.flatnonzero(np.abs(np.asarray(share) - 1) < 1e-6)[:number]
+    seen = rng.permutation(np.flatnonzero(np.abs(np.asarray(share) - 1) < 1e-6))[:number]
     return places[seen] + rng.normal(0, NOISE, (len(seen), 3)), origins[seen]
 
 
 def make_changes(seed: int = 0) -> dict[str, Change]:
     """Return all scenarios; a tenth as many new readings as old ones, unless they say otherwise."""
-    plain, boxed = make_surface(Course()), make_surface(Course(), BOX)
-    wider = make_surface(Course(pit=0.45, plateau=0.475))
+    plain, boxed = make_surface(Course()), make_surface(Course(), box=BOX)
+    wider = make_surface(Course(), widening=0.05)
     shorter = make_surface(Course(), end=2.7)
     points, with_box = draw(plain, NUM_POINTS, seed), draw(boxed, NUM_POINTS, seed)
     few, other = NUM_POINTS // 10, seed + 100

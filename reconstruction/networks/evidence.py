@@ -159,17 +159,24 @@ def find_gone(
         return is_gone
     if is_read[is_used].mean() >= COMPLETE:
         return missing
-    pairs = np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]])
-    pairs = pairs[missing[pairs].all(axis=1)]
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices), len(vertices)))
-    label = connected_components(graph, directed=False)[1]
     low, high = new_points.min(axis=0), new_points.max(axis=0)
-    for part in np.unique(label[missing]):
-        is_part = missing & (label == part)
-        patch = vertices[is_part]
-        is_within = (patch.min(axis=0) >= low - 6 * spacing) & (patch.max(axis=0) <= high + 6 * spacing)
-        if len(patch) >= 3 and is_within.sum() >= 2 and _is_surrounded(patch, new_points, spacing):
-            is_gone |= is_part
+    margin = (high - low).max() / 2 + spacing
+    low, high = low - margin, high + margin
+    is_within = ((vertices >= low) & (vertices <= high)).all(axis=1)
+    if not (missing & is_within).any():
+        return is_gone
+    near = faces[(missing & is_within)[faces].any(axis=1)]
+    pairs = np.concatenate([near[:, :2], near[:, 1:], near[:, ::2]])
+    pairs = pairs[missing[pairs].all(axis=1)]
+    used = np.unique(np.concatenate([pairs.ravel(), np.flatnonzero(missing & is_within)]))
+    ends = np.searchsorted(used, pairs)
+    graph = coo_array((np.ones(len(pairs)), (ends[:, 0], ends[:, 1])), shape=(len(used), len(used)))
+    label = connected_components(graph, directed=False)[1]
+    for part in np.unique(label):
+        patch = used[label == part]
+        # A patch that goes on beyond the readings is not surrounded by them.
+        if len(patch) >= 3 and is_within[patch].all():
+            is_gone[patch] = _is_surrounded(vertices[patch], new_points, spacing)
     return is_gone
 
 

@@ -1,24 +1,27 @@
-"""Let a grown grid learn on: what new readings contradict moves, grows or goes, the rest stays put."""
+"""Let a grown grid learn on: what new readings contradict moves, grows or goes, the rest stays put.
+
+Only contradicted units and those beside them may move, and only the rows and columns about them are worked on.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, label
-from scipy.spatial import KDTree
+from scipy.spatial import cKDTree
 
 from reconstruction.networks.evidence import weigh_evidence
 from reconstruction.networks.grid_growth import insert_lines
-from reconstruction.networks.grid_learning import fit_grid, learn
-from reconstruction.networks.padding import padded_length
-from reconstruction.networks.winners import Tiles, make_tiles
+from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
+from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 
 SQUARE = np.ones((3, 3), dtype=bool)
-MARGIN = 2
-"""Units round a contradicted one that may move with it."""
 STRETCH = 1.6
 """A gap gets lines where its active edges are longer than this many times the usual edge."""
 NUM_ROUNDS = 8
 NUM_RELAXATIONS = 200
+LEARN_STEPS = 5
+"""Batch steps a round."""
+LEAST_SAMPLES = 4096
 MIN_EDGES = 2
 """So many long edges make a gap that gets a line."""
 MAX_LINES = 64
@@ -63,6 +66,7 @@ def refine_sheet(
         sigmas: of the final fit.
         stiffness: of the final fit.
         rng: orders the readings.
+        origins: `[M, 3]` where the new readings were made from, if that is known.
     """
     spacing = _mean_edge(units)
     vertices = units.reshape(-1, 3)
@@ -72,25 +76,58 @@ def refine_sheet(
         return units, has_face, np.concatenate([old_points, new_points])
     is_cut = _find_open_patches(is_gone & ~is_moved)
     is_doubtful = binary_dilation(is_moved | is_gone & ~is_cut, SQUARE) | is_cut
-    is_active = binary_dilation(is_doubtful & ~is_cut, SQUARE, iterations=MARGIN) & ~is_cut
-    kept_points = _drop_contradicted(old_points, vertices, is_doubtful.reshape(-1), spacing)
-    points = np.concatenate([kept_points, new_points])
+    is_active = is_doubtful & ~is_cut
+    is_near = _find_window(is_active | is_cut).spread(units.shape[:2]).reshape(-1)
+    about = _find_about(old_points, vertices[(is_active | is_cut).reshape(-1)], 2 * spacing)
+    owners = np.asarray(cKDTree(vertices).query(old_points[about])[1])
+    is_true = ~is_doubtful.reshape(-1)[owners]
+    points = np.concatenate([np.delete(old_points, about[~is_true], axis=0), new_points])
+    samples = np.concatenate(
+        [old_points[about[is_true & is_near[owners]]], new_points[is_near[evidence.winners]]]
+    )
     sheet = Sheet(_span(units, is_gone & ~is_cut & ~is_moved), is_active, has_face, ~is_doubtful)
-    if not is_active.any():
-        return units, _find_supported(sheet, points[:0], spacing), points
-    distant = new_points[evidence.distance > spacing]
-    near = points[_is_near(points, vertices[is_active.reshape(-1)], distant, spacing)]
-    center = near.mean(axis=0) if len(near) else vertices.mean(axis=0)
-    sheet = sheet._replace(units=((sheet.units - center) / spacing).astype(np.float32))
-    scaled = ((near - center) / spacing).astype(np.float32)
-    if len(near) >= 4:
-        tiles = make_tiles(_fill_up(scaled, rng))
-        sheet = _relearn(sheet, tiles)
-        number = sheet.units[..., 0].size
-        moved, _ = fit_grid(tiles, sheet.units, sigmas, stiffness, number, sheet.is_active)
-        sheet = sheet._replace(units=moved)
-    has_face = _find_supported(sheet, scaled, 1.0)
-    return sheet.units.astype(np.float64) * spacing + center, has_face, points
+    center = vertices[(is_active | is_cut).reshape(-1)].mean(axis=0)
+    scaled = ((samples - center) / spacing).astype(np.float32)
+    local = sheet._replace(units=((sheet.units - center) / spacing).astype(np.float32))
+    if is_active.any() and len(samples) >= 4:
+        local = _relearn(local, make_tiles(_fill_up(scaled, rng)), sigmas, stiffness)
+    moved = local.units.astype(np.float64) * spacing + center
+    if moved.shape == units.shape:
+        moved = np.where(is_active[..., None], moved, units)
+    return moved, _find_supported(local, scaled, 1.0), points
+
+
+class Window(NamedTuple):
+    """Rows and columns of a grid that hold what is worked on and the units about it.
+
+    Attributes:
+        rows: from and to.
+        columns: from and to.
+    """
+
+    rows: slice
+    columns: slice
+
+    def spread(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Return which units of a grid lie in the window, `[R, C]`."""
+        is_inside = np.zeros(shape[:2], dtype=bool)
+        is_inside[self] = True
+        return is_inside
+
+
+def _find_window(is_active: np.ndarray) -> Window:
+    """Return the part of the grid with all active units and as many about them as the smoothing reaches."""
+    slices = []
+    for axis in (0, 1):
+        places = np.flatnonzero(is_active.any(axis=1 - axis))
+        slices.append(slice(max(places[0] - TAPS - 1, 0), min(places[-1] + TAPS + 2, is_active.shape[axis])))
+    return Window(*slices)
+
+
+def _find_about(points: np.ndarray, vertices: np.ndarray, margin: float) -> np.ndarray:
+    """Return which points `[A]` lie in the box round vertices."""
+    low, high = vertices.min(axis=0) - margin, vertices.max(axis=0) + margin
+    return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 
 
 def _find_open_patches(is_gone: np.ndarray) -> np.ndarray:
@@ -103,37 +140,78 @@ def _find_open_patches(is_gone: np.ndarray) -> np.ndarray:
 
 def _span(units: np.ndarray, is_gone: np.ndarray) -> np.ndarray:
     """Return the grid with its gone units as a membrane between the others: Laplace's equation, by Jacobi."""
+    if not is_gone.any():
+        return units
     units = units.copy()
-    for _ in range(NUM_RELAXATIONS if is_gone.any() else 0):
-        wide = np.pad(units, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    window = _find_window(is_gone)
+    part, is_open = units[window], is_gone[window]
+    for _ in range(NUM_RELAXATIONS):
+        wide = np.pad(part, ((1, 1), (1, 1), (0, 0)), mode="edge")
         mean = (wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:]) / 4
-        units[is_gone] = mean[is_gone]
+        part[is_open] = mean[is_open]
     return units
 
 
 def _fill_up(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return the points in random order, some of them twice, so that their number is a customary one."""
-    missing = padded_length(len(points), 4096) - len(points)
-    order = np.concatenate([np.arange(len(points)), rng.integers(len(points), size=missing)])
+    wanted = LEAST_SAMPLES
+    while wanted < len(points):
+        wanted *= 2
+    order = np.concatenate([np.arange(len(points)), rng.integers(len(points), size=wanted - len(points))])
     return points[rng.permutation(order)]
 
 
-def _relearn(sheet: Sheet, tiles: Tiles) -> Sheet:
-    """Learn by the batch rule, and insert lines wherever the active part has been stretched."""
+def _choose_goal(number: int) -> int:
+    """Return the number of units to make room for: one of few, so that little is compiled."""
+    room = MAX_CANDIDATES
+    while room < number:
+        room *= 2
+    return int(room / 1.1)
+
+
+def _relearn(sheet: Sheet, tiles: Tiles, sigmas: tuple[float, ...], stiffness: float) -> Sheet:
+    """Learn by the batch rule, insert lines wherever the active part has been stretched, and fit.
+
+    Only the window round the active units takes part.
+    """
     for current in range(NUM_ROUNDS):
-        number = sheet.units[..., 0].size
-        moved, counts = learn(tiles, sheet.units, 0.9, 5, goal=number, is_movable=sheet.is_active)
-        sheet = sheet._replace(units=moved)
-        grown = _insert_where_stretched(sheet, counts) if current < NUM_ROUNDS - 1 else sheet
+        window = _find_window(sheet.is_active)
+        units, is_active = sheet.units[window], sheet.is_active[window]
+        goal = _choose_goal(is_active.size)
+        moved, counts = learn(tiles, units, 0.9, LEARN_STEPS, goal=goal, is_movable=is_active)
+        sheet = _put(sheet, window, moved)
+        is_last = current == NUM_ROUNDS - 1
+        grown = sheet if is_last else _insert_where_stretched(sheet, counts, window)
         if grown.units.shape == sheet.units.shape:
             break
         sheet = grown
-    return sheet
+    window = _find_window(sheet.is_active)
+    units, is_active = sheet.units[window], sheet.is_active[window]
+    fitted, _ = fit_grid(tiles, units, sigmas, stiffness, _choose_goal(is_active.size), is_active)
+    return _put(sheet, window, fitted)
 
 
-def _insert_where_stretched(sheet: Sheet, counts: np.ndarray) -> Sheet:
-    """Give the gaps whose active edges are longest, and too long, as many lines as they need."""
-    stretch = [_measure_stretch(sheet.units, sheet.is_active, counts > 0, axis) for axis in (0, 1)]
+def _put(sheet: Sheet, window: Window, units: np.ndarray) -> Sheet:
+    """Return the sheet with the active units of the window as given."""
+    moved = sheet.units.copy()
+    moved[window] = np.where(sheet.is_active[window][..., None], units, moved[window])
+    return sheet._replace(units=moved)
+
+
+def _insert_where_stretched(sheet: Sheet, counts: np.ndarray, window: Window) -> Sheet:
+    """Give the gaps whose active edges are longest, and too long, as many lines as they need.
+
+    Args:
+        sheet: the whole grid.
+        counts: samples won by the units of the window.
+        window: the part where units may move.
+    """
+    stretch = []
+    for axis in (0, 1):
+        found = _measure_stretch(sheet.units[window], sheet.is_active[window], counts > 0, axis)
+        before = window[axis].start
+        behind = sheet.is_active.shape[axis] - 1 - len(found) - before
+        stretch.append(np.pad(found, (before, behind)))
     axis = int(stretch[1].max(initial=0) > stretch[0].max(initial=0))
     longest = stretch[axis].max(initial=0)
     if longest < STRETCH:
@@ -143,13 +221,15 @@ def _insert_where_stretched(sheet: Sheet, counts: np.ndarray) -> Sheet:
     units, is_active, has_face, is_kept = (array.swapaxes(0, axis) for array in sheet)
     gap = np.repeat(np.arange(len(parts)), parts)
     is_old = np.r_[True, gap[1:] != gap[:-1]][:, None]
+
+    def insert(mask: np.ndarray, between: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.where(is_old, mask[gap], between[gap]), mask[-1:]])
+
     grown = Sheet(
         insert_lines(units, np.repeat(np.arange(len(parts)), parts - 1)),
-        np.concatenate(
-            [np.where(is_old, is_active[gap], is_active[gap] | is_active[gap + 1]), is_active[-1:]]
-        ),
+        insert(is_active, is_active[:-1] | is_active[1:]),
         has_face[gap],
-        np.concatenate([np.where(is_old, is_kept[gap], is_kept[gap] & is_kept[gap + 1]), is_kept[-1:]]),
+        insert(is_kept, is_kept[:-1] & is_kept[1:]),
     )
     return Sheet(*(array.swapaxes(0, axis) for array in grown))
 
@@ -167,17 +247,25 @@ def _measure_stretch(
 
 def _find_supported(sheet: Sheet, points: np.ndarray, spacing: float) -> np.ndarray:
     """Return which cells belong to the surface: the old, and of the doubtful those with samples about."""
-    flat = sheet.units.reshape(-1, 3)
-    counts = np.zeros(len(flat))
+    if sheet.is_kept.all():
+        return sheet.has_face
+    window = _find_window(~sheet.is_kept | sheet.is_active)
+    units, is_active, is_kept = (part[window] for part in (sheet.units, sheet.is_active, sheet.is_kept))
+    counts = np.zeros(is_kept.size)
     if len(points):
-        distance, winner = KDTree(flat).query(points)
-        counts = np.bincount(np.asarray(winner)[np.asarray(distance) < 2 * spacing], minlength=len(flat))
-    has_samples = binary_dilation(counts.reshape(sheet.is_active.shape) > 0, SQUARE, iterations=2)
-    is_sound = has_samples | sheet.is_kept
-    cells = is_sound[:-1, :-1] & is_sound[1:, :-1] & is_sound[1:, 1:] & is_sound[:-1, 1:]
-    untouched = ~sheet.is_active & sheet.is_kept
-    all_untouched = untouched[:-1, :-1] & untouched[1:, :-1] & untouched[1:, 1:] & untouched[:-1, 1:]
-    return open_pinches(np.where(all_untouched, sheet.has_face, cells))
+        distance, winner = cKDTree(units.reshape(-1, 3)).query(points, distance_upper_bound=2 * spacing)
+        counts = np.bincount(np.asarray(winner)[np.isfinite(distance)], minlength=is_kept.size)
+    has_samples = binary_dilation(counts.reshape(is_kept.shape) > 0, SQUARE, iterations=2)
+    is_sound, untouched = has_samples & is_active | is_kept, ~is_active & is_kept
+    cells, all_untouched = (
+        part[:-1, :-1] & part[1:, :-1] & part[1:, 1:] & part[:-1, 1:] for part in (is_sound, untouched)
+    )
+    has_face = sheet.has_face.copy()
+    inside = has_face[
+        window.rows.start : window.rows.stop - 1, window.columns.start : window.columns.stop - 1
+    ]
+    inside[...] = np.where(all_untouched, inside, cells)
+    return open_pinches(has_face)
 
 
 def open_pinches(has_face: np.ndarray) -> np.ndarray:
@@ -190,29 +278,6 @@ def open_pinches(has_face: np.ndarray) -> np.ndarray:
             return has_face
         has_face[:-1, :-1] &= ~pinch_ac
         has_face[1:, :-1] &= ~pinch_bd
-
-
-def _drop_contradicted(
-    points: np.ndarray, vertices: np.ndarray, is_doubtful: np.ndarray, spacing: float
-) -> np.ndarray:
-    """Return the old points without those that doubtful units had won."""
-    low, high = (
-        vertices[is_doubtful].min(axis=0) - 2 * spacing,
-        vertices[is_doubtful].max(axis=0) + 2 * spacing,
-    )
-    inside = np.flatnonzero((points >= low).all(axis=1) & (points <= high).all(axis=1))
-    winner = np.asarray(KDTree(vertices).query(points[inside])[1])
-    return np.delete(points, inside[is_doubtful[winner]], axis=0)
-
-
-def _is_near(points: np.ndarray, active: np.ndarray, distant: np.ndarray, spacing: float) -> np.ndarray:
-    """Return which points lie near active units, or among the readings far from the old surface: `[N]`."""
-    anchors = np.concatenate([active, distant])
-    low, high = anchors.min(axis=0) - 2 * spacing, anchors.max(axis=0) + 2 * spacing
-    inside = (points >= low).all(axis=1) & (points <= high).all(axis=1)
-    distance, _ = KDTree(anchors).query(points[inside], distance_upper_bound=2 * spacing)
-    inside[inside] = np.isfinite(distance)
-    return inside
 
 
 def _mean_edge(units: np.ndarray) -> float:

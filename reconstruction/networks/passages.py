@@ -5,8 +5,14 @@ import numpy as np
 
 from reconstruction.errors import ReconstructionError
 
+MAX_SCALE = 30.0
+"""New readings that reach so many times as far as the old ones are of another unit."""
 MIN_RAYS = 3
 """So many rays must pass through a vertex's faces before it is believed."""
+MAX_HITS = 8
+"""Of each ray so many hits are looked at."""
+BEYOND = 0.01
+"""Behind a hit the ray is taken up again, so many margins on."""
 PASSING_SHARE = 0.3
 """Gone is a vertex where rays that pass are more than this share of them and the readings that agree."""
 
@@ -37,6 +43,23 @@ def check_origins(origins: object, num_points: int) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(array, (num_points, 3)))
 
 
+def check_scale(new_points: np.ndarray, old_points: np.ndarray) -> None:
+    """Refuse new points that cannot belong to the same place: another unit, or another frame.
+
+    Raises:
+        ReconstructionError: they reach, or lie, hundreds of times farther than the old ones, or the other way.
+    """
+    center = old_points.mean(axis=0)
+    size = float(np.linalg.norm(np.ptp(old_points, axis=0)))
+    new_size = float(np.linalg.norm(np.ptp(new_points, axis=0)))
+    distance = float(np.linalg.norm(np.median(new_points, axis=0) - center))
+    if new_size > MAX_SCALE * size or distance > MAX_SCALE * size:
+        raise ReconstructionError(
+            f"the new points extend over {new_size:.3g} m, {distance:.3g} m from a surface that extends over "
+            f"{size:.3g} m; give them in metres and in the frame of the first scan"
+        )
+
+
 def find_passed(
     surface: igl.AABB,
     vertices: np.ndarray,
@@ -60,7 +83,7 @@ def find_passed(
         agreeing: `[V]` how many readings found each vertex where it was.
         margin: the distance up to which a reading agrees.
     """
-    ray, face, share, corner = _find_hits(surface, vertices, faces, points, origins)
+    ray, face, share, corner = _find_hits(surface, vertices, faces, points, origins, margin)
     direction = (points - origins)[ray]
     a, b, c = vertices[faces[face]].swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
@@ -85,22 +108,37 @@ def find_passed(
 
 
 def _find_hits(
-    surface: igl.AABB, vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, origins: np.ndarray
+    surface: igl.AABB,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    points: np.ndarray,
+    origins: np.ndarray,
+    reach: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return all hits before the rays' ends, in order: ray, face, share of the way, nearest corner, each `[H]`."""
+    """Return the hits before the rays' ends, in order: ray, face, share of the way, nearest corner, each `[H]`."""
     direction = points - origins
-    _, share, _ = surface.intersect_ray_first(vertices, faces, origins, direction)
-    crossing = np.flatnonzero(np.asarray(share) < 1)
-    found = surface.intersect_ray(vertices, faces, origins[crossing], direction[crossing])
-    rows = [
-        (ray, face, t, np.argmax((1 - u - v, u, v)))
-        for ray, hits in zip(crossing.tolist(), found, strict=True)
-        for face, t, u, v in hits
-        if t < 1
-    ]
-    if not rows:
+    length = np.maximum(np.linalg.norm(direction, axis=1), 1e-300)
+    ray, start = np.arange(len(points)), np.zeros(len(points))
+    found: list[tuple[np.ndarray, ...]] = []
+    for _ in range(MAX_HITS):
+        way = direction[ray]
+        at, share, _ = (
+            np.asarray(part)
+            for part in surface.intersect_ray_first(
+                vertices, faces, origins[ray] + start[:, None] * way, way, np.inf
+            )
+        )
+        share = start + share
+        is_hit = (at >= 0) & (share < 1)
+        ray, face, share = ray[is_hit], at[is_hit], share[is_hit]
+        if len(ray) == 0:
+            break
+        place = origins[ray] + share[:, None] * direction[ray]
+        found.append((ray, face, share, ((vertices[faces[face]] - place[:, None]) ** 2).sum(2).argmin(1)))
+        start = share + BEYOND * reach / length[ray]
+    if not found:
         nothing = np.empty(0, dtype=np.int64)
         return nothing, nothing, np.empty(0), nothing
-    ray, face, share, corner = np.array(rows).T
+    ray, face, share, corner = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.lexsort((share, ray))
-    return ray[order].astype(int), face[order].astype(int), share[order], corner[order].astype(int)
+    return ray[order], face[order], share[order], corner[order]

@@ -1,0 +1,162 @@
+"""A scanned place changes and is read again: what refining costs against a fresh run, and what it leaves as it was.
+
+Run as `python -m benchmarks.refine [--quick] [--only SIZE]`. Ratios are medians of five pairs of runs, fresh and
+refined in turn, of wall and of processor time; the fresh run learns from the points that the refined one knows.
+Distances in millimetres. Drift: how far old and new mesh are apart farther than two unit spacings from all
+that changed. In "wall moved" the far wall of the pit has moved away by 5 cm.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from benchmarks.material.changes import Change, draw, make_changes, make_surface
+from benchmarks.report import write_results
+from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.surfaces.quality import find_distances, sample_area
+from symbrion_gym.arenas.course import Course
+
+SIZES: dict[str, tuple[str, dict[str, Any]]] = {
+    "gsrm 2200": ("gsrm", {"units": 2200}),
+    "gsrm 800": ("gsrm", {"units": 800}),
+    "gg 13860": ("gg", {"triangles": 13860}),
+}
+REPEATS = 5
+IN_A_ROW = 10
+
+
+def run(quick: bool = False, only: str | None = None) -> dict[str, Any]:
+    """Measure and return everything, and write it down.
+
+    Args:
+        quick: one pair of runs instead of five, and no run of ten.
+        only: the one size to run; then nothing is written.
+    """
+    changes, results = make_changes(), {}
+    for size, (method, options) in SIZES.items():
+        if only not in (None, size):
+            continue
+        rows: dict[str, Any] = {}
+        for name, change in changes.items():
+            rows[name] = measure_change(change, method, options, 1 if quick else REPEATS)
+            _print_row(f"{size}, {name}", rows[name])
+        if not quick:
+            rows["ten in a row"] = measure_row(method, options)
+            print(f"{size}, ten in a row: {rows['ten in a row']}")
+        results[size] = rows
+    if only is None:
+        write_results("refine", results)
+    return results
+
+
+def measure_change(change: Change, method: str, options: dict[str, Any], repeats: int) -> dict[str, Any]:
+    """Measure one scenario."""
+    old = reconstruct(change.points, method, **options)
+    refined = old.refine(change.new_points, change.origins)
+    reconstruct(refined.points, method, **options)
+    times = np.array(
+        [
+            [
+                *_time(lambda seed=seed: old.refine(change.new_points, change.origins, seed)),
+                *_time(lambda seed=seed: reconstruct(refined.points, method, seed=seed, **options)),
+            ]
+            for seed in range(repeats)
+        ]
+    )
+    fresh = reconstruct(refined.points, method, **options)
+    spacing = float(np.sqrt(old.mesh.area / len(old.mesh.vertices) * 2 / np.sqrt(3)))
+    drift = measure_drift(change, old.mesh, refined.mesh, 2 * spacing)
+    topology = refined.quality().topology
+    return {
+        "ratio": float(np.median(times[:, 0] / times[:, 2])),
+        "cpu_ratio": float(np.median(times[:, 1] / times[:, 3])),
+        "seconds": float(np.median(times[:, 0])),
+        "before": _measure(old, change.new),
+        "after": _measure(refined, change.new),
+        "fresh": _measure(fresh, change.new),
+        "drift": {
+            "mean": float(drift.mean()),
+            "p99": float(np.quantile(drift, 0.99)),
+            "max": float(drift.max()),
+        },
+        "units": [len(old.mesh.vertices), len(refined.mesh.vertices)],
+        "loops": topology.boundary_loops,
+        "euler_number": topology.euler_number,
+        "manifold": topology.is_manifold,
+    }
+
+
+def measure_drift(change: Change, old: trimesh.Trimesh, new: trimesh.Trimesh, distance: float) -> np.ndarray:
+    """Return how far places of either mesh are from the other, of those farther than a distance from all changes."""
+    found = []
+    for one, other in ((old, new), (new, old)):
+        places = sample_area(np.asarray(one.vertices), np.asarray(one.faces), 100_000)
+        places = places[change.measure_remoteness(places) > distance]
+        found.append(find_distances(places, np.asarray(other.vertices), np.asarray(other.faces)))
+    return np.concatenate(found)
+
+
+def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
+    """Refine ten times in a row: a wall goes out and back by 5 cm, read anew each time."""
+    surfaces = [make_surface(Course(), widening=width) for width in (0.05, 0.0)]
+    points = draw(surfaces[1], 60_000, 0)
+    current = reconstruct(points, method, **options)
+    first = _measure(current, surfaces[1])
+    for turn in range(IN_A_ROW):
+        new = draw(surfaces[turn % 2], 6000, 200 + turn, lambda p: np.abs(p[:, 0]) < 0.45)
+        current = current.refine(new, seed=turn)
+    topology = current.quality().topology
+    return {
+        "before": first,
+        "after": _measure(current, surfaces[1]),
+        "units": len(current.mesh.vertices),
+        "loops": topology.boundary_loops,
+        "euler_number": topology.euler_number,
+        "manifold": topology.is_manifold,
+    }
+
+
+def _time(call: Callable[[], Any]) -> tuple[float, float]:
+    begin, cpu = time.perf_counter(), time.process_time()
+    call()
+    return time.perf_counter() - begin, time.process_time() - cpu
+
+
+def _measure(result: Reconstruction, truth: trimesh.Trimesh) -> dict[str, float]:
+    quality = result.quality(truth)
+    assert quality.truth_to_mesh is not None and quality.mesh_to_truth is not None
+    return {
+        "truth_to_mesh": quality.truth_to_mesh.mean,
+        "p95": quality.truth_to_mesh.p95,
+        "mesh_to_truth": quality.mesh_to_truth.mean,
+    }
+
+
+def _print_row(name: str, row: dict[str, Any]) -> None:
+    distances = "  ".join(
+        f"{when} {row[when]['truth_to_mesh'] * 1e3:5.2f}/{row[when]['mesh_to_truth'] * 1e3:5.2f}"
+        for when in ("before", "after", "fresh")
+    )
+    sound = "manifold" if row["manifold"] else "NOT MANIFOLD"
+    print(
+        f"{name:40} ratio {row['ratio']:.2f} cpu {row['cpu_ratio']:.2f}  {distances}  "
+        f"drift {row['drift']['mean'] * 1e3:.3f}/{row['drift']['max'] * 1e3:.2f}  units {row['units']}  "
+        f"loops {row['loops']} euler {row['euler_number']} {sound}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.refine", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="one pair of runs a scenario")
+    parser.add_argument("--only", choices=SIZES, help="one size")
+    options = parser.parse_args()
+    run(options.quick, options.only)
+
+
+if __name__ == "__main__":
+    main()
