@@ -35,7 +35,7 @@ def encode_png(pixels: np.ndarray) -> bytes:
 
 
 def to_svg(figure: Figure) -> bytes:
-    """Return the figure as SVG; equal figures give equal bytes."""
+    """Return the figure as SVG; figures drawn alike give equal bytes."""
     buffer = io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "symbrion"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
