@@ -1,6 +1,7 @@
 """Champions tried again: judged by fresh randomised trials, or played back once and filmed."""
 
 import logging
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,6 +92,7 @@ def play(
     *,
     start: str = "floor",
     film: bool = False,
+    window: bool = False,
     speed: float = 5.0,
     fps: int = 20,
     size: tuple[int, int] = (640, 400),
@@ -103,7 +105,8 @@ def play(
         seed: of the environment.
         start: "floor" or "pit".
         film: also render; where there is no OpenGL, a warning is logged and there are no frames.
-        speed: the film runs so many times faster than the robot.
+        window: show it in MuJoCo's viewer instead; where there is no display, a warning is logged.
+        speed: film and window run so many times faster than the robot.
         fps: frames a second.
         size: width and height of a frame [pixel].
     """
@@ -115,10 +118,13 @@ def play(
         environment=champion.environment,
     )
     environment = SnakePitEnv(
-        render_mode="rgb_array", width=size[0], height=size[1], **make_environment_options(conditions)
+        render_mode="human" if window else "rgb_array",
+        width=size[0],
+        height=size[1],
+        **make_environment_options(conditions),
     )
     try:
-        return _run(environment, champion, seed, film, speed, fps)
+        return _run(environment, champion, seed, film and not window, speed, fps)
     finally:
         environment.close()
 
@@ -133,7 +139,10 @@ def _run(
     positions, rotations, frames = [], [], []
     ticks_per_frame = max(1, round(speed / (fps * environment.dt)))
     progress, ended = 0.0, False
+    is_shown, began = environment.render_mode == "human", time.perf_counter()
     while not ended:
+        if is_shown:  # a window shows the robot at its pace
+            time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
         if film and len(positions) % ticks_per_frame == 0:
             film = _shoot(environment, frames)
         actions, state = controller.act(

@@ -3,6 +3,7 @@
 from evolution.commands.arena import Arena
 from evolution.commands.assets import Assets
 from evolution.commands.command import Command
+from evolution.commands.compare import Compare
 from evolution.commands.demo import Demo
 from evolution.commands.evolve import Evolve, Resume
 from evolution.commands.paper import Paper
@@ -17,6 +18,7 @@ COMMANDS: dict[str, type[Command]] = {
     "evolve": Evolve,
     "resume": Resume,
     "replay": Replay,
+    "compare": Compare,
     "demo": Demo,
     "paper": Paper,
     "assets": Assets,

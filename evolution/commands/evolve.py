@@ -2,15 +2,18 @@
 
 import dataclasses
 import os
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
 import evolution as ev
+from evolution.cmaes import OnGeneration
 from evolution.commands.arguments import check_arena, check_modules
 from evolution.commands.command import Command, UsageError, require_writable_folder
 from evolution.commands.console import Console
+from evolution.tensorboard_log import FOLDER, TensorBoardLog
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,14 +42,18 @@ class Evolve(Command):
     """The law that turns a genotype into hinge angles."""
     population: int = 12
     """Genotypes in a generation."""
-    sigma: float = 0.3
+    sigma: float = 0.15
     """First step size of CMA-ES."""
+    origin: Literal["hint", "zero"] = "hint"
+    """Where the search begins: near numbers set by hand, or with no knowledge (then give --sigma 0.5)."""
     trials: int = 2
     """Randomised trials of each genotype."""
     start: Literal["pit", "floor"] = "pit"
     """Where a trial starts: close before the pit (fast), or on the floor before the first ramp."""
     stages: tuple[str, ...] = ()
     """Arenas one after the other, coarse to fine; replaces --arena."""
+    tensorboard: bool = False
+    """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -71,12 +78,16 @@ class Evolve(Command):
             controller=self.controller,
             population_size=self.population,
             sigma=self.sigma,
+            origin=self.origin,
             trials=self.trials,
             start=self.start,
             stages=tuple(ev.Stage(arena) for arena in self.stages),
         )
-        with console.track(f"Evolution, {self.modules} modules") as step:
-            run = ev.evolve(config, progress=step.progress)
+        with (
+            console.track(f"Evolution, {self.modules} modules") as step,
+            _watch(self.folder, self.tensorboard) as watch,
+        ):
+            run = ev.evolve(config, on_generation=watch, progress=step.progress)
         return report_run(run, console)
 
 
@@ -93,6 +104,8 @@ class Resume(Command):
     """A new limit of generations; the recorded one otherwise."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
+    tensorboard: bool = False
+    """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,9 +117,20 @@ class Resume(Command):
         changes: dict[str, Any] = {"workers": self.workers}
         if self.generations is not None:
             changes["generations"] = self.generations
-        with console.track(f"Evolution in {self.folder}") as step:
-            run = ev.resume(self.folder, progress=step.progress, **changes)
+        with (
+            console.track(f"Evolution in {self.folder}") as step,
+            _watch(self.folder, self.tensorboard) as watch,
+        ):
+            run = ev.resume(self.folder, on_generation=watch, progress=step.progress, **changes)
         return report_run(run, console)
+
+
+def _watch(folder: Path, tensorboard: bool) -> AbstractContextManager[OnGeneration | None]:
+    """Return what watches the generations: TensorBoard's log, or nothing."""
+    if not tensorboard:
+        return nullcontext()
+    first = len(ev.load_run(folder).history) if (folder / FOLDER).is_dir() else 0
+    return TensorBoardLog(first)
 
 
 def require_run(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""`symbrion replay`: judge a champion once more, and film it."""
+"""`symbrion replay`: judge a champion once more, film it, watch it."""
 
 import dataclasses
 import os
@@ -18,7 +18,7 @@ from reconstruction.whole_file import write_whole
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Replay(Command):
-    """Judge the champion of a run by randomised trials, and film one trial.
+    """Judge the champion of a run by randomised trials; film one trial, or watch it.
 
     Example: symbrion replay runs/a --arena truth --video champion.mp4
     """
@@ -33,8 +33,10 @@ class Replay(Command):
     """Where the trials start: on the floor before the first ramp, or close before the pit."""
     video: Path | None = None
     """Film one nominal trial into this file (.mp4)."""
+    viewer: bool = False
+    """Show one nominal trial in MuJoCo's viewer."""
     speed: float = 5.0
-    """The film runs so many times faster than the robot."""
+    """Film and viewer run so many times faster than the robot."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,7 +68,14 @@ class Replay(Command):
             summary["successes"] = outcome.successes
         if self.video is not None:
             summary["video"] = self._film(champion, console)
+        if self.viewer:
+            self._show(champion, console)
         return summary
+
+    def _show(self, champion: "ev.Champion", console: Console) -> None:
+        recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)
+        verdict = "crosses" if recording.success else "does not cross"
+        console.say(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
 
     def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
         assert self.video is not None

@@ -53,3 +53,18 @@ def test_without_opengl_there_are_no_frames_and_all_else(
     assert recording.frames == []
     assert len(recording.positions) == 100
     assert "no video" in caplog.text
+
+
+def test_a_window_shows_the_robot_at_its_pace_and_is_left_out_without_a_display(
+    champion: Champion, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    slept = []
+    monkeypatch.setattr("evolution.playback.time.sleep", slept.append)
+    recording = play(champion, window=True, film=True, speed=2.0)
+    assert recording.frames == []
+    assert len(slept) == 100
+    assert max(slept) <= 1.0  # 2 s at twice the speed
+    assert np.array_equal(recording.positions, play(champion).positions)
+    assert "no display" in caplog.text

@@ -1,0 +1,80 @@
+"""Several runs side by side: their learning curves in one figure, what they came to in one table."""
+
+from collections.abc import Mapping, Sequence
+
+from matplotlib.figure import Figure
+
+from evolution.report.figures import PALETTE, soften
+from evolution.report.page import Page
+from evolution.report.pictures import DPI
+from evolution.run import Run
+
+COLUMNS = (
+    "run",
+    "arenas",
+    "modules",
+    "seed",
+    "generations",
+    "genotypes",
+    "trials",
+    "seconds",
+    "best",
+    "champion",
+)
+
+
+def draw_comparison(runs: Mapping[str, Run]) -> Figure:
+    """Draw the median and the best fitness of each run over the genotypes it has tried.
+
+    Args:
+        runs: name -> run; those without a generation are left out.
+    """
+    figure = Figure(figsize=(10, 4.2), dpi=DPI, layout="constrained")
+    axes = figure.add_subplot()
+    for index, (name, run) in enumerate(runs.items()):
+        history, colour = run.history, PALETTE[index % len(PALETTE)]
+        if not len(history):
+            continue
+        axes.plot(history["evaluations"], history["median"], color=colour, marker="o", ms=3, label=name)
+        axes.plot(history["evaluations"], history["best"], color=colour, lw=0.8, ls=":")
+        for generation in range(1, len(history)):
+            if history["stage"][generation] != history["stage"][generation - 1]:
+                axes.axvline(history["evaluations"][generation - 1], color=colour, lw=0.8, alpha=0.5)
+    axes.set(xlabel="genotypes evaluated", ylabel="fitness: median (line), best (dots)")
+    axes.legend(frameon=False, fontsize=8)
+    soften(axes)
+    return figure
+
+
+def tabulate(runs: Mapping[str, Run]) -> list[list[object]]:
+    """Return a row a run, in the order of `COLUMNS`."""
+    rows: list[list[object]] = []
+    for name, run in runs.items():
+        config, last = run.config, run.history[-1] if len(run.history) else None
+        champion = run.champion
+        told = f"{champion.successes} of {champion.trials}" if champion and champion.trials else "none yet"
+        numbers: Sequence[object] = ("-",) * 4
+        if last is not None:
+            best = float(run.history["best"].max())
+            numbers = (
+                int(last["evaluations"]),
+                int(last["trials"]),
+                f"{last['wall_seconds']:.0f}",
+                f"{best:.2f}",
+            )
+        arenas = " -> ".join(stage.arena for stage in config.all_stages)
+        modules = champion.modules if champion else config.modules
+        rows.append([name, arenas, modules, config.seed, len(run.history), *numbers, told])
+    return rows
+
+
+def make_comparison_page(runs: Mapping[str, Run]) -> Page:
+    """Return a page with the figure and the table."""
+    page = Page(
+        "Runs compared", "Champions are told by their fresh trials in the arena they were evolved in."
+    )
+    page.add_section("Learning curves")
+    page.add_figure(draw_comparison(runs), "Upright lines: where a run went on to its next arena.")
+    page.add_section("What they came to")
+    page.add_table(COLUMNS, tabulate(runs), "One row a run.")
+    return page
