@@ -13,7 +13,6 @@ from symbrion_gym.arenas.arena import Arena, load_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.environment.box_contacts import replace_by_boxes
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.rendering import add_stage
 from symbrion_gym.errors import ArenaError, OrganismError
@@ -83,7 +82,6 @@ class World:
 
     def _make_spec(self) -> mujoco.MjSpec:
         spec = self.arena.spec()
-        replace_by_boxes(spec, self.arena.pieces)
         add_stage(spec, *self._picture_size)
         self.organism.add_to(spec, spec.worldbody)
         add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
