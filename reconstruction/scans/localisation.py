@@ -31,8 +31,7 @@ _SHAKE = 0.0129
 _MATCH_ERROR = 0.001
 """Of a scan matched to the settled map [m]."""
 _LEAST_HEIGHT, _MAX_PITCH = 0.1, 0.1
-_MIN_MAP, _MIN_MATCH = 20, 11
-"""Points without which nothing is matched."""
+_MIN_MAP = 20
 _MAX_SCALE_ERROR = 0.2
 
 
@@ -301,7 +300,7 @@ def _align(target: tuple | None, points: Array, guess: Array, reach: float) -> A
     With d the step from guess to match and H the match's information (per variance of a reading), the pose is
     ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
     """
-    if target is None or len(points) < _MIN_MATCH:
+    if target is None or not len(points):
         return guess
     source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])
     result = small_gicp.align(
