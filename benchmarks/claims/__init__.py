@@ -8,6 +8,7 @@ from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
+from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
 from benchmarks.claims.staircase import STAIRCASE
 from benchmarks.figures import Claim
@@ -15,6 +16,7 @@ from benchmarks.figures import Claim
 GROUPS: dict[str, tuple[Claim, ...]] = {
     "Scans": SCANS,
     "Reconstruction": RECONSTRUCTION,
+    "An arena that has changed": REFINE,
     "Arenas": ARENA,
     "Environment": ENVIRONMENT,
     "Evolution": EVOLUTION,
