@@ -128,7 +128,8 @@ def _time(call: Callable[[], Any]) -> tuple[float, float]:
 
 def _measure(result: Reconstruction, truth: trimesh.Trimesh) -> dict[str, float]:
     quality = result.quality(truth)
-    assert quality.truth_to_mesh is not None and quality.mesh_to_truth is not None
+    assert quality.truth_to_mesh is not None
+    assert quality.mesh_to_truth is not None
     return {
         "truth_to_mesh": quality.truth_to_mesh.mean,
         "p95": quality.truth_to_mesh.p95,

@@ -86,6 +86,65 @@ def test_a_part_that_is_no_longer_there_goes() -> None:
     assert find_distances(new, cleared.units, cleared.faces).mean() < 0.006
 
 
+def _box(number: int, seed: int) -> np.ndarray:
+    """Readings of a box 0.6 m x 0.6 m x 0.3 m, without its bottom."""
+    rng = np.random.default_rng(seed)
+    side = np.stack([np.full(number, 0.3), rng.uniform(-0.3, 0.3, number), rng.uniform(0, 0.3, number)], 1)
+    top = np.column_stack([rng.uniform(-0.3, 0.3, (2 * number, 2)), np.full(2 * number, 0.3)])
+    sides = [side, side * [-1, 1, 1], side[:, [1, 0, 2]], side[:, [1, 0, 2]] * [1, -1, 1]]
+    points = np.concatenate([*sides, top])
+    return points + rng.normal(size=points.shape) * NOISE
+
+
+def _clear_of_box(points: np.ndarray) -> np.ndarray:
+    return points[(np.abs(points[:, :2]) > 0.3).any(axis=1)]
+
+
+def test_a_new_box_grows_on_the_floor_and_the_rest_stays_bit_for_bit() -> None:
+    points = _floor((-1.5, 1.5), (-1, 1), 16_000)
+    state = train(points, CONFIG, 0)
+    new = np.concatenate([_box(800, 4), _clear_of_box(_floor((-0.6, 0.6), (-0.6, 0.6), 3000, 5))])
+    grown, _ = refine(state, points, new, CONFIG)
+    _check(grown)
+    assert count_topology(grown.faces, len(grown.units)).boundary_loops == 1
+    assert find_distances(new, grown.units, grown.faces).mean() < 0.008
+    far = state.units[np.abs(state.units[:, 0]) > 0.6]
+    kept = {tuple(unit) for unit in grown.units}
+    assert all(tuple(unit) in kept for unit in far)
+
+
+def test_rays_through_a_box_take_it_away() -> None:
+    points = np.concatenate([_box(800, 6), _clear_of_box(_floor((-1.5, 1.5), (-1, 1), 16_000))])
+    state = train(points, CONFIG, 0)
+    new = _floor((-0.6, 0.6), (-0.6, 0.6), 4000, 7)
+    origins = (
+        new + np.array([0.0, 0.0, 2.0]) + 1.5 * np.random.default_rng(8).normal(size=(4000, 3)) * [1, 1, 0]
+    )
+    cleared, known = refine(state, points, new, CONFIG, origins=origins)
+    _check(cleared)
+    assert cleared.units[:, 2].max() < 0.05
+    assert (known[:, 2] > 0.1).mean() < 0.001
+    topology = count_topology(cleared.faces, len(cleared.units))
+    assert (topology.euler_number, topology.boundary_loops) == (1, 1)
+
+
+@pytest.mark.slow
+def test_ten_times_in_a_row_do_no_harm() -> None:
+    known = _floor((-1.5, 1.5), (-1, 1), 16_000)
+    state = train(known, CONFIG, 0)
+    for turn in range(10):
+        new = _floor((-0.6, 0.6), (-0.6, 0.6), 4000, turn + 20)
+        if turn % 2 == 0:
+            new = np.concatenate([_clear_of_box(new), _box(800, turn + 40)])
+        origins = new + np.array([0.0, 0.0, 2.0])
+        state, known = refine(state, known, new, CONFIG, turn, origins=origins)
+        _check(state)
+    level = _floor((-1.5, 1.5), (-1, 1), 4000, 60)
+    assert find_distances(level, state.units, state.faces).mean() < 0.006
+    assert 600 < len(state.units) < 800
+    assert count_topology(state.faces, len(state.units)).euler_number == 1
+
+
 def test_equal_seeds_give_equal_maps(room: tuple[State, np.ndarray]) -> None:
     state, points = room
     new = _wall(1.2, 1500, 8)
