@@ -14,6 +14,7 @@ import toys
 
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
+from evolution.controller import REFLEX
 from evolution.errors import RunError
 from evolution.record import AGAIN, SAMPLE, TIMES, VALIDATION
 from evolution.stages import Stage
@@ -210,3 +211,10 @@ def test_a_killed_run_resumes_to_the_same_champion(tmp_path):
 def test_twenty_killed_runs_resume_to_the_same_champion(tmp_path):
     moments = np.random.default_rng(0).uniform(0.0, 1.5, 20)
     assert check_kills(tmp_path, moments) >= 10
+
+
+def test_a_search_may_begin_from_zero():
+    config = replace(TOY, generations=1, sigma=1e-6)
+    hint, zero = (evolve(replace(config, origin=origin), simulate=toys.bowl) for origin in ("hint", "zero"))
+    assert np.allclose(zero.record.columns()["genotype"], 0.0, atol=1e-4)
+    assert np.allclose(hint.record.columns()["genotype"], REFLEX, atol=1e-4)

@@ -4,11 +4,14 @@ import os
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 import toys
 from test_evaluation import make_jobs
 
+from evolution.cmaes import evolve
+from evolution.config import EvolutionConfig
 from evolution.errors import RunError
 from evolution.evaluation import make_backend
 
@@ -59,6 +62,20 @@ def test_a_local_cluster_gives_what_the_batch_gives():
         assert backend.run(jobs) == toys.bowl(jobs, 1)
     finally:
         backend.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'")
+def test_batch_processes_and_ray_write_the_same_history(tmp_path):
+    config = EvolutionConfig(arena="truth", generations=4, stop_when_solved=False, workers=2)
+    histories = []
+    for backend in ("batch", "processes", "ray"):
+        folder = tmp_path / backend
+        evolve(replace(config, backend=backend, folder=str(folder)), simulate=toys.bowl)
+        header, *rows = [line.split(",") for line in (folder / "history.csv").read_text().splitlines()]
+        seconds = header.index("wall_seconds")
+        histories.append([row[:seconds] + row[seconds + 1 :] for row in rows])
+    assert histories[0] == histories[1] == histories[2]
 
 
 def test_no_cluster_at_an_address_is_a_run_error():
