@@ -18,6 +18,8 @@ _LINEAR = 0.08
 """Below this ratio of variances a neighbourhood is one scan line, not a surface."""
 _GAPS = 1.5
 """In an uneven cloud the distance between samples varies with the direction: it is up to so many times the mean."""
+_STRIDE = 4
+"""Where neighbours lie on one line, every fourth sample is looked at instead."""
 _EQUALITY = 0.75
 """Exponent of the area a sample stands for in its weight: 0 puts the units where the samples are, 1 evenly on
 the surface. Sparse samples have noise of their own, so neither."""
@@ -76,12 +78,32 @@ def _study_all(samples: np.ndarray) -> Density:
     sound = samples[~is_outlier]
     tree = cKDTree(sound)
     wide = min(_WIDE, len(sound) - 1)
-    distances = tree.query(sound, k=[wide + 1], workers=-1)[0][:, 0]
-    found = _GAPS * distances * np.sqrt(np.pi / wide)
+    distances, neighbors = tree.query(sound, k=wide + 1, workers=-1)
+    reach = _reach_beyond_lines(sound, distances[:, -1], neighbors)
+    found = _GAPS * reach * np.sqrt(np.pi / wide)
     spacing = np.full(len(samples), np.median(found))
     spacing[~is_outlier] = np.maximum(found, 1e-6 * np.median(found))
     weights = np.where(is_outlier, 0, (spacing**2) ** _EQUALITY)
     return Density(spacing, weights / weights.mean())
+
+
+def _reach_beyond_lines(samples: np.ndarray, reach: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
+    """Return `[N]` how far it is to the farthest neighbour; where all lie on one scan line, among fewer samples.
+
+    Args:
+        samples: `[N, 3]`.
+        reach: `[N]` distance to the farthest neighbour.
+        neighbors: `[N, K]` indices.
+    """
+    lined = np.flatnonzero(_find_spread(samples[neighbors])[:, 1] < _LINEAR)
+    reach, stride = reach.copy(), 1
+    while len(lined) and len(samples) // (stride * _STRIDE) > neighbors.shape[1]:
+        stride *= _STRIDE
+        few = samples[::stride]
+        distances, around = cKDTree(few).query(samples[lined], k=neighbors.shape[1], workers=-1)
+        reach[lined] = distances[:, -1]
+        lined = lined[_find_spread(few[around])[:, 1] < _LINEAR]
+    return reach
 
 
 def find_outliers(samples: np.ndarray) -> np.ndarray:

@@ -52,3 +52,10 @@ def test_what_stands_off_a_sparse_surface_is_an_outlier() -> None:
     is_outlier = find_outliers(np.concatenate([sheet, corner, aloft]))
     assert is_outlier[-60:].mean() > 0.9
     assert is_outlier[:-60].mean() < 0.002
+
+
+def test_samples_on_lines_far_apart_are_as_sparse_as_their_lines() -> None:
+    rng = np.random.default_rng(4)
+    lines = np.column_stack([rng.random(6000), 0.1 * rng.integers(0, 11, 6000), np.zeros(6000)])
+    spacing = _study(lines + rng.normal(0, 0.001, lines.shape)).spacing
+    assert 0.03 < np.median(spacing) < 0.3  # 0.002 along the lines, 0.1 across
