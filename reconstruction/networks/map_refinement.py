@@ -11,7 +11,7 @@ from reconstruction.networks.evidence import MIN_READINGS, Evidence, find_read, 
 from reconstruction.networks.local_fit import fit_part
 from reconstruction.networks.local_topology import is_sound, join_locally
 from reconstruction.surfaces.edge_flips import turn_edges
-from reconstruction.surfaces.hole_patching import find_vertex_normals
+from reconstruction.surfaces.hole_patching import find_loops, find_vertex_normals
 from reconstruction.surfaces.manifold import group_sides
 from reconstruction.surfaces.surface_fit import mean_edge_length
 from reconstruction.surfaces.unfolding import unfold_faces
@@ -37,6 +37,8 @@ FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
 ITERATIONS = (2, 1)
 """Steps of the fit, before edges are turned along the creases that have come out, and after."""
+MAX_REPEATS = 2
+"""So often units grow anew where they have left a hole."""
 JOINT_RINGS = 2
 """So many rings of units round the new ones take part in learning the faces."""
 
@@ -61,6 +63,7 @@ def refine_map(
         rng: draws where new units start.
         origins: `[M, 3]` where the new readings were made from, if that is known.
     """
+    faces = faces.astype(np.int64)
     edge = mean_edge_length(units, faces)
     evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
     is_doubtful = _find_doubtful(units, faces, new_points, evidence, edge)
@@ -78,19 +81,52 @@ def refine_map(
     kept = units[~is_refuted]
     is_near = widen(faces, is_doubtful, 1)[winners]
     about, winners = about[is_near], winners[is_near]
-    grown = _grow_between(about, is_doubtful[winners], kept, edge, rng)
-    merged = np.concatenate([kept, grown])
     place = np.where(is_refuted, -1, np.cumsum(~is_refuted) - 1)
-    is_cut = np.zeros(len(merged), dtype=bool)
-    is_cut[place[widen(faces, is_refuted, 1) & ~is_refuted]] = True
-    is_cut[len(kept) :] = True
     kept_faces = place[faces[~is_refuted[faces].any(axis=1)]]
-    enough = about[rng.permutation(len(about))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
-    joined = join_locally(merged, kept_faces, len(kept), is_cut, enough, edge, REACH, JOINT_RINGS)
+    beside = place[widen(faces, is_refuted, 1) & ~is_refuted]
+    merged, joined = _fill(about, is_doubtful[winners], kept, kept_faces, beside, edge, rng)
+    num_loops = len(find_loops(faces, len(units)))
+    for _ in range(MAX_REPEATS):
+        # Where a hole is left, units that start elsewhere may close it.
+        num_found = len(find_loops(joined, len(merged)))
+        if num_found <= num_loops or len(merged) == len(kept):
+            break
+        other, other_joined = _fill(about, is_doubtful[winners], kept, kept_faces, beside, edge, rng)
+        if len(find_loops(other_joined, len(other))) < num_found:
+            merged, joined = other, other_joined
     if is_fitted:
         merged, joined = _fit_new(merged, joined, len(kept), about)
     used, flat = np.unique(joined, return_inverse=True)
     return merged[used], flat.reshape(-1, 3), points
+
+
+def _fill(
+    samples: np.ndarray,
+    is_open: np.ndarray,
+    kept: np.ndarray,
+    kept_faces: np.ndarray,
+    beside: np.ndarray,
+    edge: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the kept units with new ones, and the faces of all.
+
+    Args:
+        samples: `[N, 3]` about what changed.
+        is_open: `[N]` those that new units are to cover.
+        kept: `[K, 3]` units that stay.
+        kept_faces: `[F, 3]` faces that stay.
+        beside: `[B]` kept units that have lost a face.
+        edge: mean edge length of the map.
+        rng: draws where new units start.
+    """
+    units = np.concatenate([kept, _grow_between(samples, is_open, kept, edge, rng)])
+    is_cut = np.zeros(len(units), dtype=bool)
+    is_cut[beside] = True
+    is_cut[len(kept) :] = True
+    witnesses = samples[rng.permutation(len(samples))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
+    faces = join_locally(units, kept_faces, len(kept), is_cut, witnesses, edge, REACH, JOINT_RINGS)
+    return units, faces
 
 
 def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
