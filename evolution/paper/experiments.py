@@ -76,7 +76,7 @@ def list_experiments(path: Path, config: PaperConfig, workers: int) -> dict[str,
         ),
         "widened": (
             "the pit is widened",
-            lambda told: measure_widened(path, champion(), config, workers, told),
+            lambda told: measure_widened(path, config, workers, told),
         ),
     }  # fmt: skip
     if config.model_generations:

@@ -7,70 +7,60 @@ from typing import Any
 
 import trimesh
 
-import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.paper.arenas import load_surface
-from evolution.paper.cloud import find_origins, survey_arena
+from evolution.paper.cloud import CLOUD, LOG, find_origins, survey_arena
 from evolution.paper.config import PIT, PaperConfig
 from evolution.paper.robots import describe_run, evolve_champion, judge_champion
 
 
 def measure_widened(
-    folder: Path, champion: ev.Champion, config: PaperConfig, workers: int, progress: rc.Progress = rc.silent
+    folder: Path, config: PaperConfig, workers: int, progress: rc.Progress = rc.silent
 ) -> dict[str, Any]:
-    """Refine the GSRM with the scan of a wider pit, and try the champion before and after.
+    """Let a network that knows a narrower pit learn on from the survey of the true one, and evolve in both.
 
     Args:
-        folder: holds the GSRM; keeps the second survey, the refined surface, its arena and a run.
-        champion: evolved for the pit as it was.
+        folder: holds the survey; keeps one of the narrower pit, both surfaces, their arenas and runs.
         config: by how much the pit widens, generations and seed.
         workers: threads.
         progress: told how far it is.
 
     Returns:
-        `pit` [m]; `surfaces`: rows for the surface as it was, refined, and made anew of the second cloud, with
-        `seconds` (a second, warm call) and distances from the widened truth [m]; `arena`: pieces of the
-        refined one; `before` and `after`: the champions in either true arena; `run` of the second evolution,
-        None where it is left out.
+        `pit` before and after [m]; `surfaces`: rows for the surface as it was, refined, and made anew of the
+        second cloud, with `seconds` (a second, warm call) and distances from the widened truth [m]; `before` and
+        `after`: what is known of the champions that evolved in either surface, `judged` in both true arenas.
     """
-    course = sg.Course(pit=PIT + config.widened)
-    truth = sg.Arena.from_course(course)
-    progress("second survey", 0.0)
-    log, points = survey_arena(truth, folder, "widened_", config.seed + 1, rc.silent)
-    progress("refining", 0.2)
-    known = load_surface(folder, "gsrm", config)
-    origins = find_origins(log, points)
+    narrow = sg.Course(pit=PIT - config.widened)
+    truths = {"narrow": sg.Arena.from_course(narrow), "wide": sg.load_arena("truth")}
+    progress("first survey", 0.0)
+    _, points = survey_arena(truths["narrow"], folder, "narrow_", config.seed + 1, rc.silent)
+    known = rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
+    progress("refining", 0.1)
+    points = rc.load_points(folder / CLOUD)
+    origins = find_origins(rc.load_scan_log(folder / LOG), points)
     refined, refine_seconds = _time(lambda: known.refine(points, origins=origins, seed=config.seed))
     anew, anew_seconds = _time(
         lambda: rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
     )
-    refined.save(folder / "surfaces" / "widened.npz")
-    progress("arena", 0.4)
-    arena = sg.make_arena(refined.mesh, name="widened", course=course, seed=config.seed)
-    arena.save(folder / "arenas" / "widened")
-    places = {"truth": sg.load_arena("truth"), "widened": truth}
-    progress("champion before", 0.5)
-    before, after, told = judge_champion(champion, places, config, workers), None, None
-    if config.widened_generations:
-        run = evolve_champion(
-            folder, "widened", "run_widened", config, config.widened_generations, workers,
-            lambda text, share: progress(text, 0.6 + 0.3 * share),
-        )  # fmt: skip
-        assert run.champion is not None
-        after, told = judge_champion(run.champion, places, config, workers), describe_run(run)
-    return {
-        "pit": [PIT, course.pit],
+    surface = truths["wide"].surface
+    told: dict[str, Any] = {
+        "pit": [narrow.pit, PIT],
         "surfaces": [
-            {"surface": "as it was", "seconds": None, **_measure(known, truth.surface)},
-            {"surface": "refined", "seconds": refine_seconds, **_measure(refined, truth.surface)},
-            {"surface": "made anew", "seconds": anew_seconds, **_measure(anew, truth.surface)},
+            {"surface": "as it was", "seconds": None, **_measure(known, surface)},
+            {"surface": "refined", "seconds": refine_seconds, **_measure(refined, surface)},
+            {"surface": "made anew", "seconds": anew_seconds, **_measure(anew, surface)},
         ],
-        "arena": {"pieces": len(arena.pieces), "mean": arena.quality.mean, "p95": arena.quality.p95},
-        "before": before,
-        "after": after,
-        "run": told,
     }
+    stages = {"before": ("narrow", known, narrow), "after": ("refined", refined, sg.Course())}
+    for index, (when, (name, network, course)) in enumerate(stages.items()):
+        progress(f"evolution {when}", 0.2 + 0.4 * index)
+        network.save(folder / "surfaces" / f"{name}.npz")
+        arena = sg.make_arena(network.mesh, name=name, course=course, seed=config.seed)
+        arena.save(folder / "arenas" / name)
+        run = evolve_champion(folder, name, f"runs/{name}", config, config.widened_generations, workers)
+        assert run.champion is not None
+        told[when] = describe_run(run) | {"judged": judge_champion(run.champion, truths, config, workers)}
+    return told
 
 
 def _time(make: Callable[[], rc.Reconstruction]) -> tuple[rc.Reconstruction, float]:

@@ -5,10 +5,6 @@ from typing import Any
 
 import numpy as np
 
-import reconstruction as rc
-import symbrion_gym as sg
-from evolution.paper.arenas import load_surface
-from evolution.paper.cloud import CLOUD
 from evolution.paper.models import find_benchmark
 from evolution.report import paper_tables as tables
 from evolution.report.figures import draw_learning_curve, draw_section, draw_tracks
@@ -51,9 +47,9 @@ def add_laser(context: PaperContext) -> None:
     context.page.add_section(
         "Table III: one laser scan",
         "The paper found that large meshes do not suit the simulation of sensors: its scan of the growing grid took 66 "
-        "times as long as that of the hand-made model. A scan that tries every triangle reproduces that growth: "
-        f"{tables.format_ratio(ratios['brute force'])} times. A tree of bounding volumes over the same triangles "
-        f"removes it, {tables.format_ratio(ratios['tree'])} times: a beam then meets a few boxes and a handful of "
+        "times as long as that of the hand-made model. A scan that tries every triangle grows with them, "
+        f"{tables.format_ratio(ratios['brute force'])} times here. A tree of bounding volumes over the same triangles "
+        f"removes that, {tables.format_ratio(ratios['tree'])} times: a beam then meets a few boxes and a handful of "
         "triangles, however many there are. Contact shapes need not be scanned, and are not where the surface is.",
     )
     context.add_figure(
@@ -151,18 +147,18 @@ def add_widened(context: PaperContext) -> None:
     old, new = record["figures"]["pit"]
     context.page.add_section(
         "Beyond the paper: the pit is widened",
-        f"The pit becomes {100 * (new - old):.0f} cm wider, the robot scans again, and the same network goes on "
-        "learning, instead of a new one from the beginning. The surface becomes an arena as before.",
+        f"The robot first knows the arena with a pit of {100 * old:.0f} cm. Then the pit is {100 * (new - old):.0f} cm "
+        "wider, the robot scans again, and the same network goes on learning, instead of a new one from the "
+        "beginning. In either surface a champion evolves; each is tried in both true arenas.",
     )
     meshes = {
-        "widened truth": sg.Course(pit=new).surface(),
-        "GSRM before": load_surface(context.folder, "gsrm", context.config).mesh,
-        "GSRM refined": context.load_network("widened"),
+        "widened truth": context.truth,
+        "GSRM before": context.load_network("narrow"),
+        "GSRM refined": context.load_network("refined"),
     }
-    points = rc.load_points(context.folder / f"widened_{CLOUD}")
     context.add_figure(
         "widened_section",
-        draw_section(meshes, points),
+        draw_section(meshes, context.points),
         "Cut through the pit along the course: the widened truth, the network before and after it has learnt from the "
         "second scan, and the readings of that scan.",
     )

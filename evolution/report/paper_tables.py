@@ -251,12 +251,14 @@ def tabulate_widened_champions(record: Record) -> Table:
     """Return how the champions hold before and after the pit has been widened."""
     figures = record["figures"]
     old, new = (f"{100 * pit:.0f} cm" for pit in figures["pit"])
-    rows = [["before: evolved in the scan of the old pit", *_count(figures["before"])]]
-    if figures["after"]:
-        rows.append(["after: evolved in the refined surface", *_count(figures["after"])])
-    text = "Randomised trials from the floor in the true arenas."
-    return Table(["champion", f"held, pit of {old}", f"held, pit of {new}"], rows, sign(text, record))
+    texts = {"before": "before: evolved in the old surface", "after": "after: evolved in the refined surface"}
+    rows = [
+        [text, figures[when]["genotypes"], *_count(figures[when]["judged"])] for when, text in texts.items()
+    ]
+    columns = ["champion", "genotypes", f"held, pit of {old}", f"held, pit of {new}"]
+    text = "One evolution each; randomised trials from the floor in the true arenas."
+    return Table(columns, rows, sign(text, record))
 
 
 def _count(judged: Mapping[str, Mapping[str, int]]) -> list[str]:
-    return [f"{judged[name]['successes']} of {judged[name]['trials']}" for name in ("truth", "widened")]
+    return [f"{judged[name]['successes']} of {judged[name]['trials']}" for name in ("narrow", "wide")]

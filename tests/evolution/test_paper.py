@@ -88,7 +88,7 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"runs": 0}, {"gsrm_units": ()}, {"widened": 0.2}, {"scans": -1}], ids=str
+    "changes", [{"runs": 0}, {"gsrm_units": ()}, {"widened": 0.3}, {"scans": -1}], ids=str
 )
 def test_impossible_sizes_are_refused(changes: dict) -> None:
     with pytest.raises(ev.RunError, match=next(iter(changes))):
