@@ -9,10 +9,11 @@ import trimesh
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.spec import find_box
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:
-    """Return the arena with all lengths along x multiplied; pieces stay convex, heights as they are.
+    """Return the arena with all lengths along x multiplied; boxes stay boxes, heights as they are.
 
     Args:
         arena: stays as it is.
@@ -31,7 +32,7 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         heights = heights._replace(low=heights.low * along, high=heights.high * along)
     return replace(
         arena,
-        pieces=[_stretch(piece, factor) for piece in arena.pieces],
+        pieces=[_stretch_piece(piece, factor) for piece in arena.pieces],
         surface=_stretch(arena.surface, factor),
         course=course,
         height_field=heights,
@@ -40,3 +41,22 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
 
 def _stretch(mesh: trimesh.Trimesh, factor: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices * np.array([factor, 1.0, 1.0]), mesh.faces, process=False)
+
+
+def _stretch_piece(piece: trimesh.Trimesh, factor: float) -> trimesh.Trimesh:
+    """Return a contact piece stretched; a box becomes the box with the same top, stretched."""
+    box = find_box(piece)
+    if box is None:
+        return _stretch(piece, factor)
+    center, half_sizes, axes = box
+    up = int(np.abs(axes[2]).argmax())
+    first, second = (axes[:, k] * [factor, 1.0, 1.0] for k in range(3) if k != up)
+    sizes = half_sizes[[k for k in range(3) if k != up]] * np.linalg.norm([first, second], axis=1)
+    first /= np.linalg.norm(first)
+    normal = np.cross(first, second)
+    normal *= np.sign(normal[2]) / np.linalg.norm(normal)
+    top = center + axes[:, up] * np.sign(axes[2, up]) * half_sizes[up]
+    frame = np.column_stack([first, np.cross(normal, first), normal])
+    stretched = trimesh.creation.box(2 * np.array([*sizes, half_sizes[up]]))
+    middle = top * [factor, 1.0, 1.0] - normal * half_sizes[up]
+    return trimesh.Trimesh(stretched.vertices @ frame.T + middle, stretched.faces, process=False)

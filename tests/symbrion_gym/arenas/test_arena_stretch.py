@@ -35,3 +35,26 @@ def test_heights_stay(name: str) -> None:
 def test_the_environment_refuses_to_stretch_to_nothing() -> None:
     with pytest.raises(ValueError, match="stretch"):
         SnakePitEnv(stretch=0.0)
+
+
+@pytest.mark.parametrize("name", ["truth", "gsrm", "gg"])
+def test_boxes_stay_boxes_with_their_tops_where_the_ground_is(name):
+    arena = load_arena(name)
+    stretched = stretch_arena(arena, 1.03)
+    for piece, wider in zip(arena.pieces, stretched.pieces, strict=True):
+        assert (find_box(piece) is None) == (find_box(wider) is None)
+    x, y = (v.ravel() for v in np.meshgrid(np.linspace(-2.9, 2.9, 120), (-0.7, 0.0, 0.7)))
+    tops = [
+        np.max([_find_top(piece, s * x, y) for piece in one.pieces], axis=0)
+        for one, s in ((arena, 1.0), (stretched, 1.03))
+    ]
+    assert np.percentile(np.abs(tops[0] - tops[1]), 98) < 1e-3
+
+
+def _find_top(piece, x, y):
+    """Return the height of a convex piece; -inf beside it."""
+    n, offset = piece.face_normals, (piece.face_normals * piece.triangles[:, 0]).sum(axis=1)
+    rest = offset - np.outer(x, n[:, 0]) - np.outer(y, n[:, 1])
+    up, down, level = n[:, 2] > 1e-6, n[:, 2] < -1e-6, np.abs(n[:, 2]) <= 1e-6
+    high, low = (rest[:, up] / n[up, 2]).min(axis=1), (rest[:, down] / n[down, 2]).max(axis=1)
+    return np.where((low <= high) & (rest[:, level] >= 0).all(axis=1), high, -np.inf)

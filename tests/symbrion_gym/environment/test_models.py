@@ -51,11 +51,12 @@ def test_a_choice_stays_until_another_is_made():
     assert first["x_position"][0] == other["x_position"][0] < other["x_position"][1]
 
 
-def _add_tilted_box(arena):
-    """Return the arena with a box on its edge, which is a box no longer when it is stretched."""
+def _add_odd_piece(arena):
+    """Return the arena with a piece that is a box only when the arena is stretched by the first factor."""
     box = trimesh.creation.box((0.3, 1.0, 0.3))
     box.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 4, [0, 1, 0], [0, 0, 0]))
     box.apply_translation([2.4, 0.0, 0.0])
+    box.vertices[:, 0] /= STRETCHES[0]
     return replace(arena, pieces=[*arena.pieces, box])
 
 
@@ -64,6 +65,6 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(ValueError, match=r"stretch must be one of \(0.975, 1.0, 1.025\), got 1.1"):
         vector.reset(options={"stretch": 1.1})
     with pytest.raises(LayoutError, match=r"stretched by 0.975 and 1 .* of its own"):
-        SnakePitVectorEnv(2, modules=3, arena=_add_tilted_box(load_arena("truth")), stretches=STRETCHES)
+        SnakePitVectorEnv(2, modules=3, arena=_add_odd_piece(load_arena("truth")), stretches=STRETCHES)
     with pytest.raises(ValueError, match="pictures of several stretches"):
         SnakePitVectorEnv(2, arena="gsrm", stretches=STRETCHES, render_mode="rgb_array")
