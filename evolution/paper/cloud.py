@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.spatial import KDTree
 
 import reconstruction as rc
 import symbrion_gym as sg
@@ -87,11 +86,3 @@ def _count_mixed(log: rc.ScanLog, is_removed: np.ndarray) -> dict[str, int]:
         "others": int((log.is_valid & ~is_mixed).sum()),
         "others_removed": int((log.is_valid & ~is_mixed & is_removed).sum()),
     }
-
-
-def find_origins(log: rc.ScanLog, points: np.ndarray) -> np.ndarray:
-    """Return where the scanner stood that saw each point of the cloud, `[N, 3]` [m]: of the nearest reading."""
-    levelled = rc.level_floor(log)
-    scans = np.nonzero(levelled.is_valid)[0]
-    _, nearest = KDTree(levelled.points()).query(points)
-    return levelled.poses[scans[nearest], :3, 3]

@@ -8,7 +8,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.paper.config import PaperConfig
 from evolution.paper.networks import list_networks
-from evolution.paper.robots import evolve_champion, judge_champion
+from evolution.paper.robots import evolve_champion, judge_champion, make_part
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks" / "results"
 """Where a checkout keeps what its benchmarks measured; an installed package has none."""
@@ -32,11 +32,12 @@ def measure_resolutions(
     names = list(list_networks(config))
     rows = []
     for index, name in enumerate(names):
-        progress(name, index / len(names))
+        within = make_part(progress, name, index / len(names), 1 / len(names))
+        within("arena", 0.0)
         mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
         arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed)
         arena.save(folder / "arenas" / name)
-        run = evolve_champion(folder, name, f"runs/{name}", config, config.model_generations, workers)
+        run = evolve_champion(folder, name, f"runs/{name}", config, config.model_generations, workers, within)
         assert run.champion is not None
         judged = judge_champion(run.champion, {"truth": "truth"}, config, workers)["truth"]
         rows.append(

@@ -53,6 +53,11 @@ def evolve_champion(
     return ev.evolve(wanted, progress=progress)
 
 
+def make_part(progress: rc.Progress, title: str, start: float, share: float) -> rc.Progress:
+    """Return a progress for a part of the work, that begins at `start` and is a `share` of it."""
+    return lambda message, done: progress(f"{title}: {message}", start + share * done)
+
+
 def describe_run(run: ev.Run) -> dict[str, Any]:
     """Return champion and learning curve as plain content."""
     assert run.champion is not None

@@ -5,13 +5,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import trimesh
 
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.paper.cloud import CLOUD, LOG, find_origins, survey_arena
+from evolution.paper.cloud import LOG, survey_arena
 from evolution.paper.config import PIT, PaperConfig
-from evolution.paper.robots import describe_run, evolve_champion, judge_champion
+from evolution.paper.robots import describe_run, evolve_champion, judge_champion, make_part
+from symbrion_gym.arenas.ready_made import SPACING
 
 
 def measure_widened(
@@ -27,21 +29,19 @@ def measure_widened(
 
     Returns:
         `pit` before and after [m]; `surfaces`: rows for the surface as it was, refined, and made anew of the
-        second cloud, with `seconds` (a second, warm call) and distances from the widened truth [m]; `before` and
-        `after`: what is known of the champions that evolved in either surface, `judged` in both true arenas.
+        second scan log, with `seconds` (a second, warm call, pre-processing included) and distances from the
+        widened truth [m]; `before` and `after`: what is known of the champions that evolved in either surface,
+        `judged` in both true arenas.
     """
     narrow = sg.Course(pit=PIT - config.widened)
     truths = {"narrow": sg.Arena.from_course(narrow), "wide": sg.load_arena("truth")}
     progress("first survey", 0.0)
     _, points = survey_arena(truths["narrow"], folder, "narrow_", config.seed + 1, rc.silent)
-    known = rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
+    known = _make(points, config)
     progress("refining", 0.1)
-    points = rc.load_points(folder / CLOUD)
-    origins = find_origins(rc.load_scan_log(folder / LOG), points)
-    refined, refine_seconds = _time(lambda: known.refine(points, origins=origins, seed=config.seed))
-    anew, anew_seconds = _time(
-        lambda: rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
-    )
+    log = rc.load_scan_log(folder / LOG)
+    refined, refine_seconds = _time(lambda: known.refine(log, seed=config.seed))
+    anew, anew_seconds = _time(lambda: _make(rc.thin(rc.preprocess(log), SPACING), config))
     surface = truths["wide"].surface
     told: dict[str, Any] = {
         "pit": [narrow.pit, PIT],
@@ -53,14 +53,20 @@ def measure_widened(
     }
     stages = {"before": ("narrow", known, narrow), "after": ("refined", refined, sg.Course())}
     for index, (when, (name, network, course)) in enumerate(stages.items()):
-        progress(f"evolution {when}", 0.2 + 0.4 * index)
+        within = make_part(progress, f"evolution {when}", 0.2 + 0.4 * index, 0.4)
         network.save(folder / "surfaces" / f"{name}.npz")
         arena = sg.make_arena(network.mesh, name=name, course=course, seed=config.seed)
         arena.save(folder / "arenas" / name)
-        run = evolve_champion(folder, name, f"runs/{name}", config, config.widened_generations, workers)
+        run = evolve_champion(
+            folder, name, f"runs/{name}", config, config.widened_generations, workers, within
+        )
         assert run.champion is not None
         told[when] = describe_run(run) | {"judged": judge_champion(run.champion, truths, config, workers)}
     return told
+
+
+def _make(points: np.ndarray, config: PaperConfig) -> rc.Reconstruction:
+    return rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
 
 
 def _time(make: Callable[[], rc.Reconstruction]) -> tuple[rc.Reconstruction, float]:

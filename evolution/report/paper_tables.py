@@ -244,7 +244,9 @@ def tabulate_widened(record: Record) -> Table:
     ]  # fmt: skip
     columns = ["GSRM", "triangles", "warm [s]", "truth to mesh [mm]", "p95 [mm]", "mesh to truth [mm]",
                "boundary loops"]  # fmt: skip
-    return Table(columns, rows, sign("One run each, against the widened truth.", record))
+    return Table(
+        columns, rows, sign("One run each, from the scan log on, against the widened truth.", record)
+    )
 
 
 def tabulate_widened_champions(record: Record) -> Table:

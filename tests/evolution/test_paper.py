@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 import evolution as ev
-import reconstruction as rc
 import symbrion_gym as sg
 from evolution.cli import run
 from evolution.paper.arenas import RECIPES
-from evolution.paper.cloud import find_origins
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import list_experiments
 from evolution.paper.folder import PaperFolder
@@ -177,13 +175,3 @@ def test_benchmarks_may_be_absent(tmp_path: Path) -> None:
     assert found is not None
     assert found["figures"] == {"gsrm": {}}
     assert find_benchmark("stages", tmp_path) is None
-
-
-def test_every_point_knows_where_it_was_seen_from() -> None:
-    angles = np.linspace(-0.3, 0.3, 21)
-    poses = np.stack([look_down(x) for x in (-2.0, 0.0, 2.0)])
-    ranges = np.tile(1.5 / np.cos(angles), (3, 1))
-    log = rc.ScanLog(ranges, angles, poses)
-    origins = find_origins(log, np.array([[2.0, 0.2, 0.0], [-2.0, 0.0, 0.0]]))
-    assert np.allclose(origins[:, 0], [2.0, -2.0], atol=0.05)
-    assert np.allclose(origins[:, 2], 1.5, atol=0.05)
