@@ -29,6 +29,7 @@ RANDOM_EPISODES = 10_000
 EVOLVED_EPISODES = 2_000
 RANDOM_STEPS = 10_000_000
 MINUTES = 60.0
+_FINE = {"timestep": 0.001, "frame_skip": 20}
 
 
 def run(
@@ -90,15 +91,20 @@ def measure_cheats(quick: bool, minutes: float, last: dict) -> dict:
 
 
 def measure_tracks(quick: bool) -> dict:
-    """Compare sphere tracks with wheels on joints and with the authors' cylinders, 30 controllers."""
+    """Compare sphere tracks with wheels on joints and with the authors' cylinders, 30 controllers.
+
+    The cylinders also at 1 ms, as contacts of upright cylinders do not converge at 5 ms.
+    """
     count, result = 6 if quick else 30, {}
-    for pit in (0.30, 0.35):
+    for pit in (0.30, 0.35, 0.40):
         reference = _cross_with(count, {"pit": pit})
         result[f"pit {pit:.2f}: spheres"] = f"{sum(reference)} successes of {count}"
-        for tracks in ("wheels", "cylinders"):
-            outcome = _cross_with(count, {"pit": pit, "tracks": tracks})
+        models = {"wheels": {"tracks": "wheels"}, "cylinders": {"tracks": "cylinders"}}
+        models["cylinders at 1 ms"] = {"tracks": "cylinders", **_FINE}
+        for name, options in models.items():
+            outcome = _cross_with(count, {"pit": pit, **options})
             agreed = f"{_count_equal(reference, outcome)} of {count} agree"
-            result[f"pit {pit:.2f}: {tracks}"] = f"{agreed}, {sum(outcome)} successes"
+            result[f"pit {pit:.2f}: {name}"] = f"{agreed}, {sum(outcome)} successes"
     return result
 
 
@@ -107,7 +113,7 @@ def measure_timestep(quick: bool) -> dict:
     count, result = 6 if quick else 30, {}
     for pit in (0.30, 0.35):
         coarse = _cross_with(count, {"pit": pit})
-        fine = _cross_with(count, {"pit": pit, "timestep": 0.001, "frame_skip": 20})
+        fine = _cross_with(count, {"pit": pit, **_FINE})
         successes = f"{sum(coarse)} successes at 5 ms, {sum(fine)} at 1 ms"
         result[f"pit {pit:.2f}"] = f"{_count_equal(coarse, fine)} of {count} agree, {successes}"
     return result
@@ -143,7 +149,23 @@ def measure_speed(quick: bool) -> dict:
         result[f"{arena}: over bare mj_step"] = round(min(whole) / min(bare), 3)
         result[f"{arena}: median over bare"] = round(float(np.median(np.array(whole) / bare)), 3)
         result[f"{arena}: reset [ms]"] = round(1e3 * min(resets), 2)
+        many = _time_many(arena, ticks, max(rounds // 4, 3))
+        result[f"{arena}: 16 at once, one thread"] = round(16 * ticks * env.dt / many, 1)
+        result[f"{arena}: 16 at once over bare"] = round(many / (16 * min(bare)), 3)
     return result
+
+
+def _time_many(arena: str, ticks: int, rounds: int) -> float:
+    """Return the processor time [s] of 16 simulations at once on one thread."""
+    envs, spent = SnakePitVectorEnv(16, num_threads=1, arena=arena, modules=8), []
+    actions = np.zeros((16, 7))
+    for _ in range(rounds):
+        envs.reset(seed=0)
+        start = time.process_time()
+        for _ in range(ticks):
+            envs.step(actions)
+        spent.append(time.process_time() - start)
+    return min(spent)
 
 
 def measure_threads(quick: bool) -> dict:

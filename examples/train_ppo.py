@@ -1,33 +1,48 @@
-"""Train PPO on a pit of 0.33 m, which the zero policy does not cross reliably, and compare the two.
+"""Train PPO on a pit of 0.38 m and compare it with the zero policy, on starts that it has not seen.
 
-pip install "symbrion-gym[rl]"
-python examples/train_ppo.py --steps 400000
+    pip install "symbrion-gym[rl]"
+    python examples/train_ppo.py --steps 150000
+
+150,000 decisions take some three minutes of one processor. With seed 0 they lead from 0.651 m, what the zero
+policy comes to in the mean of 64 trials, to 0.761 m; neither crosses yet, which takes longer.
 """
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecMonitor, VecNormalize
 
 from symbrion_gym import SnakePitVectorEnv
 
+OPTIONS = {
+    "modules": 6,
+    "pit": 0.38,
+    "start": "pit",
+    "duration": 30.0,
+    "stuck_time": 6.0,
+    "frame_skip": 20,  # ten decisions a second
+    "sensors": ("hinge_angle", "pitch", "roll", "ir", "contact", "odometry"),
+    "randomise": {"friction": (0.55, 0.7), "start_offset": (-0.05, 0.05), "yaw": (-0.05, 0.05)},
+}
+
 
 class BatchedEnv(VecEnv):
-    """`SnakePitVectorEnv` in the clothes of stable-baselines3: resets in the same step, infos one by one."""
+    """`SnakePitVectorEnv` as stable-baselines3 wants it: resets in the same step, infos one by one."""
 
     def __init__(self, num_envs: int, **options: Any) -> None:
         self.envs = SnakePitVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **options)
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
-        self._actions = np.zeros(self.envs.action_space.shape)
+        self._actions = np.zeros(self.envs.action_space.shape or ())
 
     def reset(self) -> np.ndarray:
-        """Reset all."""
-        seeds = [seed for seed in self._seeds if seed is not None]
-        return self.envs.reset(seed=seeds if len(seeds) == self.num_envs else None)[0]
+        """Reset all, with the seeds that were given last."""
+        observation, _ = self.envs.reset(seed=self._seeds)
+        self._reset_seeds()
+        return observation
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions."""
@@ -39,7 +54,7 @@ class BatchedEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(terminated | truncated):
             infos[row]["terminal_observation"] = info["final_obs"][row]
-            infos[row]["TimeLimit.truncated"] = bool(truncated[row])
+            infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
             infos[row]["is_success"] = bool(info["final_info"]["success"][row])
         return observation, reward, terminated | truncated, infos
 
@@ -68,18 +83,27 @@ class BatchedEnv(VecEnv):
         return [None] * self.num_envs
 
 
-OPTIONS = {
-    "modules": 6,
-    "pit": 0.33,
-    "start": "pit",
-    "duration": 30.0,
-    "stuck_time": 6.0,
-    "frame_skip": 20,
-    "randomise": {"friction": (0.55, 0.7), "start_offset": (-0.05, 0.05), "yaw": (-0.05, 0.05)},
-}
+def train(steps: int, num_envs: int = 32, seed: int = 0, verbose: int = 1) -> tuple[PPO, VecNormalize]:
+    """Return a trained policy and what normalises its observations."""
+    envs = VecNormalize(VecMonitor(BatchedEnv(num_envs, **OPTIONS)), clip_obs=5.0, gamma=0.995)
+    envs.seed(seed)
+    model = PPO(
+        "MlpPolicy",
+        envs,
+        n_steps=128,
+        batch_size=1024,
+        gamma=0.995,
+        policy_kwargs={"log_std_init": -1.0},
+        seed=seed,
+        device="cpu",
+        verbose=verbose,
+    )
+    model.learn(steps)
+    envs.training = False
+    return model, envs
 
 
-def judge(policy: Any, trials: int = 32) -> tuple[float, float]:
+def judge(policy: Callable[[np.ndarray], np.ndarray], trials: int = 64) -> tuple[float, float]:
     """Return the mean progress [m] and the share of successes of `policy(observation) -> actions`."""
     envs = SnakePitVectorEnv(trials, autoreset_mode=AutoresetMode.DISABLED, **OPTIONS)
     observation, info = envs.reset(seed=10_000)
@@ -92,17 +116,16 @@ def judge(policy: Any, trials: int = 32) -> tuple[float, float]:
 
 def main() -> None:
     """Train, then compare with the zero policy."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=400_000)
-    parser.add_argument("--envs", type=int, default=16)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--steps", type=int, default=150_000)
+    parser.add_argument("--envs", type=int, default=32)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    envs = VecNormalize(BatchedEnv(options.envs, **OPTIONS), clip_obs=5.0)
-    model = PPO("MlpPolicy", envs, n_steps=256, batch_size=512, seed=options.seed, device="cpu", verbose=1)
-    model.learn(options.steps)
-    size = envs.action_space.shape
-    zero = judge(lambda observation: np.zeros((len(observation), *size)))
-    envs.training = False
+    model, envs = train(options.steps, options.envs, options.seed)
+    size = len(model.action_space.low)
+    zero = judge(lambda observation: np.zeros((len(observation), size)))
     ppo = judge(lambda observation: model.predict(envs.normalize_obs(observation), deterministic=True)[0])
     for name, (progress, successes) in (("zero", zero), ("PPO", ppo)):
         print(f"{name}: progress {progress:.3f} m, {100 * successes:.0f} % crossed")  # noqa: T201
