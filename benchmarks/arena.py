@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from benchmarks.material.arena_drives import Behaviour, time_steps
+from benchmarks.material.arena_drives import Behaviour, drive_waves, time_steps
 from benchmarks.material.arena_surfaces import (
     MAIN,
     RESOLUTIONS,
@@ -115,10 +115,9 @@ def measure_behaviour(quick: bool) -> dict:
     """Crossing and distance of random controllers in every kind of contact, against the truth."""
     course = Course(pit=_EASY_PIT)
     truth = Arena.from_course(course)
-    behaviour = Behaviour(truth, *((10, 15.0) if quick else (30, 40.0)))
-    rows: Rows = {"truth": behaviour.reference}
-    moved = [piece.copy().apply_translation([0, 0, 0.001]) for piece in truth.pieces]
-    rows["truth moved by 1 mm"] = behaviour.compare(replace(truth, pieces=moved))
+    moved = replace(truth, pieces=[p.copy().apply_translation([0, 0, 0.001]) for p in truth.pieces])
+    behaviour = Behaviour(truth, 10 if quick else 30)
+    rows: Rows = {"truth": behaviour.reference, "truth moved by 1 mm": behaviour.compare(moved)}
     _show(rows)
     wanted = [("convex", name) for name in RESOLUTIONS]
     if not quick:
@@ -130,7 +129,14 @@ def measure_behaviour(quick: bool) -> dict:
         rows[label] = behaviour.compare(arena)
         _show({label: rows[label]})
         write_results("arena", {**_load_last(), "behaviour": rows})
-    return {"behaviour": rows}
+    waves: Rows = {}
+    if not quick:
+        behaviour = Behaviour(truth, 30, drive_waves)
+        waves = {"truth": behaviour.reference, "truth moved by 1 mm": behaviour.compare(moved)}
+        for name in MAIN:
+            waves[name] = behaviour.compare(make_arena(scan_course(_EASY_PIT, name), course=course))
+        _show(waves)
+    return {"behaviour": rows, "behaviour_of_waves": waves}
 
 
 def measure_rays(quick: bool) -> dict:
