@@ -82,7 +82,7 @@ class ScanTruth:
     is_mixed: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ScanLog:
     """Vertical scans in the order they were taken, and where they were taken from.
 
@@ -133,6 +133,11 @@ class ScanLog:
             if box.shape != (2, 3) or not (box[0] <= box[1]).all():
                 raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {self.box}")
             object.__setattr__(self, "box", box)
+
+    def __repr__(self) -> str:
+        num_scans, num_beams = self.ranges.shape
+        extras = [name for name in ("horizontal", "truth") if getattr(self, name) is not None]
+        return f"ScanLog({' with '.join([f'{num_scans} scans of {num_beams} beams', *extras])})"
 
     @property
     def is_valid(self) -> NDArray[np.bool_]:

@@ -22,6 +22,8 @@ from symbrion_gym.sensing.survey_world import SurveyWorld
 _FIRST_WAYPOINT = 2
 """The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
 
+_LARGEST = 200.0
+"""The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
 _LEAST_VERTICES = 4
 """A mesh with fewer is cut finer: MuJoCo takes none."""
 
@@ -250,6 +252,12 @@ def _find_surface(arena: Any) -> trimesh.Trimesh:
         raise ArenaError(f"survey needs a mesh with faces, got {surface!r}")
     if not np.isfinite(surface.vertices).all():
         raise ArenaError("survey: the mesh has vertices that are not finite")
+    extent = float(surface.extents.max())
+    if extent > _LARGEST:
+        raise ArenaError(
+            f"survey: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimetre, "
+            "scale it first: mesh.apply_scale(0.001)"
+        )
     return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
 
 

@@ -69,6 +69,13 @@ def test_what_is_saved_is_loaded(tmp_path):
     assert len(list((tmp_path / "new").iterdir())) == 1
 
 
+def test_a_log_says_its_size():
+    assert (
+        repr(ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1))))
+        == "ScanLog(2 scans of 3 beams)"
+    )
+
+
 def test_a_bare_log_is_saved_and_loaded(tmp_path):
     log = ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1)))
     loaded = load_scan_log(log.save(tmp_path / "log.npz"))

@@ -133,6 +133,11 @@ def test_any_mesh_is_surveyed(tmp_path):
     assert (np.abs(points[:, :2]) < [0.31, 0.21]).all()
 
 
+def test_a_mesh_in_millimetres_is_refused_with_the_remedy():
+    with pytest.raises(ArenaError, match="4000 m large.*millimetre.*apply_scale"):
+        survey(trimesh.creation.box((4000, 2000, 300)))
+
+
 @pytest.mark.parametrize("arena", ["no such arena", "absent.ply", 7, trimesh.Trimesh()])
 def test_what_is_no_arena_is_refused(arena):
     with pytest.raises(ArenaError):
