@@ -126,6 +126,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.filterwarnings("ignore:os.fork:RuntimeWarning")  # imageio's reader is a process of its own
 def test_everything_is_kept_as_files(paper: Path) -> None:
     results = json.loads((paper / "results.json").read_text())
     assert set(results["experiments"]) == {
