@@ -56,12 +56,12 @@ def run(quick: bool = False, only: str | None = None) -> dict[str, Any]:
 def measure_change(change: Change, method: str, options: dict[str, Any], repeats: int) -> dict[str, Any]:
     """Measure one scenario."""
     old = reconstruct(change.points, method, **options)
-    refined = old.refine(change.new_points, change.origins)
+    refined = old.refine(change.new_points, origins=change.origins)
     reconstruct(refined.points, method, **options)
     times = np.array(
         [
             [
-                *_time(lambda seed=seed: old.refine(change.new_points, change.origins, seed)),
+                *_time(lambda seed=seed: old.refine(change.new_points, seed, origins=change.origins)),
                 *_time(lambda seed=seed: reconstruct(refined.points, method, seed=seed, **options)),
             ]
             for seed in range(repeats)

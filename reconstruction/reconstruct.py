@@ -99,9 +99,10 @@ class Reconstruction:
     def refine(
         self,
         new_points: ArrayLike | ScanLog,
-        origins: ArrayLike | None = None,
         seed: int = 0,
         progress: Progress = silent,
+        *,
+        origins: ArrayLike | None = None,
     ) -> "Reconstruction":
         """Return the same network after it has learnt from new readings; this one stays as it is.
 
@@ -110,10 +111,10 @@ class Reconstruction:
         Args:
             new_points: `[N, 3]` readings made since [m], in the frame and unit of the first; or a scan log, which
                 is levelled, filtered and smoothed, and knows its origins itself.
-            origins: `[N, 3]` where each reading was made from, or `[3]` one place for all: what their rays pass
-                through is gone. Without them a part is gone where it is not read again and all about it is.
             seed: of the order of the signals.
             progress: told how far it is.
+            origins: `[N, 3]` where each reading was made from, or `[3]` one place for all: what their rays pass
+                through is gone. Without them a part is gone where it is not read again and all about it is.
 
         Raises:
             ReconstructionError: the points or origins are no points, or their unit is another.

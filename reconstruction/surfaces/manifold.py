@@ -40,6 +40,7 @@ class Hinges(NamedTuple):
 
 def group_sides(faces: np.ndarray, num_units: int) -> Sides:
     """Sort the sides of all faces by edge, in an order that depends on nothing else."""
+    faces = faces.astype(np.int64, copy=False)  # a key below is a number of units squared, times sides
     tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     num_slots = len(tail)
     edge = np.minimum(tail, head) * num_units + np.maximum(tail, head)

@@ -134,7 +134,7 @@ def test_any_mesh_is_surveyed(tmp_path):
 
 
 def test_a_mesh_in_millimetres_is_refused_with_the_remedy():
-    with pytest.raises(ArenaError, match="4000 m large.*millimetre.*apply_scale"):
+    with pytest.raises(ArenaError, match=r"4000 m large.*millimetre.*apply_scale"):
         survey(trimesh.creation.box((4000, 2000, 300)))
 
 
