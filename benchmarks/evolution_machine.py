@@ -22,6 +22,7 @@ from evolution.rollout import simulate
 from evolution.run import format_history
 from symbrion_gym.environment import vector
 
+BASE_TRIALS = EvolutionConfig().trials
 _ENDLESS = (("duration", 10.0), ("stuck_time", 20.0))
 _SMALL = EvolutionConfig(
     arena="truth",
@@ -61,8 +62,10 @@ def measure_overhead(repeats: int) -> dict[str, Any]:
     original, vector.Batch = vector.Batch, _TimedBatch
     try:
         parts = {
-            "a generation of 12 genotypes, 2 trials each": Trials(arena="gsrm", count=2),
-            "none of which ends before the others": Trials(arena="gsrm", count=2, environment=_ENDLESS),
+            "a generation of 12 genotypes": Trials(arena="gsrm", count=BASE_TRIALS),
+            "none of which ends before the others": Trials(
+                arena="gsrm", count=BASE_TRIALS, environment=_ENDLESS
+            ),
         }
         return {name: _measure_overhead(trials, repeats) for name, trials in parts.items()}
     finally:
@@ -81,7 +84,9 @@ def _measure_overhead(trials: Trials, repeats: int) -> float:
 
 def measure_workers(repeats: int) -> dict[str, Any]:
     """Compare two threads with one on the same jobs, in turns."""
-    jobs = [Job(np.array(REFLEX) + 0.01 * index, Trials(arena="gsrm", count=2)) for index in range(12)]
+    jobs = [
+        Job(np.array(REFLEX) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS)) for index in range(12)
+    ]
     seconds: dict[int, list[float]] = {1: [], 2: []}
     outcomes = {}
     load = os.getloadavg()[0]

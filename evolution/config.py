@@ -36,7 +36,7 @@ class EvolutionConfig:
         origin: where the search begins, "hint" (the controller's own, set by hand) or "zero" (no knowledge).
         population_size: genotypes a generation; doubles at a restart.
         sigma: first step size.
-        trials: of each genotype, under the same conditions within a generation.
+        trials: of each genotype, under the same conditions within a generation; as many as there are stretches.
         start: where the trials begin, "pit" (close before it) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
         stage_sigma: the step size is raised to this when a stage begins.
@@ -61,7 +61,7 @@ class EvolutionConfig:
     origin: str = "hint"
     population_size: int = 12
     sigma: float = 0.15
-    trials: int = 2
+    trials: int = 3
     start: str = "pit"
     stages: tuple[Stage, ...] = ()
     stage_sigma: float = 0.15

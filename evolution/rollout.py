@@ -20,7 +20,7 @@ from symbrion_gym.environment.vector import SnakePitVectorEnv
 STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
-LANES = (8, 16, 24, 32)
+LANES = (8, 16, 24, 32, 48)
 _KEPT = 12
 
 _environments: OrderedDict[Any, SnakePitVectorEnv] = OrderedDict()

@@ -46,7 +46,7 @@ class Evolve(Command):
     """First step size of CMA-ES."""
     origin: Literal["hint", "zero"] = "hint"
     """Where the search begins: near numbers set by hand, or with no knowledge (then give --sigma 0.5)."""
-    trials: int = 2
+    trials: int = 3
     """Randomised trials of each genotype."""
     start: Literal["pit", "floor"] = "pit"
     """Where a trial starts: close before the pit (fast), or on the floor before the first ramp."""
