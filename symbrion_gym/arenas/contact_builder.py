@@ -199,6 +199,8 @@ def _prefer_coacd(
         limits = 0.8 * watch.left(), _COACD_SHARE * options.time_limit
         try:
             pieces = decompose_slabs(slabs.pieces, planes, top.area_faces, options.seed, *limits)
+            if len(pieces) <= _MAX_FINISHED:
+                pieces = _mend(pieces, top, options.max_pieces, watch)  # coacd leaves slits
             made = _measure(pieces, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
             reason = _find_fault(made, slabs, options.max_pieces)
         except ArenaError as error:
@@ -224,10 +226,8 @@ def _finish(
     if len(contact.pieces) > _MAX_FINISHED:
         return best
     progress("seams and boxes", 0.9)
-    mended = mend_pieces(contact.pieces, top, lambda: watch.is_late(0.8))
-    parts = split_at_creases(mended, min(options.max_pieces, max(_MAX_PARTS, len(mended))))
-    boxed = turn_into_boxes(parts, top, lambda: watch.is_late(0.9))
-    for pieces in (mended, boxed):
+    for improve in (_mend, _box):
+        pieces = improve(best.pieces, top, options.max_pieces, watch)
         made = _measure(pieces, mesh, watch, contact.notes)
         is_as_close = (
             made.quality.mean <= contact.quality.mean + _BOXES_OFF
@@ -236,6 +236,19 @@ def _finish(
         )
         best = made if is_as_close else replace(best, quality=replace(best.quality, seconds=watch.elapsed))
     return best
+
+
+def _mend(
+    pieces: list[trimesh.Trimesh], top: trimesh.Trimesh, max_pieces: int, watch: Watch
+) -> list[trimesh.Trimesh]:
+    return mend_pieces(pieces, top, lambda: watch.is_late(0.8))
+
+
+def _box(
+    pieces: list[trimesh.Trimesh], top: trimesh.Trimesh, max_pieces: int, watch: Watch
+) -> list[trimesh.Trimesh]:
+    parts = split_at_creases(pieces, min(max_pieces, max(_MAX_PARTS, len(pieces))))
+    return turn_into_boxes(parts, top, lambda: watch.is_late(0.9))
 
 
 def _find_fault(made: Contact, slabs: Contact, max_pieces: int) -> str:
