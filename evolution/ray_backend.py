@@ -10,12 +10,20 @@ from evolution.errors import RunError
 from evolution.evaluation import Job, Outcome, Simulate, find_simulate, name_simulate, run_contained
 from evolution.worker_pool import Reply, WorkerPool
 
+FIRST_SECONDS = 120.0
+"""How long the first worker may take to start [s]."""
+OTHER_SECONDS = 15.0
+"""How much longer the others may take; the next generation tries again with those that did not come."""
+
 
 class _Actor:
     """A worker on some node; it holds its compiled arenas between calls."""
 
     def __init__(self, simulate_name: str) -> None:
         self._simulate = find_simulate(simulate_name)
+
+    def greet(self) -> None:
+        """Return: who answers is ready."""
 
     def run(self, jobs: list[Job]) -> list[Outcome]:
         """Return one outcome for each job."""
@@ -65,6 +73,31 @@ class RayBackend(WorkerPool):
 
     def _start(self) -> Any:
         return self._actor.remote(self._simulate)
+
+    def _start_several(self, count: int) -> list[Any]:
+        """Start actors at the same time; those for which the cluster has no CPU now are given up."""
+        greetings: dict[Any, Any] = {}
+        for _ in range(count):
+            actor = self._start()
+            greetings[actor.greet.remote()] = actor
+        references = list(greetings)
+        if not self._workers:
+            self._ray.wait(references, num_returns=1, timeout=FIRST_SECONDS)
+        ready, late = self._ray.wait(references, num_returns=count, timeout=OTHER_SECONDS)
+        started, why = [], "no CPU is free"
+        for reference in ready:
+            try:
+                self._ray.get(reference)
+                started.append(greetings[reference])
+            except self._ray.exceptions.RayError as error:
+                why = str(error)
+        for reference in late:
+            self._end(greetings[reference])
+        if not started and not self._workers:
+            raise RunError(
+                f"no worker starts in the Ray cluster ({why}); look at its nodes, or use processes"
+            )
+        return started
 
     def _submit(self, worker: Any, jobs: list[Job]) -> None:
         self._running[worker.run.remote(jobs)] = worker

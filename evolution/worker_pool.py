@@ -22,13 +22,17 @@ class WorkerPool(ABC):
     """Deal jobs to workers, replace those that die and deal their jobs again."""
 
     def __init__(self, workers: int) -> None:
-        self._wanted = workers
+        self._wanted = self._room = workers
         self._workers: list[Any] = []
         self.deaths = 0
 
     @abstractmethod
     def _start(self) -> Any:
         """Start a worker and return it, ready."""
+
+    def _start_several(self, count: int) -> list[Any]:
+        """Start so many workers; fewer where there is no room, but one at least if there is none yet."""
+        return [self._start() for _ in range(count)]
 
     @abstractmethod
     def _submit(self, worker: Any, jobs: list[Job]) -> None:
@@ -48,6 +52,7 @@ class WorkerPool(ABC):
         outcomes: dict[int, Outcome] = {}
         busy: dict[int, tuple[Any, list[int]]] = {}
         deaths: Counter[int] = Counter()
+        self._room = self._wanted
         try:
             while len(outcomes) < len(jobs):
                 self._hand_out(jobs, pending, busy)
@@ -82,8 +87,12 @@ class WorkerPool(ABC):
     def _hand_out(
         self, jobs: Sequence[Job], pending: deque[list[int]], busy: dict[int, tuple[Any, list[int]]]
     ) -> None:
-        while len(self._workers) < min(self._wanted, len(busy) + len(pending)):
-            self._workers.append(self._start())
+        missing = min(self._room, len(busy) + len(pending)) - len(self._workers)
+        if missing > 0:
+            started = self._start_several(missing)
+            self._workers += started
+            if len(started) < missing:
+                self._room = len(self._workers)
         for worker in self._workers:
             if pending and id(worker) not in busy:
                 indices = pending.popleft()

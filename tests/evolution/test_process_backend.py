@@ -78,3 +78,15 @@ def test_genotypes_travel_exactly(make_pool):
     jobs = make_jobs(2)
     jobs[0] = jobs[0]._replace(genotype=np.nextafter(jobs[0].genotype, 1.0))
     assert make_pool(toys.bowl, 1).run(jobs) == toys.bowl(jobs, 1)
+
+
+def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
+    """A cluster that has lost a node has no room for as many as before."""
+    jobs = make_jobs()
+    pool = make_pool(toys.bowl, 3)
+    monkeypatch.setattr(pool, "_start_several", lambda count: [] if pool.process_ids else [pool._start()])
+    assert pool.run(jobs) == toys.bowl(jobs, 1)
+    assert len(pool.process_ids) == 1
+    monkeypatch.undo()
+    assert pool.run(jobs) == toys.bowl(jobs, 1)
+    assert len(pool.process_ids) == 3
