@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import socket
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -10,6 +11,8 @@ from evolution.errors import RunError
 from evolution.evaluation import Job, Outcome, Simulate, find_simulate, name_simulate, run_contained
 from evolution.worker_pool import Reply, WorkerPool
 
+ANSWER_SECONDS = 10.0
+"""How long the head of a cluster may take to answer [s]."""
 FIRST_SECONDS = 120.0
 """How long the first worker may take to start [s]."""
 OTHER_SECONDS = 15.0
@@ -59,6 +62,12 @@ class RayBackend(WorkerPool):
         self._running: dict[Any, Any] = {}
 
     def _connect(self, workers: int, address: str | None) -> None:
+        host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+        if host and port.isdigit():
+            try:  # Ray itself would try for minutes
+                socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS).close()
+            except OSError as error:
+                raise RunError(f"no Ray cluster at {address}: {error}") from error
         path = os.pathsep.join(path or os.getcwd() for path in sys.path)
         options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
         try:
