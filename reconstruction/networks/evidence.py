@@ -11,6 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from reconstruction.networks.boxes import find_inside, find_near_box
 from reconstruction.networks.passages import find_passed
 
 TOLERANCE = 4.0
@@ -24,6 +25,8 @@ DISAGREEING_SHARE = 0.3
 SIGNIFICANCE = 2.5
 """It has not where so many disagree as the old readings let expect, within this many standard deviations."""
 NUM_PROBES = 1000
+NUM_DENSITY_PROBES = 256
+"""At so many places the density of the new readings is measured."""
 FEWEST_PROBES = 100
 NUM_SECTORS = 12
 
@@ -38,6 +41,7 @@ class Evidence(NamedTuple):
         is_moved: `[V]` vertices whose new readings disagree with the surface.
         is_gone: `[V]` vertices without new readings though what surrounds them was read again, and those that
             rays pass through.
+        is_read: `[V]` vertices with a new reading nearby.
     """
 
     winners: np.ndarray
@@ -45,6 +49,7 @@ class Evidence(NamedTuple):
     tolerance: float
     is_moved: np.ndarray
     is_gone: np.ndarray
+    is_read: np.ndarray
 
 
 def weigh_evidence(
@@ -66,7 +71,7 @@ def weigh_evidence(
         origins: `[M, 3]` where each new reading was made from: what lies on the way there is gone.
     """
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
-    about, probes = _crop(vertices, faces, old_points, new_points, origins, 2 * spacing)
+    about, probes = _crop(vertices, faces, old_points, new_points, 2 * spacing)
     surface = igl.AABB()
     surface.init(vertices, about)
     asked = np.concatenate([new_points, probes])
@@ -92,8 +97,8 @@ def weigh_evidence(
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
     if origins is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
-        is_gone |= find_passed(surface, vertices, about, new_points, origins, agreeing, tolerance)
-    return Evidence(winners, distance, tolerance, is_moved, is_gone)
+        is_gone |= find_passed(vertices, faces, new_points, origins, agreeing, tolerance, 2 * spacing)
+    return Evidence(winners, distance, tolerance, is_moved, is_gone, is_read)
 
 
 def _crop(
@@ -101,17 +106,16 @@ def _crop(
     faces: np.ndarray,
     old_points: np.ndarray,
     new_points: np.ndarray,
-    origins: np.ndarray | None,
     margin: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the faces that new readings or their rays may meet, and old points `[P, 3]` to compare with."""
-    ends = new_points if origins is None else np.concatenate([new_points, origins])
-    low, high = ends.min(axis=0) - margin, ends.max(axis=0) + margin
-    is_inside = ((vertices >= low) & (vertices <= high)).all(axis=1)
+    """Return the faces that are near new readings, and old points `[P, 3]` to compare with."""
+    low, high = new_points.min(axis=0) - margin, new_points.max(axis=0) + margin
+    is_inside = np.zeros(len(vertices), dtype=bool)
+    is_inside[find_inside(vertices, low, high)] = True
     probes = old_points[:: max(1, len(old_points) // (8 * NUM_PROBES))]
-    inner = ((probes >= low + margin / 2) & (probes <= high - margin / 2)).all(axis=1)
+    inner = find_inside(probes, low + margin / 2, high - margin / 2)
     about = faces[is_inside[faces].any(axis=1)]
-    if inner.sum() < FEWEST_PROBES or len(about) == 0:
+    if len(inner) < FEWEST_PROBES or len(about) == 0:
         return faces, probes[:: max(1, len(probes) // NUM_PROBES)]
     probes = probes[inner]
     return np.ascontiguousarray(about), probes[:: max(1, len(probes) // NUM_PROBES)]
@@ -129,11 +133,14 @@ def _find_heights(
 
 def find_read(vertices: np.ndarray, new_points: np.ndarray, spacing: float) -> np.ndarray:
     """Return which vertices have a new reading as near as the readings' density lets expect: `[V]`."""
-    tree = cKDTree(new_points)
-    probes = new_points[:: max(1, len(new_points) // NUM_PROBES)]
+    tree = cKDTree(new_points, balanced_tree=False)
+    probes = new_points[:: max(1, len(new_points) // NUM_DENSITY_PROBES)]
     usual = float(np.median(tree.query(probes, k=min(5, len(new_points)))[0][:, -1]))
     reach = 1.5 * usual + spacing
-    return np.isfinite(tree.query(vertices, distance_upper_bound=reach)[0])
+    is_read = np.zeros(len(vertices), dtype=bool)
+    about = find_near_box(vertices, new_points, reach)
+    is_read[about] = np.isfinite(tree.query(vertices[about], distance_upper_bound=reach)[0])
+    return is_read
 
 
 def find_gone(
@@ -162,7 +169,8 @@ def find_gone(
     low, high = new_points.min(axis=0), new_points.max(axis=0)
     margin = (high - low).max() / 2 + spacing
     low, high = low - margin, high + margin
-    is_within = ((vertices >= low) & (vertices <= high)).all(axis=1)
+    is_within = np.zeros(len(vertices), dtype=bool)
+    is_within[find_inside(vertices, low, high)] = True
     if not (missing & is_within).any():
         return is_gone
     near = faces[(missing & is_within)[faces].any(axis=1)]
@@ -222,8 +230,7 @@ def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -
 
 def _pick_about(vertices: np.ndarray, points: np.ndarray, spacing: float) -> np.ndarray:
     """Return the points in the box round vertices, not more than are needed to judge them."""
-    low, high = vertices.min(axis=0) - spacing, vertices.max(axis=0) + spacing
-    inside = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    inside = find_near_box(points, vertices, spacing)
     return points[inside[:: max(1, len(inside) // (2 * NUM_PROBES))]]
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from reconstruction.networks.boxes import find_inside
 from reconstruction.networks.support import Support
 from reconstruction.surfaces.manifold import find_hinges, find_minor_fans, group_sides
 from reconstruction.surfaces.topology import finish_faces, propose_faces
@@ -42,10 +43,13 @@ def join_locally(
     for _ in range(rings):
         is_near[kept_faces[is_near[kept_faces].any(axis=1)]] = True
     low, high = units[is_cut].min(axis=0) - reach * edge, units[is_cut].max(axis=0) + reach * edge
-    in_box = np.flatnonzero(((units >= low) & (units <= high)).all(axis=1) & ~is_near)
+    in_box = find_inside(units, low, high)
+    in_box = in_box[~is_near[in_box]]
     if len(in_box):
         distance, _ = cKDTree(units[is_cut]).query(units[in_box], distance_upper_bound=reach * edge)
         is_near[in_box[np.isfinite(distance)]] = True
+        # Whoever gets a new face takes part with all the faces it has, or it could be pinched unnoticed.
+        is_near[kept_faces[is_near[kept_faces].any(axis=1)]] = True
     part = np.flatnonzero(is_near)
     is_inside = is_near[kept_faces].all(axis=1)
     place = np.full(len(units), -1)

@@ -7,7 +7,8 @@ learnt and fitted there alone. So the cost is that of the change, and what did n
 import numpy as np
 from scipy.spatial import cKDTree
 
-from reconstruction.networks.evidence import MIN_READINGS, Evidence, find_read, weigh_evidence
+from reconstruction.networks.boxes import find_near_box
+from reconstruction.networks.evidence import MIN_READINGS, Evidence, weigh_evidence
 from reconstruction.networks.local_fit import fit_part
 from reconstruction.networks.local_topology import is_sound, join_locally
 from reconstruction.surfaces.edge_flips import turn_edges
@@ -21,6 +22,8 @@ REACH = 2.0
 COVER = 0.75
 """A sample farther than this from all units, in mean edges, gets a unit of its own."""
 SETTLE_PASSES = 4
+FIT_SAMPLES = 32
+"""So many samples of each new unit take part in the fit."""
 SAMPLES_PER_UNIT = 6
 """So many samples of each new unit take part in settling."""
 TOPOLOGY_SAMPLES = 30
@@ -66,16 +69,16 @@ def refine_map(
     faces = faces.astype(np.int64)
     edge = mean_edge_length(units, faces)
     evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
-    is_doubtful = _find_doubtful(units, faces, new_points, evidence, edge)
+    is_doubtful = _find_doubtful(len(units), faces, new_points, evidence, edge)
     if not is_doubtful.any():
         return units, faces, np.concatenate([old_points, new_points])
     distant = evidence.distance > evidence.tolerance
     is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], new_points[distant])
-    is_about = _is_about(old_points, units[is_doubtful], 1.5 * edge)
-    about = old_points[is_about]
+    inside = find_near_box(old_points, units[is_doubtful], 1.5 * edge)
+    about = old_points[inside]
     winners = np.asarray(cKDTree(units).query(about)[1])
     is_true = ~is_refuted[winners]
-    points = np.concatenate([old_points[~is_about], about[is_true], new_points])
+    points = np.concatenate([np.delete(old_points, inside, axis=0), about[is_true], new_points])
     about = np.concatenate([about[is_true], new_points])
     winners = np.concatenate([winners[is_true], evidence.winners])
     kept = units[~is_refuted]
@@ -126,7 +129,20 @@ def _fill(
     is_cut[len(kept) :] = True
     witnesses = samples[rng.permutation(len(samples))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
     faces = join_locally(units, kept_faces, len(kept), is_cut, witnesses, edge, REACH, JOINT_RINGS)
-    return units, faces
+    return units, _close_triangles(faces, len(units), len(kept))
+
+
+def _close_triangles(faces: np.ndarray, num_units: int, num_kept: int) -> np.ndarray:
+    """Return the faces with one in every loop of three edges at a new unit: no hole is as small as that.
+
+    Where such a loop lies against the surface, the new unit stands beyond its neighbours, and unfolding the face
+    draws it back.
+    """
+    loops = [loop for loop in find_loops(faces, num_units) if len(loop) == 3 and max(loop) >= num_kept]
+    around = faces[np.isin(faces, loops).sum(axis=1) == 3] if loops else faces[:0]
+    taken = {frozenset(face) for face in around.tolist()}
+    closed = [loop for loop in loops if frozenset(loop) not in taken]
+    return np.concatenate([faces, np.array(closed, dtype=faces.dtype)]) if closed else faces
 
 
 def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
@@ -138,10 +154,10 @@ def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
 
 
 def _find_doubtful(
-    units: np.ndarray, faces: np.ndarray, new_points: np.ndarray, evidence: Evidence, edge: float
+    num_units: int, faces: np.ndarray, new_points: np.ndarray, evidence: Evidence, edge: float
 ) -> np.ndarray:
     """Return the units that have moved or are gone: `[U]`."""
-    is_strong = np.zeros(len(units), dtype=bool)
+    is_strong = np.zeros(num_units, dtype=bool)
     far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
     if len(far) >= MIN_READINGS:
         crowd, _ = cKDTree(new_points[far]).query(new_points[far], k=MIN_READINGS)
@@ -149,8 +165,8 @@ def _find_doubtful(
     is_moved, is_gone = evidence.is_moved & widen(faces, is_strong, STRONG_RINGS), evidence.is_gone
     if is_gone.any():
         agreeing = evidence.winners[evidence.distance <= evidence.tolerance]
-        confirmations = np.bincount(agreeing, minlength=len(units))
-        is_gone = _spread_gone(faces, is_gone, confirmations, find_read(units, new_points, edge))
+        confirmations = np.bincount(agreeing, minlength=num_units)
+        is_gone = _spread_gone(faces, is_gone, confirmations, evidence.is_read)
     return is_moved | is_gone
 
 
@@ -170,12 +186,6 @@ def _spread_gone(
         if (wider == is_gone).all():
             return is_gone
         is_gone = wider
-
-
-def _is_about(points: np.ndarray, units: np.ndarray, margin: float) -> np.ndarray:
-    """Return which points may be won by some of the units or their neighbours: those in their box, `[N]`."""
-    low, high = units.min(axis=0) - margin, units.max(axis=0) + margin
-    return (points >= low).all(axis=1) & (points <= high).all(axis=1)
 
 
 def _find_extended(
@@ -207,8 +217,7 @@ def _grow_between(
     """
     if not is_open.any():
         return np.empty((0, 3))
-    low, high = samples.min(axis=0) - REACH * edge, samples.max(axis=0) + REACH * edge
-    fixed = kept[((kept >= low) & (kept <= high)).all(axis=1)]
+    fixed = kept[find_near_box(kept, samples, REACH * edge)]
     candidates = samples[is_open]
     if len(fixed):
         candidates = candidates[cKDTree(fixed).query(candidates)[0] > COVER * edge]
@@ -262,8 +271,11 @@ def _fit_new(
     is_inner = is_own[is_near]
     part = units[used]
     winners = np.asarray(cKDTree(part).query(samples)[1])
-    is_won = np.isin(winners, near[is_inner])
-    samples, winners = samples[is_won], winners[is_won]
+    is_won = np.zeros(len(part), dtype=bool)
+    is_won[near[is_inner]] = True
+    chosen = np.flatnonzero(is_won[winners])
+    chosen = chosen[:: max(1, len(chosen) // (FIT_SAMPLES * int(is_movable.sum())))]
+    samples, winners = samples[chosen], winners[chosen]
     part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[0])
     near[is_inner] = turn_edges(part, near[is_inner])
     part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[1])

@@ -4,6 +4,7 @@ import igl
 import numpy as np
 
 from reconstruction.errors import ReconstructionError
+from reconstruction.networks.boxes import find_near_box
 
 MAX_SCALE = 30.0
 """New readings that reach so many times as far as the old ones are of another unit."""
@@ -13,6 +14,9 @@ MAX_HITS = 8
 """Of each ray so many hits are looked at."""
 BEYOND = 0.01
 """Behind a hit the ray is taken up again, so many margins on."""
+NUM_STRETCHES = 6
+"""The rays are cut into so many stretches, and only faces in the box round one of these are looked at."""
+NUM_SCALE_PROBES = 2048
 PASSING_SHARE = 0.3
 """Gone is a vertex where rays that pass are more than this share of them and the readings that agree."""
 
@@ -49,6 +53,9 @@ def check_scale(new_points: np.ndarray, old_points: np.ndarray) -> None:
     Raises:
         ReconstructionError: they reach, or lie, hundreds of times farther than the old ones, or the other way.
     """
+    old_points, new_points = (
+        points[:: max(1, len(points) // NUM_SCALE_PROBES)] for points in (old_points, new_points)
+    )
     center = old_points.mean(axis=0)
     size = float(np.linalg.norm(np.ptp(old_points, axis=0)))
     new_size = float(np.linalg.norm(np.ptp(new_points, axis=0)))
@@ -61,13 +68,13 @@ def check_scale(new_points: np.ndarray, old_points: np.ndarray) -> None:
 
 
 def find_passed(
-    surface: igl.AABB,
     vertices: np.ndarray,
     faces: np.ndarray,
     points: np.ndarray,
     origins: np.ndarray,
     agreeing: np.ndarray,
     margin: float,
+    reach: float,
 ) -> np.ndarray:
     """Return which vertices rays pass through: `[V]`.
 
@@ -75,15 +82,18 @@ def find_passed(
     normal, and neither ended nor met another face on that way: it did not only graze an edge.
 
     Args:
-        surface: the bounding-volume tree of the faces.
         vertices: `[V, 3]`.
         faces: `[F, 3]` int64.
         points: `[M, 3]` where the rays end.
         origins: `[M, 3]` where they begin.
         agreeing: `[V]` how many readings found each vertex where it was.
         margin: the distance up to which a reading agrees.
+        reach: no face has all corners farther than this from all rays that meet it.
     """
-    ray, face, share, corner = _find_hits(surface, vertices, faces, points, origins, margin)
+    faces = _find_crossed(vertices, faces, points, origins, reach)
+    if len(faces) == 0:
+        return np.zeros(len(vertices), dtype=bool)
+    ray, face, share, corner = _find_hits(vertices, faces, points, origins, margin)
     direction = (points - origins)[ray]
     a, b, c = vertices[faces[face]].swapaxes(0, 1)
     normal = np.cross(b - a, c - a)
@@ -107,29 +117,48 @@ def find_passed(
         is_passed = wider
 
 
+def _find_crossed(
+    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, origins: np.ndarray, reach: float
+) -> np.ndarray:
+    """Return the faces `[F', 3]` that rays may meet before their ends."""
+    is_about = np.zeros(len(vertices), dtype=bool)
+    first, last = np.ascontiguousarray(origins.T), np.ascontiguousarray(points.T)
+    ends = [first + share * (last - first) for share in np.linspace(0, 1, NUM_STRETCHES + 1)]
+    low, high = (np.array([pick(end, axis=1) for end in ends]) for pick in (np.min, np.max))
+    for stretch in range(NUM_STRETCHES):
+        box = np.concatenate([low[stretch : stretch + 2], high[stretch : stretch + 2]])
+        is_about[find_near_box(vertices, box, reach)] = True
+    return np.ascontiguousarray(faces[is_about[faces].any(axis=1)])
+
+
 def _find_hits(
-    surface: igl.AABB,
     vertices: np.ndarray,
     faces: np.ndarray,
     points: np.ndarray,
     origins: np.ndarray,
     reach: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the hits before the rays' ends, in order: ray, face, share of the way, nearest corner, each `[H]`."""
+    """Return the hits, in order: ray, face, share of the way, nearest corner, each `[H]`.
+
+    The last of the way, as long as the reach, is left out: no ray passes through what it meets there.
+    """
+    surface = igl.AABB()
+    surface.init(vertices, faces)
     direction = points - origins
     length = np.maximum(np.linalg.norm(direction, axis=1), 1e-300)
+    stop = 1 - reach / length
     ray, start = np.arange(len(points)), np.zeros(len(points))
     found: list[tuple[np.ndarray, ...]] = []
     for _ in range(MAX_HITS):
-        way = direction[ray]
+        way, left = direction[ray], stop[ray] - start
         at, share, _ = (
             np.asarray(part)
             for part in surface.intersect_ray_first(
-                vertices, faces, origins[ray] + start[:, None] * way, way, np.inf
+                vertices, faces, origins[ray] + start[:, None] * way, left[:, None] * way, 1.0
             )
         )
-        share = start + share
-        is_hit = (at >= 0) & (share < 1)
+        share = start + left * share
+        is_hit = (at >= 0) & (left > 0) & (share < stop[ray])
         ray, face, share = ray[is_hit], at[is_hit], share[is_hit]
         if len(ray) == 0:
             break

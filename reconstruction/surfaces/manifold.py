@@ -112,23 +112,28 @@ def find_minor_fans(
         quality: `[F]` decides between fans of one size.
         is_suspect: `[U]` the vertices to look at.
     """
-    corner = 3 * hinges.faces + hinges.sides
-    following = 3 * hinges.faces + (hinges.sides + 1) % 3
-    is_alike = hinges.is_consistent
-    ends = np.concatenate(
-        [
-            np.stack([corner[:, 0], np.where(is_alike, following[:, 1], corner[:, 1])]),
-            np.stack([following[:, 0], np.where(is_alike, corner[:, 1], following[:, 1])]),
-        ],
-        axis=1,
-    )
     vertex = faces.ravel()
     chosen = np.flatnonzero(is_suspect[vertex])
-    place = np.full(len(vertex), -1)
-    place[chosen] = np.arange(len(chosen))
-    ends = place[ends[:, is_suspect[vertex[ends[0]]]]]
-    graph = coo_array((np.ones(ends.shape[1], dtype=np.int8), ends), shape=(len(chosen), len(chosen)))
-    num_fans, fan = connected_components(graph, directed=False)
+    if len(chosen) == 0:
+        return chosen
+    beside = _find_corners_beside(len(faces), hinges)[:, chosen]
+    if len(chosen) < len(vertex):
+        place = np.empty(len(vertex), dtype=np.int64)
+        place[chosen] = np.arange(len(chosen))
+        beside = place[beside]
+    first = np.arange(len(chosen))
+    while True:
+        # Every corner takes the first corner of its fan that its neighbours know of, then the one that this knows of.
+        earlier = np.minimum(first, np.minimum(first[beside[0]], first[beside[1]]))
+        earlier = earlier[earlier]
+        if (earlier == first).all():
+            break
+        first = earlier
+    is_first = first == np.arange(len(chosen))
+    num_fans = int(is_first.sum())
+    if num_fans == np.count_nonzero(np.bincount(vertex[chosen])):
+        return np.empty(0, dtype=np.int64)
+    fan = (np.cumsum(is_first) - 1)[first]
     owner = np.empty(num_fans, dtype=np.int64)
     owner[fan] = vertex[chosen]
     size = np.bincount(fan, minlength=num_fans)
@@ -137,6 +142,19 @@ def find_minor_fans(
     is_kept = np.zeros(num_fans, dtype=bool)
     is_kept[order[np.diff(owner[order], prepend=-1) != 0]] = True
     return np.unique(chosen[~is_kept[fan]] // 3)
+
+
+def _find_corners_beside(num_faces: int, hinges: Hinges) -> np.ndarray:
+    """Return the corners behind the two sides of each at the same vertex: `[2, 3 F]`, itself at the border."""
+    one, other = (3 * hinges.faces + hinges.sides).T
+    after_one, after_other = (3 * hinges.faces + (hinges.sides + 1) % 3).T
+    is_alike = hinges.is_consistent
+    beside = np.stack([np.arange(3 * num_faces)] * 2)
+    beside[0, one] = np.where(is_alike, after_other, other)
+    beside[1, after_one] = np.where(is_alike, other, after_other)
+    beside[0, other] = np.where(is_alike, after_one, one)
+    beside[1, after_other] = np.where(is_alike, one, after_one)
+    return beside
 
 
 def find_suspects(faces: np.ndarray, sides: Sides, num_units: int) -> np.ndarray:
@@ -155,6 +173,8 @@ def orient_faces(
         The faces, reversed where needed, and those `[D]` to drop because their winding contradicts a
         neighbour's: without them the surface is orientable.
     """
+    if hinges.is_consistent.all():
+        return faces, np.empty(0, dtype=np.int64)
     num_faces = len(faces)
     normals = find_normals(units, faces)
     cosine = np.abs((normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]]).sum(axis=1))

@@ -1,0 +1,18 @@
+"""Which points lie in a box: axis by axis, so that each axis only looks at what the ones before have left."""
+
+import numpy as np
+
+
+def find_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the points `[N, 3]` in the box between two corners `[3]`: ascending indices."""
+    along = points[:, 0]
+    inside = np.flatnonzero((along >= low[0]) & (along <= high[0]))
+    for axis in (1, 2):
+        along = points[inside, axis]
+        inside = inside[(along >= low[axis]) & (along <= high[axis])]
+    return inside
+
+
+def find_near_box(points: np.ndarray, others: np.ndarray, margin: float) -> np.ndarray:
+    """Return the points `[N, 3]` in the box round others `[M, 3]`, widened by a margin: ascending indices."""
+    return find_inside(points, others.min(axis=0) - margin, others.max(axis=0) + margin)
