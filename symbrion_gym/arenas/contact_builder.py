@@ -202,7 +202,7 @@ def _prefer_coacd(
             if len(pieces) <= _MAX_FINISHED:
                 pieces = _mend(pieces, top, options.max_pieces, watch)  # coacd leaves slits
             made = _measure(pieces, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
-            reason = _find_fault(made, slabs, options.max_pieces)
+            reason = _find_fault(made, slabs, options.max_pieces, options.accuracy)
         except ArenaError as error:
             reason = str(error)
     if made is not None and not reason:
@@ -251,14 +251,15 @@ def _box(
     return turn_into_boxes(parts, top, lambda: watch.is_late(0.9))
 
 
-def _find_fault(made: Contact, slabs: Contact, max_pieces: int) -> str:
+def _find_fault(made: Contact, slabs: Contact, max_pieces: int, accuracy: float) -> str:
     """What is worse about coacd's pieces than about the slabs that they cover; nothing if they are as good."""
     allowed = min(max_pieces, max(int(1.5 * len(slabs.pieces)), len(slabs.pieces) + 3))
     if len(made.pieces) > allowed:
         return f"coacd gave {len(made.pieces)} pieces for {len(slabs.pieces)} slabs"
-    for name in ("mean", "p95", "uncovered"):
+    margins = {"mean": 0.1 * accuracy, "p95": 0.1 * accuracy, "uncovered": _AS_GOOD}
+    for name, margin in margins.items():
         got, kept = getattr(made.quality, name), getattr(slabs.quality, name)
-        if got > max(1.1 * kept, kept + _AS_GOOD):
+        if got > max(1.1 * kept, kept + margin):
             return f"coacd's pieces have {name} {got:.3g} against {kept:.3g}"
     return "coacd's pieces move walls" if has_moved(made.pieces, slabs.pieces) else ""
 

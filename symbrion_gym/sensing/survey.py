@@ -160,7 +160,7 @@ def survey(
     return localise(log, progress=progress)
 
 
-def make_path(bounds: np.ndarray, clearance: float = 0.4, stride: float = 1.2) -> np.ndarray:
+def make_path(bounds: np.ndarray, clearance: float = 0.3, stride: float = 1.2) -> np.ndarray:
     """Make the default path, `[W, 2]`: once around the arena, clockwise, in zigzag.
 
     The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
