@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_inside, find_near_box
 from reconstruction.networks.passages import find_passed
+from reconstruction.surfaces.manifold import find_normals
 
 TOLERANCE = 4.0
 """A reading farther from the surface than this many times the usual distance disagrees."""
@@ -116,25 +117,28 @@ def _crop(
     inner = find_inside(probes, low + margin / 2, high - margin / 2)
     about = faces[is_inside[faces].any(axis=1)]
     if len(inner) < FEWEST_PROBES or len(about) == 0:
-        return faces, probes[:: max(1, len(probes) // NUM_PROBES)]
+        return faces, _thin(probes, NUM_PROBES)
     probes = probes[inner]
-    return np.ascontiguousarray(about), probes[:: max(1, len(probes) // NUM_PROBES)]
+    return np.ascontiguousarray(about), _thin(probes, NUM_PROBES)
+
+
+def _thin(rows: np.ndarray, most: int) -> np.ndarray:
+    """Return every so many-th row, not more than wanted."""
+    return rows[:: max(1, -(-len(rows) // most))]
 
 
 def _find_heights(
     vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, nearest: np.ndarray, closest: np.ndarray
 ) -> np.ndarray:
     """Return how far the points are from their nearest faces along these faces' normals: `[M]`."""
-    corners = vertices[faces[nearest[: len(points)]]]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    return np.abs(((points - closest[: len(points)]) * normal).sum(axis=1))
+    normals = find_normals(vertices, faces)[nearest[: len(points)]]
+    return np.abs(np.einsum("mk,mk->m", points - closest[: len(points)], normals))
 
 
 def find_read(vertices: np.ndarray, new_points: np.ndarray, spacing: float) -> np.ndarray:
     """Return which vertices have a new reading as near as the readings' density lets expect: `[V]`."""
     tree = cKDTree(new_points, balanced_tree=False)
-    probes = new_points[:: max(1, len(new_points) // NUM_DENSITY_PROBES)]
+    probes = _thin(new_points, NUM_DENSITY_PROBES)
     usual = float(np.median(tree.query(probes, k=min(5, len(new_points)))[0][:, -1]))
     reach = 1.5 * usual + spacing
     is_read = np.zeros(len(vertices), dtype=bool)
@@ -214,7 +218,7 @@ def _find_moved(
     against = np.flatnonzero(disagrees)
     if len(against) < MIN_READINGS:
         return np.zeros(num_vertices, dtype=bool)
-    crowd, _ = cKDTree(new_points[against]).query(
+    crowd, _ = cKDTree(new_points[against], balanced_tree=False).query(
         new_points[against], k=MIN_READINGS, distance_upper_bound=3 * spacing
     )
     believed = np.bincount(winners[against[np.isfinite(crowd[:, -1])]], minlength=num_vertices)
@@ -231,7 +235,7 @@ def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -
 def _pick_about(vertices: np.ndarray, points: np.ndarray, spacing: float) -> np.ndarray:
     """Return the points in the box round vertices, not more than are needed to judge them."""
     inside = find_near_box(points, vertices, spacing)
-    return points[inside[:: max(1, len(inside) // (2 * NUM_PROBES))]]
+    return points[_thin(inside, 2 * NUM_PROBES)]
 
 
 def _is_news(

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from reconstruction.networks.padding import pad_rows, padded_length
+from reconstruction.networks.padding import pad_rows
 from reconstruction.surfaces.surface_fit import (
     REACH,
     STEP_LIMIT,
@@ -18,7 +18,7 @@ from reconstruction.surfaces.surface_fit import (
     sum_moments,
 )
 
-LEAST_SAMPLES = 2048
+LEAST_SAMPLES = 1024
 SAMPLES_PER_VERTEX = 4
 """Room is made for one vertex for so many samples."""
 LEAST_DEPTH = 12
@@ -48,7 +48,9 @@ def fit_part(
     if len(faces) == 0 or len(samples) == 0 or not is_movable.any():
         return vertices.copy()
     center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
-    room = padded_length(max(len(samples), SAMPLES_PER_VERTEX * len(vertices)), LEAST_SAMPLES)
+    wanted = max(len(samples), SAMPLES_PER_VERTEX * len(vertices), LEAST_SAMPLES)
+    step = 2 ** ((wanted - 1).bit_length() - 2)  # two sizes an octave
+    room = -(-wanted // step) * step
     capacity = room // SAMPLES_PER_VERTEX
     ring = make_ring(faces, len(vertices))
     depth = LEAST_DEPTH

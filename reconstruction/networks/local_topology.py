@@ -76,7 +76,7 @@ def join_locally(
 
 def make_local_support(samples: np.ndarray) -> Support:
     """Make samples ready to be asked whether they carry a face."""
-    tree = cKDTree(samples)
+    tree = cKDTree(samples, balanced_tree=False)
     near = min(_NUM_NEIGHBORS, len(samples) - 1)
     probes = samples[:: max(1, len(samples) // NUM_PROBES)]
     spacings = tree.query(probes, k=near + 1)[0][:, -1] * np.sqrt(np.pi / near)

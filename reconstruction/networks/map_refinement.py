@@ -21,12 +21,12 @@ REACH = 2.0
 """Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
 COVER = 0.75
 """A sample farther than this from all units, in mean edges, gets a unit of its own."""
-SETTLE_PASSES = 4
-FIT_SAMPLES = 32
+SETTLE_PASSES = 3
+FIT_SAMPLES = 24
 """So many samples of each new unit take part in the fit."""
-SAMPLES_PER_UNIT = 6
+SAMPLES_PER_UNIT = 10
 """So many samples of each new unit take part in settling."""
-TOPOLOGY_SAMPLES = 30
+TOPOLOGY_SAMPLES = 24
 """So many samples of each unit that is joined anew are witnesses of its faces."""
 CLOSEST = 0.5
 """Of two new units nearer to one another than this, in mean edges, one goes."""
@@ -34,6 +34,8 @@ STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 STRONG = 1.5
 """Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
+MAX_STRONG = 2048
+"""Of strong disagreements not more than this are looked at."""
 STRONG_RINGS = 2
 """So many rings of units round a strong disagreement are believed with it."""
 FEWEST_CONFIRMATIONS = 4.0
@@ -78,7 +80,10 @@ def refine_map(
     about = old_points[inside]
     winners = np.asarray(cKDTree(units).query(about)[1])
     is_true = ~is_refuted[winners]
-    points = np.concatenate([np.delete(old_points, inside, axis=0), about[is_true], new_points])
+    is_outside = np.ones(len(old_points), dtype=bool)
+    is_outside[inside] = False
+    outside = old_points.take(np.flatnonzero(is_outside), axis=0)
+    points = np.concatenate([outside, about[is_true], new_points])
     about = np.concatenate([about[is_true], new_points])
     winners = np.concatenate([winners[is_true], evidence.winners])
     kept = units[~is_refuted]
@@ -160,7 +165,9 @@ def _find_doubtful(
     is_strong = np.zeros(num_units, dtype=bool)
     far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
     if len(far) >= MIN_READINGS:
-        crowd, _ = cKDTree(new_points[far]).query(new_points[far], k=MIN_READINGS)
+        tree = cKDTree(new_points[far], balanced_tree=False)
+        far = far[:: -(-len(far) // MAX_STRONG)]
+        crowd, _ = tree.query(new_points[far], k=MIN_READINGS)
         is_strong[evidence.winners[far[crowd[:, -1] < 3 * edge]]] = True
     is_moved, is_gone = evidence.is_moved & widen(faces, is_strong, STRONG_RINGS), evidence.is_gone
     if is_gone.any():
@@ -227,7 +234,7 @@ def _grow_between(
     tree = cKDTree(seeds)
     if len(fixed):
         fixed = fixed[np.isfinite(tree.query(fixed, distance_upper_bound=REACH * edge)[0])]
-    samples = samples[rng.permutation(len(samples))[: 2 * SAMPLES_PER_UNIT * (len(seeds) + len(fixed))]]
+    samples = samples[rng.permutation(len(samples))[: SAMPLES_PER_UNIT * (len(seeds) + len(fixed))]]
     samples = samples[np.isfinite(tree.query(samples, distance_upper_bound=1.5 * edge)[0])]
     for _ in range(SETTLE_PASSES):
         winners = np.asarray(cKDTree(np.concatenate([fixed, seeds])).query(samples)[1]) - len(fixed)
@@ -244,7 +251,7 @@ def _scatter(samples: np.ndarray, distance: float, rng: np.random.Generator) -> 
     """Choose samples so that none is nearer to another than a distance, and all others are: indices."""
     if len(samples) == 0:
         return np.empty(0, dtype=np.int64)
-    tree = cKDTree(samples)
+    tree = cKDTree(samples, balanced_tree=False)
     is_left = np.ones(len(samples), dtype=bool)
     chosen = []
     for place in rng.permutation(len(samples)).tolist():

@@ -10,6 +10,8 @@ MAX_SCALE = 30.0
 """New readings that reach so many times as far as the old ones are of another unit."""
 MIN_RAYS = 3
 """So many rays must pass through a vertex's faces before it is believed."""
+MAX_RAYS = 4096
+"""Of more rays than this only a part is followed."""
 MAX_HITS = 8
 """Of each ray so many hits are looked at."""
 BEYOND = 0.01
@@ -90,6 +92,8 @@ def find_passed(
         margin: the distance up to which a reading agrees.
         reach: no face has all corners farther than this from all rays that meet it.
     """
+    followed = max(1, -(-len(points) // MAX_RAYS))
+    points, origins = points[::followed], origins[::followed]
     faces = _find_crossed(vertices, faces, points, origins, reach)
     if len(faces) == 0:
         return np.zeros(len(vertices), dtype=bool)
@@ -106,7 +110,7 @@ def find_passed(
     passes = np.minimum(onward, back) * steepness > margin
     struck = faces[face, corner][passes]
     votes = np.bincount(struck, minlength=len(vertices))
-    is_passed = (votes >= MIN_RAYS) & (votes > PASSING_SHARE * (votes + agreeing))
+    is_passed = (votes >= MIN_RAYS) & (votes > PASSING_SHARE * (votes + agreeing / followed))
     is_open = (votes > 0) & (agreeing == 0)
     while True:
         wider = is_passed.copy()
