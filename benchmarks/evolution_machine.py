@@ -17,9 +17,10 @@ import numpy as np
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX
-from evolution.evaluation import Job, Trials, make_backend
+from evolution.evaluation import make_backend
 from evolution.rollout import simulate
 from evolution.run import format_history
+from evolution.trials import Job, Trials
 from symbrion_gym.environment import vector
 
 BASE_TRIALS = EvolutionConfig().trials

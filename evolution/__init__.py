@@ -3,11 +3,12 @@
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.errors import RunError
-from evolution.evaluation import Evaluation, Outcome, Randomisation, Scoring, evaluate
+from evolution.evaluation import Evaluation, evaluate
 from evolution.playback import Recording, judge, play
 from evolution.policy import ChampionPolicy
 from evolution.run import Run, load_champion
 from evolution.stages import Stage
+from evolution.trials import Outcome, Randomisation, Scoring
 from evolution.validation import Champion, Validation
 
 __all__ = [

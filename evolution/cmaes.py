@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from evolution.backends.simulation import Simulate
 from evolution.config import EvolutionConfig
 from evolution.controller import Controller, make_controller
 from evolution.errors import RunError
-from evolution.evaluation import Backend, Job, Simulate, Trials, make_backend
+from evolution.evaluation import Backend, make_backend
 from evolution.record import AGAIN, HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.run import Run, RunFolder
 from evolution.strategy import Space, Strategy
+from evolution.trials import Job, Trials
 from evolution.validation import Champion, select
 from reconstruction.progress import Progress, silent
 

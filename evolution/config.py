@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from evolution.errors import RunError
-from evolution.evaluation import BACKENDS, Randomisation, Scoring
+from evolution.evaluation import BACKENDS
 from evolution.stages import Stage
+from evolution.trials import Randomisation, Scoring
 from evolution.validation import Validation
 
 HOW = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")

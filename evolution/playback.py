@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from evolution.controller import make_controller
-from evolution.evaluation import Job, Outcome, Randomisation, Trials, make_backend
+from evolution.evaluation import make_backend
 from evolution.rollout import make_environment_options
+from evolution.trials import Job, Outcome, Randomisation, Trials
 from evolution.validation import Champion
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 

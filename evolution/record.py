@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.evaluation import Outcome
+from evolution.trials import Outcome
 
 FORMAT = "symbrion run 1"
 SAMPLE, AGAIN, VALIDATION = 0, 1, 2

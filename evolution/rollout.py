@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 
 from evolution.controller import SENSORS, Controller, make_controller
 from evolution.errors import RunError
-from evolution.evaluation import FAILED_PROGRESS, Job, Outcome, Trials
+from evolution.trials import FAILED_PROGRESS, Job, Outcome, Trials
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 

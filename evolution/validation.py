@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.evaluation import Outcome
 from evolution.record import SAMPLE, VALIDATION, Entry, Record
+from evolution.trials import Outcome
 
 
 @dataclass(frozen=True)

@@ -4,19 +4,10 @@ import numpy as np
 import pytest
 import toys
 
+from evolution.backends.simulation import find_simulate, name_simulate
 from evolution.errors import RunError
-from evolution.evaluation import (
-    FAILED_PROGRESS,
-    Job,
-    Outcome,
-    Randomisation,
-    Scoring,
-    Trials,
-    evaluate,
-    find_simulate,
-    make_backend,
-    name_simulate,
-)
+from evolution.evaluation import evaluate, make_backend
+from evolution.trials import FAILED_PROGRESS, Job, Outcome, Randomisation, Scoring, Trials
 
 
 def make_jobs(count: int = 11, seed: int = 0) -> list[Job]:

@@ -10,9 +10,10 @@ from evolution.cmaes import evolve
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX, SENSORS, make_controller
 from evolution.errors import RunError
-from evolution.evaluation import Job, Outcome, Randomisation, Trials, evaluate, make_backend
+from evolution.evaluation import evaluate, make_backend
 from evolution.policy import ChampionPolicy
 from evolution.rollout import make_environment_options, simulate, split_job
+from evolution.trials import Job, Outcome, Randomisation, Trials
 from evolution.validation import Champion
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from evolution.errors import RunError
-from evolution.evaluation import Outcome
 from evolution.record import HISTORY, SAMPLE, VALIDATION, Entry, Record
 from evolution.stages import Stage
+from evolution.trials import Outcome
 from evolution.validation import Champion, Validation, select
 
 

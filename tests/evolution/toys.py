@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.evaluation import Job, Outcome
+from evolution.trials import Job, Outcome
 
 MARK = "SYMBRION_TEST_MARK"
 """Environment variable that names a file; the first worker to see it missing makes it and dies."""

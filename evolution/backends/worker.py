@@ -3,9 +3,9 @@
 import sys
 from multiprocessing.connection import Connection
 
+from evolution.backends.processes import READY
+from evolution.backends.simulation import find_simulate, run_contained
 from evolution.errors import RunError
-from evolution.evaluation import find_simulate, run_contained
-from evolution.process_backend import READY
 
 
 def main(descriptor: int, simulate_name: str) -> None:

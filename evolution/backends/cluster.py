@@ -7,9 +7,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from evolution.backends.pool import Reply, WorkerPool
+from evolution.backends.simulation import Simulate, find_simulate, name_simulate, run_contained
 from evolution.errors import RunError
-from evolution.evaluation import Job, Outcome, Simulate, find_simulate, name_simulate, run_contained
-from evolution.worker_pool import Reply, WorkerPool
+from evolution.trials import Job, Outcome
 
 ANSWER_SECONDS = 10.0
 """How long the head of a cluster may take to answer [s]."""

@@ -8,9 +8,9 @@ import pytest
 import toys
 from test_evaluation import make_jobs
 
+from evolution.backends.processes import ProcessBackend
 from evolution.errors import RunError
 from evolution.evaluation import make_backend
-from evolution.process_backend import ProcessBackend
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Jobs over processes of this machine.
 
-Workers are started by `python -m evolution.worker`, not by fork (MuJoCo and JAX hold threads) nor by
+Workers are started by `python -m evolution.backends.worker`, not by fork (MuJoCo and JAX hold threads) nor by
 `multiprocessing`'s spawn (which runs the caller's script again).
 """
 
@@ -12,9 +12,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from evolution.backends.pool import Reply, WorkerPool
+from evolution.backends.simulation import Simulate, name_simulate
 from evolution.errors import RunError
-from evolution.evaluation import Job, Simulate, name_simulate
-from evolution.worker_pool import Reply, WorkerPool
+from evolution.trials import Job
 
 READY = "ready"
 END_SECONDS = 5.0
@@ -44,7 +45,7 @@ class ProcessBackend(WorkerPool):
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-        command = [sys.executable, "-m", "evolution.worker", str(theirs.fileno()), self._simulate]
+        command = [sys.executable, "-m", "evolution.backends.worker", str(theirs.fileno()), self._simulate]
         process = subprocess.Popen(
             command, pass_fds=[theirs.fileno()], env=environment, stdin=subprocess.DEVNULL
         )

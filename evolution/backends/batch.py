@@ -1,0 +1,20 @@
+"""All jobs in this process."""
+
+from collections.abc import Sequence
+
+from evolution.backends.simulation import Simulate, run_contained
+from evolution.trials import Job, Outcome
+
+
+class BatchBackend:
+    """All jobs in this process, on the threads of `mujoco.batch`."""
+
+    def __init__(self, simulate: Simulate, workers: int) -> None:
+        self._simulate, self._workers = simulate, workers
+
+    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        """Return one outcome for each job, in order."""
+        return run_contained(self._simulate, jobs, self._workers) if jobs else []
+
+    def close(self) -> None:
+        """Nothing is held."""
