@@ -7,8 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import binary_dilation, label
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from reconstruction.networks.boxes import find_near_box
 from reconstruction.networks.evidence import weigh_evidence
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
@@ -18,10 +21,11 @@ SQUARE = np.ones((3, 3), dtype=bool)
 STRETCH = 1.6
 """A gap gets lines where its active edges are longer than this many times the usual edge."""
 NUM_ROUNDS = 8
-NUM_RELAXATIONS = 200
 LEARN_STEPS = 5
 """Batch steps a round."""
 LEAST_SAMPLES = 4096
+SAMPLES_PER_UNIT = 6
+"""So many samples for each unit that takes part are enough."""
 MIN_EDGES = 2
 """So many long edges make a gap that gets a line."""
 MAX_LINES = 64
@@ -36,12 +40,16 @@ class Sheet(NamedTuple):
         is_active: `[R, C]` which units may move.
         has_face: `[R - 1, C - 1]`.
         is_kept: `[R, C]` units whose old evidence stands.
+        home: `[R, C, 3]` where the units were before.
+        is_beside: `[R, C]` units that may move only for the sake of those beside them: they go home before the fit.
     """
 
     units: np.ndarray
     is_active: np.ndarray
     has_face: np.ndarray
     is_kept: np.ndarray
+    home: np.ndarray
+    is_beside: np.ndarray
 
 
 def refine_sheet(
@@ -78,19 +86,24 @@ def refine_sheet(
     is_doubtful = binary_dilation(is_moved | is_gone & ~is_cut, SQUARE) | is_cut
     is_active = is_doubtful & ~is_cut
     is_near = _find_window(is_active | is_cut).spread(units.shape[:2]).reshape(-1)
-    about = _find_about(old_points, vertices[(is_active | is_cut).reshape(-1)], 2 * spacing)
+    about = find_near_box(old_points, vertices[(is_active | is_cut).reshape(-1)], 2 * spacing)
     owners = np.asarray(cKDTree(vertices).query(old_points[about])[1])
     is_true = ~is_doubtful.reshape(-1)[owners]
-    points = np.concatenate([np.delete(old_points, about[~is_true], axis=0), new_points])
+    is_left = np.ones(len(old_points), dtype=bool)
+    is_left[about[~is_true]] = False
+    points = np.concatenate([old_points.take(np.flatnonzero(is_left), axis=0), new_points])
     samples = np.concatenate(
         [old_points[about[is_true & is_near[owners]]], new_points[is_near[evidence.winners]]]
     )
-    sheet = Sheet(_span(units, is_gone & ~is_cut & ~is_moved), is_active, has_face, ~is_doubtful)
+    spanned = _span(units, is_gone & ~is_cut & ~is_moved)
+    is_beside = is_active & ~is_moved & ~is_gone
+    sheet = Sheet(spanned, is_active, has_face, ~is_doubtful, spanned, is_beside)
     center = vertices[(is_active | is_cut).reshape(-1)].mean(axis=0)
     scaled = ((samples - center) / spacing).astype(np.float32)
-    local = sheet._replace(units=((sheet.units - center) / spacing).astype(np.float32))
+    start = ((spanned - center) / spacing).astype(np.float32)
+    local = sheet._replace(units=start, home=start)
     if is_active.any() and len(samples) >= 4:
-        local = _relearn(local, make_tiles(_fill_up(scaled, rng)), sigmas, stiffness)
+        local = _relearn(local, make_tiles(_draw(scaled, int(is_near.sum()), rng)), sigmas, stiffness)
     moved = local.units.astype(np.float64) * spacing + center
     if moved.shape == units.shape:
         moved = np.where(is_active[..., None], moved, units)
@@ -124,12 +137,6 @@ def _find_window(is_active: np.ndarray) -> Window:
     return Window(*slices)
 
 
-def _find_about(points: np.ndarray, vertices: np.ndarray, margin: float) -> np.ndarray:
-    """Return which points `[A]` lie in the box round vertices."""
-    low, high = vertices.min(axis=0) - margin, vertices.max(axis=0) + margin
-    return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-
-
 def _find_open_patches(is_gone: np.ndarray) -> np.ndarray:
     """Return the gone units of patches that reach the rim of the grid: they are cut off, the others close."""
     patches = np.zeros(is_gone.shape, dtype=np.int32)
@@ -139,34 +146,42 @@ def _find_open_patches(is_gone: np.ndarray) -> np.ndarray:
 
 
 def _span(units: np.ndarray, is_gone: np.ndarray) -> np.ndarray:
-    """Return the grid with its gone units as a membrane between the others: Laplace's equation, by Jacobi."""
+    """Return the grid with its gone units as a membrane between the others (Laplace's equation); none is on the rim."""
     if not is_gone.any():
         return units
     units = units.copy()
-    window = _find_window(is_gone)
-    part, is_open = units[window], is_gone[window]
-    for _ in range(NUM_RELAXATIONS):
-        wide = np.pad(part, ((1, 1), (1, 1), (0, 0)), mode="edge")
-        mean = (wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:]) / 4
-        part[is_open] = mean[is_open]
+    columns = is_gone.shape[1]
+    number = np.full(is_gone.size, -1)
+    open_units = np.flatnonzero(is_gone)
+    number[open_units] = np.arange(len(open_units))
+    flat = units.reshape(-1, 3)
+    around = open_units + np.array([[-columns], [columns], [-1], [1]])
+    is_fixed = number[around] < 0
+    fixed = np.where(is_fixed[..., None], flat[around], 0.0).sum(axis=0)
+    row = np.broadcast_to(np.arange(len(open_units)), around.shape)[~is_fixed]
+    ends = np.concatenate(
+        [np.stack([row, number[around[~is_fixed]]]), np.tile(np.arange(len(open_units)), (2, 1))], 1
+    )
+    values = np.concatenate([np.full(len(row), -1.0), np.full(len(open_units), 4.0)])
+    laplacian = coo_array((values, ends), shape=(len(open_units), len(open_units))).tocsc()
+    units = units.copy()
+    units.reshape(-1, 3)[open_units] = splu(laplacian).solve(fixed)
     return units
 
 
-def _fill_up(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the points in random order, some of them twice, so that their number is a customary one."""
+def _draw(points: np.ndarray, num_units: int, rng: np.random.Generator) -> np.ndarray:
+    """Return enough of the points in random order, or some of them twice: their number is a customary one."""
     wanted = LEAST_SAMPLES
-    while wanted < len(points):
+    while wanted < min(len(points), SAMPLES_PER_UNIT * num_units):
         wanted *= 2
-    order = np.concatenate([np.arange(len(points)), rng.integers(len(points), size=wanted - len(points))])
-    return points[rng.permutation(order)]
+    order = rng.permutation(len(points))[:wanted]
+    return points[np.concatenate([order, rng.integers(len(points), size=wanted - len(order))])]
 
 
 def _choose_goal(number: int) -> int:
     """Return the number of units to make room for: one of few, so that little is compiled."""
-    room = MAX_CANDIDATES
-    while room < number:
-        room *= 2
-    return int(room / 1.1)
+    step = max(MAX_CANDIDATES, 2 ** ((number - 1).bit_length() - 2))  # two sizes an octave
+    return int(-(-number // step) * step / 1.1)
 
 
 def _relearn(sheet: Sheet, tiles: Tiles, sigmas: tuple[float, ...], stiffness: float) -> Sheet:
@@ -185,6 +200,8 @@ def _relearn(sheet: Sheet, tiles: Tiles, sigmas: tuple[float, ...], stiffness: f
         if grown.units.shape == sheet.units.shape:
             break
         sheet = grown
+    halfway = (sheet.units + sheet.home) / 2
+    sheet = sheet._replace(units=np.where(sheet.is_beside[..., None], halfway, sheet.units))
     window = _find_window(sheet.is_active)
     units, is_active = sheet.units[window], sheet.is_active[window]
     fitted, _ = fit_grid(tiles, units, sigmas, stiffness, _choose_goal(is_active.size), is_active)
@@ -218,18 +235,21 @@ def _insert_where_stretched(sheet: Sheet, counts: np.ndarray, window: Window) ->
         return sheet
     parts = np.clip(np.round(stretch[axis]), 1, MAX_LINES).astype(np.int64)
     parts[stretch[axis] < max(STRETCH, longest / 2)] = 1
-    units, is_active, has_face, is_kept = (array.swapaxes(0, axis) for array in sheet)
+    units, is_active, has_face, is_kept, home, is_beside = (array.swapaxes(0, axis) for array in sheet)
     gap = np.repeat(np.arange(len(parts)), parts)
     is_old = np.r_[True, gap[1:] != gap[:-1]][:, None]
 
     def insert(mask: np.ndarray, between: np.ndarray) -> np.ndarray:
         return np.concatenate([np.where(is_old, mask[gap], between[gap]), mask[-1:]])
 
+    added = np.repeat(np.arange(len(parts)), parts - 1)
     grown = Sheet(
-        insert_lines(units, np.repeat(np.arange(len(parts)), parts - 1)),
+        insert_lines(units, added),
         insert(is_active, is_active[:-1] | is_active[1:]),
         has_face[gap],
         insert(is_kept, is_kept[:-1] & is_kept[1:]),
+        insert_lines(home, added),
+        insert(is_beside, is_beside[:-1] & is_beside[1:]),
     )
     return Sheet(*(array.swapaxes(0, axis) for array in grown))
 
