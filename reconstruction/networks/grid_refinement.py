@@ -95,7 +95,7 @@ def refine_sheet(
     samples = np.concatenate(
         [old_points[about[is_true & is_near[owners]]], new_points[is_near[evidence.winners]]]
     )
-    spanned = _span(units, is_gone & ~is_cut & ~is_moved)
+    spanned = span_gone(units, is_gone & ~is_cut & ~is_moved)
     is_beside = is_active & ~is_moved & ~is_gone
     sheet = Sheet(spanned, is_active, has_face, ~is_doubtful, spanned, is_beside)
     center = vertices[(is_active | is_cut).reshape(-1)].mean(axis=0)
@@ -145,7 +145,7 @@ def _find_open_patches(is_gone: np.ndarray) -> np.ndarray:
     return is_gone & np.isin(patches, rim)
 
 
-def _span(units: np.ndarray, is_gone: np.ndarray) -> np.ndarray:
+def span_gone(units: np.ndarray, is_gone: np.ndarray) -> np.ndarray:
     """Return the grid with its gone units as a membrane between the others (Laplace's equation); none is on the rim."""
     if not is_gone.any():
         return units

@@ -134,10 +134,10 @@ def _fill(
     is_cut[len(kept) :] = True
     witnesses = samples[rng.permutation(len(samples))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
     faces = join_locally(units, kept_faces, len(kept), is_cut, witnesses, edge, REACH, JOINT_RINGS)
-    return units, _close_triangles(faces, len(units), len(kept))
+    return units, close_triangles(faces, len(units), len(kept))
 
 
-def _close_triangles(faces: np.ndarray, num_units: int, num_kept: int) -> np.ndarray:
+def close_triangles(faces: np.ndarray, num_units: int, num_kept: int) -> np.ndarray:
     """Return the faces with one in every loop of three edges at a new unit: no hole is as small as that.
 
     Where such a loop lies against the surface, the new unit stands beyond its neighbours, and unfolding the face

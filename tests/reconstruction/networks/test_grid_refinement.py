@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.networks.compilation import keep_compiled_programs
-from reconstruction.networks.grid_refinement import open_pinches
+from reconstruction.networks.grid_refinement import open_pinches, span_gone
 from reconstruction.networks.growing_grid import GrowingGridConfig, State, refine, train
 from reconstruction.surfaces.quality import count_topology, find_distances
 
@@ -80,3 +80,13 @@ def test_equal_seeds_give_equal_grids(ground):
 def test_cells_that_touch_at_a_corner_are_opened():
     cells = np.array([[True, False], [False, True]])
     assert open_pinches(cells).sum() == 1
+
+
+def test_gone_units_become_a_membrane_between_the_others():
+    x, y = np.meshgrid(np.arange(7.0), np.arange(6.0), indexing="ij")
+    plane = np.stack([x, y, 0.5 * x - 0.2 * y], axis=2)
+    is_gone = np.zeros((7, 6), dtype=bool)
+    is_gone[2:5, 1:4] = True
+    bumpy = np.where(is_gone[..., None], plane + np.array([0, 0, 3.0]), plane)
+    np.testing.assert_allclose(span_gone(bumpy, is_gone), plane, atol=1e-12)
+    np.testing.assert_array_equal(span_gone(bumpy, is_gone)[~is_gone], plane[~is_gone])

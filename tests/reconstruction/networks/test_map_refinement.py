@@ -5,6 +5,7 @@ import pytest
 
 from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.networks.gsrm import GSRMConfig, State, refine, train
+from reconstruction.networks.map_refinement import close_triangles
 from reconstruction.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
@@ -151,3 +152,13 @@ def test_equal_seeds_give_equal_maps(room: tuple[State, np.ndarray]) -> None:
     first, second = (refine(state, points, new, CONFIG, 3)[0] for _ in range(2))
     np.testing.assert_array_equal(first.units, second.units)
     np.testing.assert_array_equal(first.faces, second.faces)
+
+
+def test_a_loop_of_three_edges_at_a_new_unit_is_closed():
+    ring = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
+    below = np.column_stack([ring[:, ::-1], np.full(4, 4)])
+    octahedron = np.concatenate([below, np.column_stack([ring, np.full(4, 5)])])
+    closed = close_triangles(octahedron[:-1], 6, num_kept=5)
+    assert (closed.shape, count_topology(closed, 6).boundary_edges) == ((8, 3), 0)
+    assert len(close_triangles(octahedron[:-1], 6, num_kept=6)) == 7
+    assert len(close_triangles(octahedron[:1], 6, num_kept=0)) == 1
