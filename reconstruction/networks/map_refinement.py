@@ -21,12 +21,12 @@ REACH = 2.0
 """Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
 COVER = 0.75
 """A sample farther than this from all units, in mean edges, gets a unit of its own."""
-SETTLE_PASSES = 3
-FIT_SAMPLES = 24
+SETTLE_PASSES = 4
+FIT_SAMPLES = 32
 """So many samples of each new unit take part in the fit."""
-SAMPLES_PER_UNIT = 10
+SAMPLES_PER_UNIT = 12
 """So many samples of each new unit take part in settling."""
-TOPOLOGY_SAMPLES = 24
+TOPOLOGY_SAMPLES = 30
 """So many samples of each unit that is joined anew are witnesses of its faces."""
 CLOSEST = 0.5
 """Of two new units nearer to one another than this, in mean edges, one goes."""
