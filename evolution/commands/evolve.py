@@ -20,14 +20,15 @@ from evolution.tensorboard_log import FOLDER, TensorBoardLog
 class Evolve(Command):
     """Evolve the controller of a snake of docked robots with CMA-ES, in a run folder that can be resumed.
 
-    Examples: symbrion evolve --arena gsrm --folder runs/a
-    symbrion evolve --stages gsrm gg --folder runs/coarse-to-fine
+    Example: symbrion evolve --arena gsrm --folder runs/a
+
+    Example: symbrion evolve --stages gsrm gg --folder runs/coarse-to-fine
     """
 
     folder: Path = Path("runs/latest")
     """The run folder: config, history.csv, every genotype, champion. Must not hold a run yet."""
     arena: str = "gsrm"
-    """A named arena (truth, simple, gsrm, gg), an arena folder, or a mesh file."""
+    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file."""
     modules: int = 8
     """Modules in the snake."""
     generations: int = 50

@@ -22,8 +22,9 @@ MINIMUM_UNITS = 4
 class Reconstruct(Command):
     """Reconstruct a surface from a scan log or a point cloud with a self-organising network.
 
-    Examples: symbrion reconstruct survey.npz --out pit.npz
-    symbrion reconstruct scan.dat.bz2 --crop 0.4 9.6 -4.3 1.4 -1 2 --units 1500 --out stairs.ply
+    Example: symbrion reconstruct survey.npz --out pit.npz
+
+    Example: symbrion reconstruct scan.dat.bz2 --crop 0.4 9.6 -4.3 1.4 -1 2 --units 1500 --out stairs.ply
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]

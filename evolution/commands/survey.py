@@ -28,7 +28,7 @@ class Survey(Command):
     """
 
     arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")] = "truth"
-    """A named arena (truth, simple, gsrm, gg), an arena folder, or a mesh file in metres, z up."""
+    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file in metres, z up."""
     out: Path = Path("survey.npz")
     """Where the scan log goes (.npz)."""
     path: str | None = None
