@@ -31,6 +31,12 @@ ENVIRONMENT = (
         bar="<= 1.10",
     ),
     Claim(
+        "the same for 16 simulations at once, one thread",
+        "{0:.2f}",
+        (Value("environment", "speed/gsrm: 16 at once over bare"),),
+        bar="<= 1.10",
+    ),
+    Claim(
         "`reset`, gsrm",
         "{0:.1f} ms",
         (Value("environment", "speed/gsrm: reset [ms]"),),
