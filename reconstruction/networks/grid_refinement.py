@@ -40,16 +40,12 @@ class Sheet(NamedTuple):
         is_active: `[R, C]` which units may move.
         has_face: `[R - 1, C - 1]`.
         is_kept: `[R, C]` units whose old evidence stands.
-        home: `[R, C, 3]` where the units were before.
-        is_beside: `[R, C]` units that may move only for the sake of those beside them: they go home before the fit.
     """
 
     units: np.ndarray
     is_active: np.ndarray
     has_face: np.ndarray
     is_kept: np.ndarray
-    home: np.ndarray
-    is_beside: np.ndarray
 
 
 def refine_sheet(
@@ -96,12 +92,11 @@ def refine_sheet(
         [old_points[about[is_true & is_near[owners]]], new_points[is_near[evidence.winners]]]
     )
     spanned = span_gone(units, is_gone & ~is_cut & ~is_moved)
-    is_beside = is_active & ~is_moved & ~is_gone
-    sheet = Sheet(spanned, is_active, has_face, ~is_doubtful, spanned, is_beside)
+    sheet = Sheet(spanned, is_active, has_face, ~is_doubtful)
     center = vertices[(is_active | is_cut).reshape(-1)].mean(axis=0)
     scaled = ((samples - center) / spacing).astype(np.float32)
     start = ((spanned - center) / spacing).astype(np.float32)
-    local = sheet._replace(units=start, home=start)
+    local = sheet._replace(units=start)
     if is_active.any() and len(samples) >= 4:
         local = _relearn(local, make_tiles(_draw(scaled, int(is_near.sum()), rng)), sigmas, stiffness)
     moved = local.units.astype(np.float64) * spacing + center
@@ -200,8 +195,6 @@ def _relearn(sheet: Sheet, tiles: Tiles, sigmas: tuple[float, ...], stiffness: f
         if grown.units.shape == sheet.units.shape:
             break
         sheet = grown
-    halfway = (sheet.units + sheet.home) / 2
-    sheet = sheet._replace(units=np.where(sheet.is_beside[..., None], halfway, sheet.units))
     window = _find_window(sheet.is_active)
     units, is_active = sheet.units[window], sheet.is_active[window]
     fitted, _ = fit_grid(tiles, units, sigmas, stiffness, _choose_goal(is_active.size), is_active)
@@ -235,7 +228,7 @@ def _insert_where_stretched(sheet: Sheet, counts: np.ndarray, window: Window) ->
         return sheet
     parts = np.clip(np.round(stretch[axis]), 1, MAX_LINES).astype(np.int64)
     parts[stretch[axis] < max(STRETCH, longest / 2)] = 1
-    units, is_active, has_face, is_kept, home, is_beside = (array.swapaxes(0, axis) for array in sheet)
+    units, is_active, has_face, is_kept = (array.swapaxes(0, axis) for array in sheet)
     gap = np.repeat(np.arange(len(parts)), parts)
     is_old = np.r_[True, gap[1:] != gap[:-1]][:, None]
 
@@ -248,8 +241,6 @@ def _insert_where_stretched(sheet: Sheet, counts: np.ndarray, window: Window) ->
         insert(is_active, is_active[:-1] | is_active[1:]),
         has_face[gap],
         insert(is_kept, is_kept[:-1] & is_kept[1:]),
-        insert_lines(home, added),
-        insert(is_beside, is_beside[:-1] & is_beside[1:]),
     )
     return Sheet(*(array.swapaxes(0, axis) for array in grown))
 

@@ -199,10 +199,12 @@ def _prefer_coacd(
         limits = 0.8 * watch.left(), _COACD_SHARE * options.time_limit
         try:
             pieces = decompose_slabs(slabs.pieces, planes, top.area_faces, options.seed, *limits)
-            if len(pieces) <= _MAX_FINISHED:
-                pieces = _mend(pieces, top, options.max_pieces, watch)  # coacd leaves slits
-            made = _measure(pieces, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
-            reason = _find_fault(made, slabs, options.max_pieces, options.accuracy)
+            mended = _mend(pieces, top, options.max_pieces, watch) if len(pieces) <= _MAX_FINISHED else pieces
+            for candidate in (mended, pieces):  # coacd leaves slits; to mend them may cost accuracy
+                made = _measure(candidate, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
+                reason = _find_fault(made, slabs, options.max_pieces, options.accuracy)
+                if not reason:
+                    break
         except ArenaError as error:
             reason = str(error)
     if made is not None and not reason:

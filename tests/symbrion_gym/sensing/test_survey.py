@@ -109,7 +109,7 @@ def test_the_default_path_sees_everything():
 def test_the_default_path_keeps_off_the_arena_and_closes():
     path = make_path(np.array([[-3.3, -1, 0], [3.3, 1, 0.25]]))
     np.testing.assert_array_equal(path[0], path[-1])
-    outside = (np.abs(path[:, 0]) >= 3.7 - 1e-9) | (np.abs(path[:, 1]) >= 1.4 - 1e-9)
+    outside = (np.abs(path[:, 0]) >= 3.6 - 1e-9) | (np.abs(path[:, 1]) >= 1.3 - 1e-9)
     assert outside.all()
     yaw = np.degrees(np.arctan2(*np.diff(path, axis=0).T[::-1])) % 90
     np.testing.assert_allclose(yaw, 45, atol=10)
