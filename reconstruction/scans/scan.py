@@ -13,7 +13,6 @@ from reconstruction.errors import ScanError
 from reconstruction.whole_file import write_whole
 
 Array = NDArray[np.float64]
-_POSE_TOLERANCE = 1e-6
 
 
 def make_pose(
