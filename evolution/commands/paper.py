@@ -7,10 +7,10 @@ from typing import Any
 
 from evolution.commands.command import Command, UsageError, require_writable_folder
 from evolution.commands.console import Console
+from evolution.paper.benchmark import find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import run_experiments
 from evolution.paper.folder import PaperFolder, write_json
-from evolution.paper.models import find_benchmark
 from evolution.report.paper_page import write_paper_page
 from evolution.report.provenance import describe_machine
 
@@ -47,7 +47,7 @@ class Paper(Command):
                 "machine": describe_machine(),
                 "config": config.to_json(),
                 "experiments": records,
-                "benchmarks": {part: find_benchmark(part) for part in ("models", "stages")},
+                "benchmark": find_benchmark(),
             }
             write_json(self.out / "results.json", results)
             with console.track("figures and page"):
@@ -63,4 +63,5 @@ def _summarise(records: dict[str, Any]) -> dict[str, Any]:
         "physics_ratio": records["physics"]["figures"]["ratios"]["gg"]["physics_us"],
         "laser_ratio": records["laser"]["figures"]["ratios"]["tree"]["gg"],
         "seconds": {name: record["seconds"] for name, record in records.items()},
+        "cpu_seconds": {name: record.get("cpu_seconds") for name, record in records.items()},
     }

@@ -7,6 +7,7 @@ experiments/NAME.json figures, seconds, date, machine and versions of one experi
 
 import datetime
 import json
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -62,7 +63,8 @@ class PaperFolder:
     def find(self, name: str) -> Figures | None:
         """Return the record of an experiment, or None where it has not been finished.
 
-        A record holds `figures` (what the experiment returned), `seconds`, `date` and `machine`.
+        A record holds `figures` (what the experiment returned), `seconds`, `cpu_seconds` of all threads and
+        processes, `date` and `machine`.
         """
         path = self._record(name)
         return _read_json(path) if path.is_file() else None
@@ -72,11 +74,12 @@ class PaperFolder:
         record = self.find(name)
         if record is not None:
             return record
-        began = time.perf_counter()
+        began, cpu_began = time.perf_counter(), _find_cpu_seconds()
         figures = experiment()
         record = {
             "figures": figures,
             "seconds": round(time.perf_counter() - began, 1),
+            "cpu_seconds": round(_find_cpu_seconds() - cpu_began, 1),
             "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
             "machine": describe_machine(),
         }
@@ -105,6 +108,11 @@ def write_json(path: Path, content: Any) -> None:
     """Write JSON; the file appears whole or not at all."""
     with write_whole(path) as beside:
         beside.write_text(json.dumps(content, indent=2) + "\n")
+
+
+def _find_cpu_seconds() -> float:
+    """Return the processor time of this process and of its children that have ended [s]."""
+    return sum(os.times()[:4])
 
 
 def _read_json(path: Path) -> dict[str, Any]:

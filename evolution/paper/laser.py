@@ -1,20 +1,20 @@
 """Table III: what one laser scan costs, by the way of casting it and the number of triangles."""
 
+import importlib.util
 import logging
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 
 import reconstruction as rc
-import symbrion_gym as sg
 from evolution.paper.arenas import load_arena
 from evolution.paper.config import PaperConfig
 from evolution.paper.networks import list_networks, name_network
 from evolution.paper.ray_casters import BruteForceCaster, Caster, EmbreeCaster, TreeCaster, show_surface
-from evolution.paper.statistics import find_ratio, summarise
+from evolution.paper.statistics import find_power, find_ratio, summarise
 
 MODELS = ("gg", "gsrm", "simple")
 CONTACTS = {"gg": "hulls", "gsrm": "hulls", "boxes": "boxes", "mixed": "mixed", "hfield": "height field"}
@@ -55,7 +55,8 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
     Returns:
         `rows`, one a way: `model`, `method`, `triangles`, `scan_us` (mean, deviation, median), `scans`,
         `error` (mean distance from the ranges on the exact surface [m]; None for the exact ones);
-        `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force.
+        `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force; `powers` of the
+        number of triangles with which the median time grows, by method.
     """
     poses = rc.load_scan_log(folder / "survey.npz").poses
     poses = poses[np.linspace(0, len(poses) - 1, config.scans).astype(int)]
@@ -94,6 +95,18 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
             }
             for method in ("tree", "brute force")
         },
+        "powers": {
+            method: find_power(
+                *np.transpose(
+                    [
+                        (way.triangles, np.median(times))
+                        for way, times in zip(ways, seconds, strict=True)
+                        if way.method == method
+                    ]
+                )
+            )
+            for method in dict.fromkeys(way.method for way in ways if way.triangles)
+        },
     }
 
 
@@ -114,35 +127,34 @@ def _pick(ways: list[Way], seconds: list[list[float]], model: str, method: str) 
 
 
 def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
-    """Return the ways; those that see exactly stand first."""
+    """Return the ways; those that see exactly by the tree stand first."""
     arenas = {name: load_arena(folder, name) for name in dict.fromkeys((*MODELS, *CONTACTS))}
-    ways = _list_exact(folder, config, {name: arenas[name] for name in MODELS})
+    surfaces = {name: arenas[name].surface for name in MODELS} | _load_others(folder, config)
+    ways = [
+        Way(
+            name,
+            "tree",
+            len(mesh.faces),
+            TreeCaster(arenas[name] if name in arenas else show_surface(mesh)),
+            name,
+        )
+        for name, mesh in surfaces.items()
+    ]
     for name, shapes in CONTACTS.items():
         reference = {"boxes": "simple"}.get(name, name if name in MODELS else "gsrm")
         ways.append(Way(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
-    surfaces = {name: arenas[name].surface for name in MODELS}
-    try:
-        ways += [
-            Way(name, "embree", len(mesh.faces), EmbreeCaster(mesh), name) for name, mesh in surfaces.items()
-        ]
-    except ImportError:
+    casters: dict[str, type[EmbreeCaster | BruteForceCaster]] = {"brute force": BruteForceCaster}
+    if importlib.util.find_spec("embreex"):
+        casters = {"embree": EmbreeCaster, **casters}
+    else:
         log.warning("Embree is left out of Table III; pip install 'symbrion-gym[embree]' brings it")
-    ways += [
-        Way(name, "brute force", len(mesh.faces), BruteForceCaster(mesh), name)
-        for name, mesh in surfaces.items()
-    ]
+    for method, make in casters.items():
+        ways += [Way(name, method, len(mesh.faces), make(mesh), name) for name, mesh in surfaces.items()]
     return ways
 
 
-def _list_exact(folder: Path, config: PaperConfig, arenas: Mapping[str, sg.Arena]) -> list[Way]:
-    """Return the ways that see an exact surface: the arenas', and those of the other sizes of the networks."""
+def _load_others(folder: Path, config: PaperConfig) -> dict[str, trimesh.Trimesh]:
+    """Return the surfaces of the sizes of the networks that no arena of the tables is made of."""
     known = {name_network("gsrm", config.arena_units), name_network("gg", config.arena_triangles)}
-    ways = [
-        Way(name, "tree", len(arena.surface.faces), TreeCaster(arena), name) for name, arena in arenas.items()
-    ]
-    for name in list_networks(config):
-        if name in known:
-            continue
-        mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
-        ways.append(Way(name, "tree", len(mesh.faces), TreeCaster(show_surface(mesh)), name))
-    return ways
+    names = [name for name in list_networks(config) if name not in known]
+    return {name: rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh for name in names}

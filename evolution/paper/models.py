@@ -1,6 +1,5 @@
 """Beyond the paper: does it matter for the truth in which model a robot has evolved?"""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,6 @@ import symbrion_gym as sg
 from evolution.paper.config import PaperConfig
 from evolution.paper.networks import list_networks
 from evolution.paper.robots import evolve_champion, judge_champion, make_part
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks" / "results"
-"""Where a checkout keeps what its benchmarks measured; an installed package has none."""
 
 
 def measure_resolutions(
@@ -51,21 +47,3 @@ def measure_resolutions(
             }
         )
     return rows
-
-
-def find_benchmark(part: str, folder: Path = BENCHMARKS) -> dict[str, Any] | None:
-    """Return a part of what `python -m benchmarks.evolution` kept, with its machine and date, or None.
-
-    Args:
-        part: "models" (champions that hold in truth, by training model) or "stages" (coarse to fine).
-        folder: of the benchmarks' results.
-    """
-    for name in ("evolution.json", f"evolution_{part}.json"):
-        try:
-            record = json.loads((folder / name).read_text())
-        except (OSError, ValueError):
-            continue
-        if part in record.get("results", {}):
-            about = {key: record.get(key) for key in ("date", "machine", "versions")}
-            return {"figures": record["results"][part], **about}
-    return None

@@ -1,4 +1,4 @@
-"""Mean, deviation and ratio of costs that were measured in turns."""
+"""Mean, deviation, ratio and growth of costs that were measured in turns."""
 
 from collections.abc import Sequence
 
@@ -38,3 +38,8 @@ def find_ratio(
     low, high = np.percentile(sums[:, 0] / sums[:, 1], (2.5, 97.5))
     mean = pairs.mean(axis=0)
     return {"ratio": float(mean[0] / mean[1]), "low": float(low), "high": float(high)}
+
+
+def find_power(sizes: Sequence[float] | np.ndarray, costs: Sequence[float] | np.ndarray) -> float:
+    """Return the power of the sizes with which the costs grow: the slope of the logarithms, by least squares."""
+    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.paper.cloud import LOG, survey_arena
 from evolution.paper.config import PIT, PaperConfig
+from evolution.paper.networks import measure_surface
 from evolution.paper.robots import describe_run, evolve_champion, judge_champion, make_part
 from symbrion_gym.arenas.ready_made import SPACING
 
@@ -46,9 +46,9 @@ def measure_widened(
     told: dict[str, Any] = {
         "pit": [narrow.pit, PIT],
         "surfaces": [
-            {"surface": "as it was", "seconds": None, **_measure(known, surface)},
-            {"surface": "refined", "seconds": refine_seconds, **_measure(refined, surface)},
-            {"surface": "made anew", "seconds": anew_seconds, **_measure(anew, surface)},
+            {"surface": "as it was", "seconds": None, **measure_surface(known.mesh, surface)},
+            {"surface": "refined", "seconds": refine_seconds, **measure_surface(refined.mesh, surface)},
+            {"surface": "made anew", "seconds": anew_seconds, **measure_surface(anew.mesh, surface)},
         ],
     }
     stages = {"before": ("narrow", known, narrow), "after": ("refined", refined, sg.Course())}
@@ -74,16 +74,3 @@ def _time(make: Callable[[], rc.Reconstruction]) -> tuple[rc.Reconstruction, flo
     make()
     start = time.perf_counter()
     return make(), time.perf_counter() - start
-
-
-def _measure(surface: rc.Reconstruction, truth: trimesh.Trimesh) -> dict[str, float]:
-    quality = surface.quality(truth)
-    assert quality.truth_to_mesh is not None
-    assert quality.mesh_to_truth is not None
-    return {
-        "triangles": len(surface.mesh.faces),
-        "truth_to_mesh": quality.truth_to_mesh.mean,
-        "truth_to_mesh_p95": quality.truth_to_mesh.p95,
-        "mesh_to_truth": quality.mesh_to_truth.mean,
-        "boundary_loops": quality.topology.boundary_loops,
-    }

@@ -98,11 +98,14 @@ def _add_verdicts(context: PaperContext) -> None:
 
 
 def _add_times(context: PaperContext) -> None:
-    rows = [[name, f"{record['seconds']:.1f}"] for name, record in context.records.items()]
-    total = sum(record["seconds"] for record in context.records.values())
+    columns = ("seconds", "cpu_seconds")
+    rows = [
+        [name, *(f"{record[column]:.1f}" for column in columns)] for name, record in context.records.items()
+    ]
+    sums = [sum(record[column] for record in context.records.values()) for column in columns]
     context.page.add_section("Where the time went")
     context.page.add_table(
-        ["experiment", "seconds"],
-        [*rows, ["together", f"{total:.0f}"]],
-        tables.sign("Wall time, 1 run; without the drawing of this page.", context.records["cloud"]),
+        ["experiment", "wall time [s]", "processor time [s]"],
+        [*rows, ["together", *(f"{total:.0f}" for total in sums)]],
+        tables.sign("1 run each; without the drawing of this page.", context.records["cloud"]),
     )

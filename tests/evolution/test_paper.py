@@ -12,15 +12,15 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution.cli import run
 from evolution.paper.arenas import RECIPES
+from evolution.paper.benchmark import FINE, MODELS, find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import list_experiments
 from evolution.paper.folder import PaperFolder
-from evolution.paper.models import find_benchmark
-from evolution.paper.networks import list_networks
+from evolution.paper.networks import cut_sides, list_networks, measure_surface
 from evolution.paper.physics import time_crossings
 from evolution.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
 from evolution.paper.robots import choose_moments
-from evolution.paper.statistics import find_ratio, summarise
+from evolution.paper.statistics import find_power, find_ratio, summarise
 
 
 def look_down(x: float, height: float = 1.5) -> np.ndarray:
@@ -52,6 +52,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path) -> None:
     assert len(calls) == 1
     assert first["figures"] == {"values": [1.0, 2.0]}
     assert "mujoco" in first["machine"]
+    assert first["cpu_seconds"] >= 0
 
 
 def test_an_experiment_that_fails_leaves_nothing(tmp_path: Path) -> None:
@@ -167,11 +168,35 @@ def test_moments_tell_the_story() -> None:
     assert choose_moments(positions - 5.0, 20) == [0, 10, 19]
 
 
-def test_benchmarks_may_be_absent(tmp_path: Path) -> None:
-    assert find_benchmark("models", tmp_path) is None
-    record = {"results": {"models": {"gsrm": {}}}, "date": "2026-01-01", "machine": {}, "versions": {}}
-    (tmp_path / "evolution.json").write_text(json.dumps(record))
-    found = find_benchmark("models", tmp_path)
-    assert found is not None
-    assert found["figures"] == {"gsrm": {}}
-    assert find_benchmark("stages", tmp_path) is None
+def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
+    absent = find_benchmark(tmp_path / "evolution.json")
+    assert absent["machine"] is None
+    assert not any([*absent["models"].values(), *absent["stages"].values(), absent["compared"]])
+    parts = {"models/gg 13860": {"of": 3}, "champions": {"of": 5}, "stages": {"of": 1}}
+    path = tmp_path / "evolution.json"
+    path.write_text(json.dumps({"results": parts, "date": "2026-01-01", "machine": {}, "versions": {}}))
+    found = find_benchmark(path)
+    assert {name for name, part in found["models"].items() if part} == {"gsrm 2200", "gg 13860"}
+    assert found["stages"] == {"fine_only": {"of": 3}, "coarse_to_fine": {"of": 1}}
+    assert found["date"] == "2026-01-01"
+
+
+def test_the_benchmark_keeps_what_is_looked_for() -> None:
+    from benchmarks import evolution as benchmark
+
+    assert list(benchmark.MODELS) == list(MODELS)
+    assert benchmark.FINE == FINE
+
+
+def test_powers_of_growth() -> None:
+    sizes = np.array([39, 4175, 13860])
+    assert find_power(sizes, 3.0 * sizes**0.7) == pytest.approx(0.7)
+    assert find_power(sizes, [5.0, 5.0, 5.0]) == pytest.approx(0.0)
+
+
+def test_the_hand_made_model_is_the_truth_drawn_with_few_triangles() -> None:
+    surface = cut_sides(sg.load_arena("simple").surface)
+    measured = measure_surface(surface, sg.load_arena("truth").surface)
+    assert measured["triangles"] == 18
+    assert measured["boundary_loops"] == measured["euler_number"] == 1
+    assert max(measured["truth_to_mesh_p95"], measured["mesh_to_truth"]) < 1e-6

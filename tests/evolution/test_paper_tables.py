@@ -1,5 +1,8 @@
 """The tables of the paper's page: our figures, the paper's beside them, machine and number of runs below."""
 
+from pathlib import Path
+
+from evolution.paper.benchmark import find_benchmark
 from evolution.report import paper_tables as tables
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
@@ -27,9 +30,11 @@ def test_table_1_stands_beside_the_papers() -> None:
         "boundary_loops": 1,
     }  # fmt: skip
     other = row | {"network": "gsrm_800", "size": 800, "cold_seconds": 3.21}
-    first, second = check(tables.tabulate_networks(record([row, other])))
+    by_hand = row | {"network": "simple", "size": None, "triangles": 38, "warm_seconds": None}
+    first, second, third = check(tables.tabulate_networks(record([row, other, by_hand])))
     assert first == ["GSRM 2,200 units", "4,231", "4,175", "-", "0.20", "20", "1.00", "3.00", "0.70", "1"]
     assert second[:6] == ["GSRM 800 units", "4,231", "-", "3.2", "0.20", "-"]  # the paper has no such figure
+    assert third[:6] == ["hand-made", "38", "39", "-", "-", "-"]
 
 
 def test_table_2_has_ratios_and_runs() -> None:
@@ -66,7 +71,7 @@ def test_cloud_arenas_and_resolutions() -> None:
     row = {"model": "gg_210", "triangles": 210, "pieces": 5, "genotypes": 48, "validated": [46, 48],
            "successes": 19, "trials": 20}  # fmt: skip
     cells = check(tables.tabulate_resolutions(record([row])))
-    assert cells == [["GG 210", "210", "5", "48", "46 of 48", "19 of 20"]]
+    assert cells == [["GG 210 triangles", "210", "5", "48", "46 of 48", "19 of 20"]]
 
 
 def test_the_widened_pit_has_a_before_and_an_after() -> None:
@@ -86,15 +91,29 @@ def test_the_widened_pit_has_a_before_and_an_after() -> None:
     assert after[1:] == ["48", "9 of 10", "8 of 10"]
 
 
-def test_benchmarks_are_quoted_with_their_machine() -> None:
-    result = {"champions_that_hold": 4, "of": 5, "median_genotypes": 180.0, "median_wall_seconds": 60.0,
+def test_the_benchmark_is_quoted_with_its_machine() -> None:
+    result = {"champions_that_hold": 4, "of": 5, "median_genotypes": 1180.0, "median_cpu_seconds": 60.2,
               "runs": [{"held_in_truth": 20}, {"held_in_truth": 17}]}  # fmt: skip
     about = {"machine": {"processor": "a processor", "cores": 2}, "versions": {"mujoco": "4.0.0"}}
-    benchmark = {"figures": {"gsrm": result}, "date": "2026-11-21", **about}
+    benchmark = {
+        "models": {"gsrm 2200": result, "gg 210": None},
+        "stages": {"fine_only": result, "coarse_to_fine": None},
+        "compared": None,
+        "date": "2026-11-21",
+        **about,
+    }
     table = tables.tabulate_models(benchmark)
-    assert [str(cell) for cell in table.rows[0]] == ["GSRM", "4 of 5", "20, 17", "180", "60"]
+    assert table.rows[0] == ["GSRM 2,200 units", "4 of 5", "1,180", "60", "20, 17"]
+    assert table.rows[1] == ["GG 210 triangles", "not measured", "-", "-", "-"]
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
-    stages = {"fine_only": result, "coarse_to_fine": result, "times_faster": 1.4}
-    table = tables.tabulate_stages(benchmark | {"figures": stages})
-    assert len(table.rows) == 2
-    assert "1.4 times" in table.caption
+    table = tables.tabulate_stages(benchmark)
+    assert [row[1] for row in table.rows] == ["4 of 5", "not measured"]
+    assert "times" not in table.caption
+    compared = {"times_less_cpu_seconds": 1.4, "times_less_genotypes": 1.6}
+    assert "1.4 times" in tables.tabulate_stages(benchmark | {"compared": compared}).caption
+
+
+def test_no_benchmark_is_told() -> None:
+    table = tables.tabulate_models(find_benchmark(Path("nowhere")))
+    assert {row[1] for row in table.rows} == {"not measured"}
+    assert "No results" in table.caption
