@@ -102,8 +102,12 @@ class Benchmark:
 
     def models(self) -> None:
         """Evolved on coarse and fine models of the same arena, judged in truth."""
+        champions = self._results.content.get("champions")
         with tempfile.TemporaryDirectory() as folder:
             for name, recipe in MODELS.items():
+                if recipe == BASE.arena and champions:
+                    self._put(f"models/{name}", champions)  # the very same runs
+                    continue
                 arena = recipe if isinstance(recipe, str) else make_model(*recipe, Path(folder))
                 self._run(f"models/{name}", arena=arena)
 
