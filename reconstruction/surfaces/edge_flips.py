@@ -10,7 +10,7 @@ References:
 
 import numpy as np
 
-from reconstruction.surfaces.manifold import find_hinges, find_normals, group_sides
+from reconstruction.surfaces.manifold import Sides, find_hinges, find_normals, group_sides, is_in_sorted
 
 MIN_TURN = np.deg2rad(30)
 """Only edges whose faces differ by more are looked at."""
@@ -24,31 +24,58 @@ MAX_ROUNDS = 8
 def turn_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the faces `[F, 3]` with edges turned where that makes the surface less crumpled.
 
+    After the first round only what lies about a turned edge, or about one that had to wait, is looked at again.
+
     Args:
         vertices: `[V, 3]`.
         faces: `[F, 3]` of an oriented two-manifold; the result is one too, of the same topology.
     """
     faces = faces.copy()
+    is_restless = np.ones(len(vertices), dtype=bool)
     for _ in range(MAX_ROUNDS):
-        sides = group_sides(faces, len(vertices))
-        hinges = find_hinges(faces, sides)
-        normals = find_normals(vertices, faces)
-        steep = _angle(*(normals[hinges.faces[:, k]] for k in range(2))) > MIN_TURN
-        if not steep.any():
+        is_open = np.asarray(is_restless[faces].any(axis=1))
+        is_about = np.zeros(len(vertices), dtype=bool)
+        is_about[faces[is_open]] = True
+        part = np.flatnonzero(is_about[faces].any(axis=1))
+        changed, turned, restless = _turn_once(vertices, faces[part], is_open[part])
+        if len(changed) == 0:
             break
-        across = np.full((len(faces), 3), -1)
-        across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
-        across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
-        pair, side = hinges.faces[steep], hinges.sides[steep]
-        gain, corners, outer = _rate_turns(vertices, faces, normals, across, pair, side)
-        gain[_are_joined(corners[:, 2:], faces, len(vertices))] = 0
-        chosen = _choose_apart(gain, np.concatenate([pair, outer], axis=1), len(faces))
-        if len(chosen) == 0:
-            break
-        a, b, c, d = corners[chosen].T
-        faces[pair[chosen, 0]] = np.stack([a, d, c], axis=1)
-        faces[pair[chosen, 1]] = np.stack([d, b, c], axis=1)
+        faces[part[changed]] = turned
+        is_restless[:] = False
+        is_restless[restless] = True
     return faces
+
+
+def _turn_once(
+    vertices: np.ndarray, faces: np.ndarray, is_open: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Turn edges of which no two touch the same face, those first that gain most.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]`, with all those that share an edge with an open one.
+        is_open: `[F]` edges between two such faces may turn.
+
+    Returns:
+        Which faces change `[C]`, into what `[C, 3]`, and the corners of all edges worth turning `[R, 4]`.
+    """
+    sides = group_sides(faces, len(vertices))
+    hinges = find_hinges(faces, sides)
+    normals = find_normals(vertices, faces)
+    steep = np.flatnonzero(is_open[hinges.faces].all(axis=1))
+    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > MIN_TURN]
+    across = np.full((len(faces), 3), -1)
+    across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
+    across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
+    pair, side = hinges.faces[steep], hinges.sides[steep]
+    gain, corners, outer = _rate_turns(vertices, faces, normals, across, pair, side)
+    worth = np.flatnonzero(gain)
+    touched = np.concatenate([pair, outer], axis=1)[worth]
+    gain = np.where(_are_joined(corners[worth, 2:], faces, sides, len(vertices)), 0, gain[worth])
+    chosen = worth[_choose_apart(gain, touched, len(faces))]
+    a, b, c, d = corners[chosen].T
+    turned = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
+    return pair[chosen].T.ravel(), turned, corners[worth]
 
 
 def _rate_turns(
@@ -108,11 +135,14 @@ def _angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.arccos(np.clip((first * second).sum(axis=1), -1, 1))
 
 
-def _are_joined(pairs: np.ndarray, faces: np.ndarray, num_vertices: int) -> np.ndarray:
+def _are_joined(pairs: np.ndarray, faces: np.ndarray, sides: Sides, num_vertices: int) -> np.ndarray:
     """Return which pairs of vertices `[P, 2]` have an edge."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]], pairs])
-    keys = ends.min(axis=1) * num_vertices + ends.max(axis=1)
-    return np.isin(keys[3 * len(faces) :], keys[: 3 * len(faces)])
+    slots = sides.slots[sides.starts]
+    ends = np.stack([faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]], axis=1)
+    keys, wanted = (
+        part.min(axis=1).astype(np.int64) * num_vertices + part.max(axis=1) for part in (ends, pairs)
+    )
+    return is_in_sorted(wanted, keys)
 
 
 def _choose_apart(gain: np.ndarray, touched: np.ndarray, num_faces: int) -> np.ndarray:

@@ -50,6 +50,13 @@ def group_sides(faces: np.ndarray, num_units: int) -> Sides:
     return Sides(slots, starts, np.diff(starts, append=num_slots))
 
 
+def is_in_sorted(wanted: np.ndarray, keys: np.ndarray) -> np.ndarray:
+    """Return which of the wanted numbers are among ascending keys."""
+    if len(keys) == 0:
+        return np.zeros(len(wanted), dtype=bool)
+    return keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
+
+
 def find_hinges(faces: np.ndarray, sides: Sides) -> Hinges:
     """Find the edges with exactly two faces."""
     first = sides.starts[sides.counts == 2]

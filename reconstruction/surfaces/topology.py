@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction.networks.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
 from reconstruction.surfaces.hole_patching import patch_holes
-from reconstruction.surfaces.manifold import group_sides, make_manifold
+from reconstruction.surfaces.manifold import group_sides, is_in_sorted, make_manifold
 from reconstruction.surfaces.orientation import find_components
 
 MIN_COMPONENT_FACES = 6
@@ -71,7 +71,7 @@ def _propose(units: np.ndarray, triples: np.ndarray, support: Support) -> tuple[
     edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
     faces = cliques[empty]
-    is_doubtful = ~_is_in(_key(faces, len(units)), triples)
+    is_doubtful = ~is_in_sorted(_key(faces, len(units)), triples)
     is_kept = ~is_doubtful
     is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
     return faces[is_kept], margin[is_kept]
@@ -141,7 +141,7 @@ def find_cliques(triples: np.ndarray, num_units: int) -> tuple[np.ndarray, np.nd
     first = np.repeat(place, num_later)
     later = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(num_later) - num_later, num_later)
     wanted = edges[first, 1] * num_units + edges[later, 1]
-    found = _is_in(wanted, keys)
+    found = is_in_sorted(wanted, keys)
     first, later = first[found], later[found]
     return edges, np.stack([edges[first, 0], edges[first, 1], edges[later, 1]], axis=1)
 
@@ -210,13 +210,6 @@ def _key(triples: np.ndarray, num_units: int) -> np.ndarray:
     low, high = np.minimum(a, b), np.maximum(a, b)
     middle = np.maximum(low, np.minimum(high, c))
     return (np.minimum(low, c) * num_units + middle) * num_units + np.maximum(high, c)
-
-
-def _is_in(wanted: np.ndarray, keys: np.ndarray) -> np.ndarray:
-    """Return which of the wanted numbers are among ascending keys."""
-    if len(keys) == 0:
-        return np.zeros(len(wanted), dtype=bool)
-    return keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
 
 
 def _sorted_unique(keys: np.ndarray) -> np.ndarray:

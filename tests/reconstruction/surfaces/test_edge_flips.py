@@ -1,6 +1,7 @@
 """Edges turn along creases, and stay where nothing is won."""
 
 import numpy as np
+import trimesh
 
 from reconstruction.surfaces.edge_flips import turn_edges
 from reconstruction.surfaces.quality import count_topology
@@ -56,3 +57,26 @@ def test_the_faces_given_are_left_alone():
     kept = faces.copy()
     turn_edges(vertices, faces)
     np.testing.assert_array_equal(faces, kept)
+
+
+def test_many_edges_turn_at_once_and_the_rest_later():
+    rng = np.random.default_rng(0)
+    number = 20
+    x, y = np.meshgrid(np.arange(number), np.arange(number), indexing="ij")
+    vertices = np.stack([x, y, rng.normal(0, 0.5, x.shape)], axis=-1).reshape(-1, 3).astype(float)
+    corner = (number * np.arange(number - 1)[:, None] + np.arange(number - 1)).ravel()
+    lower = np.stack([corner, corner + number, corner + 1], axis=1)
+    upper = np.stack([corner + number, corner + number + 1, corner + 1], axis=1)
+    faces = np.concatenate([lower, upper])
+    turned = turn_edges(vertices, faces)
+    assert (turned != faces).any(axis=1).mean() > 0.2
+    assert count_topology(turned, number**2) == count_topology(faces, number**2)
+    assert measure_curvature(vertices, turned) < 0.95 * measure_curvature(vertices, faces)
+    np.testing.assert_array_equal(turn_edges(vertices, faces.astype(np.int32)), turned)
+
+
+def measure_curvature(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Return the total absolute curvature: length times angle of all edges."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    ends = vertices[mesh.face_adjacency_edges]
+    return float((np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1) * mesh.face_adjacency_angles).sum())
