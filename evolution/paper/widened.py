@@ -21,6 +21,8 @@ def measure_widened(
 ) -> dict[str, Any]:
     """Let a network that knows a narrower pit learn on from the survey of the true one, and evolve in both.
 
+    Both walls of the pit have moved, each by half of the difference; all else stays where it was.
+
     Args:
         folder: holds the survey; keeps one of the narrower pit, both surfaces, their arenas and runs.
         config: by how much the pit widens, generations and seed.
@@ -33,7 +35,7 @@ def measure_widened(
         widened truth [m]; `before` and `after`: what is known of the champions that evolved in either surface,
         `judged` in both true arenas.
     """
-    narrow = sg.Course(pit=PIT - config.widened)
+    narrow = sg.Course(pit=PIT - config.widened, plateau=sg.Course().plateau + config.widened / 2)
     truths = {"narrow": sg.Arena.from_course(narrow), "wide": sg.load_arena("truth")}
     progress("first survey", 0.0)
     _, points = survey_arena(truths["narrow"], folder, "narrow_", config.seed + 1, rc.silent)

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from evolution.report.figures import PALETTE, soften
 from evolution.report.page import Page
-from evolution.report.pictures import DPI
+from evolution.report.pictures import CHART_DPI, CHART_WIDTH
 from evolution.run import Run
 
 COLUMNS = (
@@ -29,7 +29,7 @@ def draw_comparison(runs: Mapping[str, Run]) -> Figure:
     Args:
         runs: name -> run; those without a generation are left out.
     """
-    figure = Figure(figsize=(10, 4.2), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 3.2), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     for index, (name, run) in enumerate(runs.items()):
         history, colour = run.history, PALETTE[index % len(PALETTE)]

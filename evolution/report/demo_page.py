@@ -67,7 +67,7 @@ def add_films(page: Page, road: "Road") -> None:
         if film.frames:
             page.add_video(encode_video(film.frames, film.fps), caption)
         surface = sg.load_arena("truth").surface
-        moments = "Side view of the body at seven moments, from blue (early) to green (late)."
+        moments = "Side view of the body at seven moments, from violet (early) to yellow (late)."
         page.add_figure(draw_tracks(film.positions, surface), moments)
     if not road.films["truth"].frames:
         page.add_text(

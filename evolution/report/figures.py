@@ -7,15 +7,19 @@ import numpy as np
 import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from evolution.report.pictures import CHART_WIDTH, DPI
+from evolution.report.pictures import CHART_DPI, CHART_WIDTH, DPI
 
 VIEW = (28.0, -62.0)  # elevation, azimuth [degree]
 LIGHT = np.array([0.35, -0.5, 0.79])
 PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")
 MARK = "#d1242f"
+EDGE = "#3a4a5c"
+COARSE = 300
+"""Faces of a mesh that is drawn in parts: large triangles cannot be sorted by depth."""
 
 
 def draw_cloud(
@@ -61,7 +65,11 @@ def draw_surface(
     """
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_scene(figure, mesh.vertices if bounds is None else bounds)
-    _add_triangles(axes, mesh, np.array(mpl.colors.to_rgb("#c9d6e4")), edge="#3a4a5c")
+    colour = np.array(to_rgb("#c9d6e4"))
+    if len(mesh.faces) > COARSE:
+        _add_triangles(axes, mesh, colour, edge=EDGE)
+    else:
+        _add_large_triangles(axes, mesh, colour)
     if points is not None:
         shown = points[:: max(1, len(points) // 3000)]
         axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0, rasterized=True)
@@ -102,7 +110,7 @@ def draw_section(
         x_limits: the part of the course that is shown [m].
         marked: `[M, 3]` points drawn in red where they are near the cut.
     """
-    figure = Figure(figsize=(CHART_WIDTH, 2.9), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     if points is not None:
         near = points[np.abs(points[:, 1] - y) < 0.03]
@@ -119,7 +127,8 @@ def draw_section(
         cuts = [_cut(part, y) for part in parts]
         lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
         colour = PALETTE[index % len(PALETTE)]
-        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=1.4, label=label))
+        width = max(0.9, 2.4 - 0.75 * index)  # what is drawn later leaves something of the others to be seen
+        axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=width, label=label))
     axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
     ground = [group for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
     heights = np.concatenate([mesh.vertices[:, 2] for mesh in ground]) if ground else np.zeros(0)
@@ -127,7 +136,7 @@ def draw_section(
         axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
     else:
         axes.autoscale(axis="y")
-    axes.legend(frameon=False, fontsize=8, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes.legend(frameon=False, fontsize=9, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     soften(axes)
     return figure
 
@@ -140,7 +149,7 @@ def draw_learning_curve(evaluations: np.ndarray, best: np.ndarray, median: np.nd
         best: `[G]` best fitness of the generation.
         median: `[G]` median fitness of the generation.
     """
-    figure = Figure(figsize=(CHART_WIDTH, 2.9), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
     axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
@@ -156,9 +165,9 @@ def draw_tracks(positions: np.ndarray, surface: trimesh.Trimesh, snapshots: int 
     Args:
         positions: `[T, M, 3]` centres of the modules over time [m].
         surface: the arena's surface.
-        snapshots: moments drawn, from blue (early) to yellow (late).
+        snapshots: moments drawn, from violet (early) to yellow (late).
     """
-    figure = Figure(figsize=(CHART_WIDTH, 2.5), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 2.2), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors="#1d2530", linewidths=1.6))
     colours = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
@@ -225,6 +234,33 @@ def _add_triangles(axes: Axes, mesh: trimesh.Trimesh, colour: np.ndarray, edge: 
             facecolors=shaded,
             edgecolors=shaded if edge == "none" else edge,
             linewidths=0.25 if len(mesh.faces) < 8000 else 0.08,
+            rasterized=True,
+        )
+    )
+
+
+def _add_large_triangles(axes: Axes, mesh: trimesh.Trimesh, colour: np.ndarray) -> None:
+    """Add triangles in small parts, and their edges in short ones that are sorted by depth among them."""
+    size = float(mesh.extents.max()) / 80
+    fine = _subdivide(mesh, size)
+    elevation, azimuth = np.deg2rad(VIEW)
+    towards_eye = np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+    ends = np.asarray(mesh.vertices)[mesh.edges_unique]
+    parts = []
+    for start, end in ends:
+        cuts = np.linspace(start, end, max(2, int(np.linalg.norm(end - start) / size) + 2))
+        parts.append(np.stack([cuts[:-1], cuts[1:], cuts[1:]], axis=1))
+    lines = np.concatenate(parts) + size * towards_eye
+    shaded = shade(fine, colour)
+    dark = np.tile(to_rgb(EDGE), (len(lines), 1))
+    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
+        Poly3DCollection(
+            np.concatenate([fine.triangles, lines]),
+            facecolors=np.concatenate([shaded, dark]),
+            edgecolors=np.concatenate([shaded, dark]),
+            linewidths=0.5,
             rasterized=True,
         )
     )

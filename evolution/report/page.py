@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from evolution.report.pictures import to_png
+from evolution.report.pictures import find_width, to_png
 from evolution.report.scene import Scene, get_plotly_program
 from reconstruction.whole_file import write_whole
 
@@ -61,11 +61,16 @@ class Page:
 
     def add_figure(self, picture: bytes | Figure, caption: str) -> None:
         """Add a figure, or a PNG picture; the caption says what is seen."""
-        self._blocks.append({"kind": "figure", "source": _inline_picture(picture), "caption": caption})
+        png = _as_png(picture)
+        shown = {"source": _inline(png, "image/png"), "width": find_width(png)}
+        self._blocks.append({"kind": "figure", **shown, "caption": caption})
 
     def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
         """Add pictures beside each other, each with its label, below each other where the page is narrow."""
-        shown = [{"label": label, "source": _inline_picture(item)} for label, item in pictures.items()]
+        shown = [
+            {"label": label, "source": _inline(_as_png(item), "image/png")}
+            for label, item in pictures.items()
+        ]
         self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
 
     def add_scene(self, scene: Scene, caption: str) -> None:
@@ -102,8 +107,8 @@ class Page:
             beside.write_text(html, encoding="utf-8")
 
 
-def _inline_picture(picture: bytes | Figure) -> str:
-    return _inline(picture if isinstance(picture, bytes) else to_png(picture), "image/png")
+def _as_png(picture: bytes | Figure) -> bytes:
+    return picture if isinstance(picture, bytes) else to_png(picture)
 
 
 def _inline(content: bytes, media_type: str) -> str:

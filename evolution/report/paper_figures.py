@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from evolution.report.figures import PALETTE, soften
 from evolution.report.paper_numbers import SCANS
-from evolution.report.pictures import CHART_WIDTH, DPI
+from evolution.report.pictures import CHART_DPI, CHART_WIDTH
 
 STYLES = {
     "tree": ("MuJoCo, exact surface by its tree", "o-", PALETTE[0]),
@@ -22,7 +22,7 @@ def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     Args:
         rows: of Table II.
     """
-    figure = Figure(figsize=(CHART_WIDTH, 0.38 * len(rows) + 1.0), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 0.34 * len(rows) + 0.9), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     places = range(len(rows))
     parts = (
@@ -49,7 +49,7 @@ def draw_scan_growth(rows: Sequence[Mapping[str, Any]]) -> Figure:
     Args:
         rows: of Table III.
     """
-    figure = Figure(figsize=(CHART_WIDTH, 3.8), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(CHART_WIDTH, 3.4), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     for method, (label, style, colour) in STYLES.items():
         shown = sorted(

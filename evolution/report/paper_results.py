@@ -82,10 +82,9 @@ def add_robots(context: PaperContext) -> None:
         draw_learning_curve(*curves),
         "Fitness over genotypes tried: progress of the whole body [m], plus 1 for a success, less effort.",
     )
-    genes = zip(champion["names"], champion["genotype"], strict=True)
     context.page.add_table(
-        ["gene", "value"],
-        [[name, f"{gene:.3f}"] for name, gene in genes],
+        ["gene", *champion["names"]],
+        [["value", *(f"{gene:.3f}" for gene in champion["genotype"])]],
         tables.sign(f"The champion: a {champion['controller']} law; 1 run.", record),
     )
 
@@ -110,7 +109,7 @@ def _add_film(context: PaperContext, name: str, text: str, film: Mapping[str, An
         told += " There is no video: this machine has no OpenGL."
     positions = np.load(folder / f"{name}.npz")["positions"]
     moments_text = (
-        "Side view of the same trial: the body at seven moments, from blue (early) to green (late)."
+        "Side view of the same trial: the body at seven moments, from violet (early) to yellow (late)."
     )
     context.add_figure(
         f"fig7_{name}",
@@ -141,9 +140,10 @@ def add_widened(context: PaperContext) -> None:
     old, new = record["figures"]["pit"]
     context.page.add_section(
         "Beyond the paper: the pit is widened",
-        f"The robot first knows the arena with a pit of {100 * old:.0f} cm. Then the pit is {100 * (new - old):.0f} cm "
-        "wider, the robot scans again, and the same network goes on learning, instead of a new one from the "
-        "beginning. In either surface a champion evolves; each is tried in both true arenas.",
+        f"The robot first knows the arena with a pit of {100 * old:.0f} cm. Then both walls move, "
+        f"{100 * (new - old):.0f} cm apart, and all else stays; the robot scans again, and the same network goes on "
+        "learning, instead of a new one from the beginning. In either surface a champion evolves; each is tried in "
+        "both true arenas.",
     )
     meshes = {
         "widened truth": context.truth,

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from markupsafe import Markup
+
 from evolution.report.paper_numbers import (
     NETWORK_SECONDS,
     PHYSICS,
@@ -160,14 +162,16 @@ def tabulate_laser(record: Record) -> Table:
     figures = record["figures"]
     rows = []
     for row in sorted(figures["rows"], key=_order_ways):
-        ratios = figures["ratios"].get(row["method"], {}).get(row["model"])
+        if "_" in row["model"]:  # another size of a network: the figure shows it
+            continue
+        ratios = figures["ratios"].get(row["method"], {})
         paper = SCANS.get(row["model"]) if row["method"] in ("tree", "brute force") else None
         rows.append([
             name_model(row["model"]), METHODS[row["method"]],
             f"{row['triangles']:,}" if row["triangles"] else ABSENT,
             format_cost(row["scan_us"], 0), f"{paper[1]:,.0f}" if paper else ABSENT,
-            format_ratio(ratios) if ratios else ABSENT,
-            SCAN_RATIOS.get(row["model"], ABSENT) if paper else ABSENT,
+            _tell_ratio(ratios, row["model"]),
+            SCAN_RATIOS[row["model"]] if paper else ABSENT,
             format_millimetres(row["error"], 1), row["scans"],
         ])  # fmt: skip
     columns = ["surface", "way", "triangles", "one scan [µs]", "paper [µs]", "to hand-made (95 %)",
@@ -175,13 +179,20 @@ def tabulate_laser(record: Record) -> Table:
     text = (
         f"Table III. One scan of {figures['beams']} beams from where the survey's robot scanned; mean ± deviation of "
         "processor time; the ways take turns every 20 scans. The first rows see the exact surface, the last ones what "
-        "robots touch. Wrong by: mean difference from the exact surface's ranges."
+        "robots touch. Wrong by: mean difference from the exact surface's ranges. Other sizes of the networks: in the "
+        "figure."
     )
     return Table(columns, rows, sign(text, record))
 
 
 def _count_pieces(row: Row) -> str:
     return f"{row['pieces']:,}" if row["pieces"] else ABSENT
+
+
+def _tell_ratio(ratios: Mapping[str, Row], model: str) -> str:
+    if not ratios:
+        return ABSENT
+    return "1" if model == "simple" else format_ratio(ratios[model])
 
 
 def _order_ways(row: Row) -> tuple[int, int]:
@@ -209,11 +220,11 @@ def tabulate_models(benchmark: Record) -> Table:
         held = ", ".join(str(run["held_in_truth"]) for run in result["runs"]) if result else ABSENT
         rows.append([name_network(model.replace(" ", "_")), *_summarise_runs(result), held])
     columns = ["evolved in", *_SUMMARY, "trials held in truth, of 20"]
-    text = (
-        "Several seeds for each model, at most 600 genotypes a run (python -m benchmarks.evolution --only models). A "
-        "champion holds where it crosses in 18 of 20 fresh trials in the true arena."
+    text = Markup(
+        "Several seeds for each model, at most 600 genotypes a run (<code>python -m benchmarks.evolution</code>). A "
+        "champion holds where it crosses in 18 of 20 fresh trials in the true arena. {}"
     )
-    return Table(columns, rows, f"{text} {describe_benchmark(benchmark)}")
+    return Table(columns, rows, text.format(describe_benchmark(benchmark)))
 
 
 def tabulate_stages(benchmark: Record) -> Table:
@@ -221,13 +232,13 @@ def tabulate_stages(benchmark: Record) -> Table:
     labels = {"fine_only": "GG 13,860 triangles only", "coarse_to_fine": "first GSRM 200 units, then that"}
     rows = [[label, *_summarise_runs(benchmark["stages"][key])] for key, label in labels.items()]
     compared = benchmark["compared"]
-    text = "Coarse to fine (python -m benchmarks.evolution --only models stages)."
+    text = Markup("Coarse to fine (<code>python -m benchmarks.evolution</code>).")
     if compared:
         text += (
             f" It needs {compared['times_less_cpu_seconds']} times less processor time and "
             f"{compared['times_less_genotypes']} times less genotypes, by the medians of the runs that hold."
         )
-    return Table(["stages", *_SUMMARY], rows, f"{text} {describe_benchmark(benchmark)}")
+    return Table(["stages", *_SUMMARY], rows, text + f" {describe_benchmark(benchmark)}")
 
 
 _SUMMARY = ("champions that hold", "genotypes, median", "processor time, median [s]")

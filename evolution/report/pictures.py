@@ -9,7 +9,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 DPI = 110
-CHART_WIDTH = 7.2
+"""Of pictures without text; on a screen a page draws one pixel of theirs as one of its own."""
+CHART_DPI = 150
+CHART_WIDTH = 5.6
 """Width of a chart [inch]: its text can be read on a phone, too."""
 MARGIN = 12
 
@@ -23,15 +25,21 @@ def to_png(figure: Figure) -> bytes:
     cut = pixels[
         max(rows[0] - MARGIN, 0) : rows[-1] + MARGIN, max(columns[0] - MARGIN, 0) : columns[-1] + MARGIN
     ]
-    return encode_png(cut)
+    return encode_png(cut, figure.dpi)
 
 
-def encode_png(pixels: np.ndarray) -> bytes:
-    """Return `[H, W, 3]` bytes as PNG, in 256 colours where that loses nothing to speak of."""
+def encode_png(pixels: np.ndarray, dpi: float = DPI) -> bytes:
+    """Return `[H, W, 3]` bytes as PNG that knows its dots per inch, in 256 colours: nothing to speak of is lost."""
     buffer = io.BytesIO()
     image = Image.fromarray(np.ascontiguousarray(pixels))
-    image.quantize(256, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True)
+    image.quantize(256, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True, dpi=(dpi, dpi))
     return buffer.getvalue()
+
+
+def find_width(png: bytes) -> int:
+    """Return the width at which a page shows a picture: a chart has more pixels than that, for sharp text."""
+    image = Image.open(io.BytesIO(png))
+    return round(image.width * DPI / image.info.get("dpi", (DPI, DPI))[0])
 
 
 def to_svg(figure: Figure) -> bytes:

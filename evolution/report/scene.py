@@ -16,7 +16,7 @@ from evolution.report.figures import PALETTE, shade
 
 Trace = dict[str, Any]
 MILLIMETRE_DIGITS = 3
-CAMERA = {"eye": {"x": -0.9, "y": -2.05, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
+CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
 
 
 @dataclass

@@ -8,10 +8,12 @@ from xml.etree import ElementTree
 import imageio.v2 as imageio
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.figure import Figure
 from PIL import Image
 
 from evolution import report
+from evolution.report.pictures import DPI, encode_png, find_width
 from symbrion_gym.arenas.course import Course
 
 
@@ -46,6 +48,23 @@ def test_equal_figures_are_equal_files() -> None:
     assert report.to_png(first) == report.to_png(second)
 
 
+def test_a_sharp_picture_is_not_shown_larger() -> None:
+    pixels = np.zeros((40, 300, 3), np.uint8)
+    assert find_width(encode_png(pixels)) == 300
+    assert find_width(encode_png(pixels, 2 * DPI)) == 150
+
+
+def test_large_triangles_are_hidden_by_what_is_before_them() -> None:
+    low = trimesh.creation.box((4, 2, 0.1))
+    wall = trimesh.creation.box((4, 0.1, 1.0)).apply_translation([0, -1, 0.5])
+    pictures = []
+    for parts in ([low, wall], [wall, low]):
+        together = trimesh.util.concatenate(parts)
+        assert isinstance(together, trimesh.Trimesh)
+        pictures.append(open_picture(report.draw_surface(together)).astype(int))
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 60).mean() < 0.01
+
+
 def test_marked_points_are_red() -> None:
     points = np.random.default_rng(0).uniform(-1, 1, (500, 3))
     pixels = open_picture(report.draw_cloud(points, marked=points[:200])).astype(int)
@@ -57,7 +76,7 @@ def test_a_film_holds_its_frames(tmp_path: Path) -> None:
     frames = [np.full((64, 96, 3), value, dtype=np.uint8) for value in np.linspace(0, 255, 10)]
     path = tmp_path / "film.mp4"
     path.write_bytes(report.encode_video(frames, fps=10))
-    seen = [frame for frame in imageio.get_reader(path)]  # noqa: C416  (its length is unknown)
+    seen = list(imageio.get_reader(path).iter_data())
     assert len(seen) == 10
     assert seen[0].mean() < 20
     assert seen[-1].mean() > 235
@@ -72,7 +91,7 @@ def test_the_page_holds_everything_itself(tmp_path: Path) -> None:
     page = report.Page("A <title>", "summary", "footer")
     page.add_section("Section", "text & more")
     page.add_verdict("it holds", good=True)
-    page.add_figure(b"png", "a caption")
+    page.add_figure(encode_png(np.zeros((4, 6, 3), np.uint8)), "a caption")
     page.add_video(b"mp4", "a film")
     page.add_table(["name", "value"], [["x", 1.5]], "a table")
     path = tmp_path / "page.html"
