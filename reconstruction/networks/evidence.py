@@ -25,6 +25,9 @@ DISAGREEING_SHARE = 0.3
 """A vertex has moved where more than this share of its new readings disagree."""
 SIGNIFICANCE = 2.5
 """It has not where so many disagree as the old readings let expect, within this many standard deviations."""
+LEAST_COMPARED = 4096
+COMPARED_PER_FACE = 4
+"""Of very many new readings so many for each face suffice."""
 NUM_PROBES = 1000
 NUM_DENSITY_PROBES = 256
 """At so many places the density of the new readings is measured."""
@@ -36,8 +39,9 @@ class Evidence(NamedTuple):
     """New readings, compared with a surface.
 
     Attributes:
-        winners: `[M]` the vertex nearest to each new reading.
-        distance: `[M]` of each new reading from the surface [m].
+        compared: `[C]` the new readings that were compared: all, or as many as suffice.
+        winners: `[C]` the vertex nearest to each of these.
+        distance: `[C]` of each of these from the surface [m].
         tolerance: the distance up to which a reading agrees [m].
         is_moved: `[V]` vertices whose new readings disagree with the surface.
         is_gone: `[V]` vertices without new readings though what surrounds them was read again, and those that
@@ -45,6 +49,7 @@ class Evidence(NamedTuple):
         is_read: `[V]` vertices with a new reading nearby.
     """
 
+    compared: np.ndarray
     winners: np.ndarray
     distance: np.ndarray
     tolerance: float
@@ -73,6 +78,9 @@ def weigh_evidence(
     """
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
     about, probes = _crop(vertices, faces, old_points, new_points, 2 * spacing)
+    wanted = max(LEAST_COMPARED, COMPARED_PER_FACE * len(about))
+    compared = _thin(np.arange(len(new_points)), wanted)
+    new_points, origins = new_points[compared], None if origins is None else origins[compared]
     surface = igl.AABB()
     surface.init(vertices, about)
     asked = np.concatenate([new_points, probes])
@@ -88,18 +96,18 @@ def weigh_evidence(
     disagrees = (height > tolerance) | (distance > spacing)
     is_moved = _find_moved(winners, new_points, disagrees, spacing, len(vertices))
     if is_moved.any():
-        compared = _pick_about(vertices[is_moved], old_points, spacing)
-        if len(compared):
-            _, nearest, closest = surface.squared_distance(vertices, about, compared)
-            usual = _find_heights(vertices, about, compared, np.asarray(nearest), np.asarray(closest))
-            owners = _find_corners(vertices, about[np.asarray(nearest)], compared)
+        known = _pick_about(vertices[is_moved], old_points, spacing)
+        if len(known):
+            _, nearest, closest = surface.squared_distance(vertices, about, known)
+            usual = _find_heights(vertices, about, known, np.asarray(nearest), np.asarray(closest))
+            owners = _find_corners(vertices, about[np.asarray(nearest)], known)
             is_moved &= _is_news(winners, disagrees, owners, usual > tolerance, len(vertices))
     is_read = find_read(vertices, new_points, spacing)
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
     if origins is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
         is_gone |= find_passed(vertices, faces, new_points, origins, agreeing, tolerance, 2 * spacing)
-    return Evidence(winners, distance, tolerance, is_moved, is_gone, is_read)
+    return Evidence(compared, winners, distance, tolerance, is_moved, is_gone, is_read)
 
 
 def _crop(
@@ -233,9 +241,10 @@ def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -
 
 
 def _pick_about(vertices: np.ndarray, points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return the points in the box round vertices, not more than are needed to judge them."""
-    inside = find_near_box(points, vertices, spacing)
-    return points[_thin(inside, 2 * NUM_PROBES)]
+    """Return the points nearer to one of the vertices than the spacing, not more than are needed to judge them."""
+    inside = points[_thin(find_near_box(points, vertices, spacing), 4 * NUM_PROBES)]
+    distance, _ = cKDTree(vertices).query(inside, distance_upper_bound=spacing)
+    return inside[_thin(np.flatnonzero(np.isfinite(distance)), 2 * NUM_PROBES)]
 
 
 def _is_news(
@@ -249,9 +258,13 @@ def _is_news(
 
     A coarse mesh cuts corners: there readings disagree though nothing has changed.
     """
-    usual = np.bincount(owners, has_disagreed, minlength=num_vertices)
-    usual /= np.maximum(np.bincount(owners, minlength=num_vertices), 1)
-    number = np.bincount(winners, minlength=num_vertices)
-    expected = usual * number
-    against = np.bincount(winners, disagrees, minlength=num_vertices)
-    return against - expected > SIGNIFICANCE * np.sqrt(expected * (1 - usual) + 1)
+    before, now = (np.bincount(to, minlength=num_vertices).astype(np.float64) for to in (owners, winners))
+    were_against, are_against = (
+        np.bincount(to, weights, minlength=num_vertices)
+        for to, weights in ((owners, has_disagreed), (winners, disagrees))
+    )
+    share = (were_against + are_against) / np.maximum(before + now, 1)
+    expected = were_against / np.maximum(before, 1) * now
+    # Both counts scatter: what is expected is known no better than the old readings tell.
+    variance = share * (1 - share) * now * (1 + now / np.maximum(before, 1)) * (before > 0)
+    return are_against - expected > SIGNIFICANCE * np.sqrt(variance + 0.5)

@@ -89,7 +89,10 @@ def refine_sheet(
     is_left[about[~is_true]] = False
     points = np.concatenate([old_points.take(np.flatnonzero(is_left), axis=0), new_points])
     samples = np.concatenate(
-        [old_points[about[is_true & is_near[owners]]], new_points[is_near[evidence.winners]]]
+        [
+            old_points[about[is_true & is_near[owners]]],
+            new_points[evidence.compared[is_near[evidence.winners]]],
+        ]
     )
     spanned = span_gone(units, is_gone & ~is_cut & ~is_moved)
     sheet = Sheet(spanned, is_active, has_face, ~is_doubtful)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from reconstruction.networks.padding import pad_rows
+from reconstruction.surfaces.edge_flips import turn_edges
 from reconstruction.surfaces.surface_fit import (
     REACH,
     STEP_LIMIT,
@@ -17,6 +18,7 @@ from reconstruction.surfaces.surface_fit import (
     solve_moments,
     sum_moments,
 )
+from reconstruction.surfaces.unfolding import unfold_faces
 
 LEAST_SAMPLES = 1024
 SAMPLES_PER_VERTEX = 4
@@ -25,6 +27,36 @@ LEAST_DEPTH = 12
 """Room is made for so many faces round a vertex."""
 FAR = 1e6
 """Where padded vertices stand."""
+STEPS = ((2, 12), (1, 32))
+"""Iterations of the fit, and samples of each movable vertex that take part: before edges are turned along the
+creases that have come out, and after."""
+
+
+def fit_turning(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    is_movable: np.ndarray,
+    is_inner: np.ndarray,
+    samples: np.ndarray,
+    winners: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices fitted to their samples and unfolded, and the faces with edges turned along the creases.
+
+    Args:
+        vertices: `[V, 3]`, each with a face.
+        faces: `[F, 3]` of an oriented two-manifold.
+        is_movable: `[V]`; the others stay where they are.
+        is_inner: `[F]` which faces may change.
+        samples: `[N, 3]`.
+        winners: `[N]` nearest vertex of every sample.
+    """
+    faces = faces.copy()
+    for turn, (iterations, most) in enumerate(STEPS):
+        if turn > 0:
+            faces[is_inner] = turn_edges(vertices, faces[is_inner])
+        chosen = slice(None, None, max(1, len(samples) // (most * max(int(is_movable.sum()), 1))))
+        vertices = fit_part(vertices, faces, is_movable, samples[chosen], winners[chosen], iterations)
+    return np.where(is_movable[:, None], unfold_faces(vertices, faces), vertices), faces
 
 
 def fit_part(

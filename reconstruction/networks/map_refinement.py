@@ -1,35 +1,24 @@
 """Let a grown map learn on: what new readings contradict moves, grows or goes, the rest stays put.
 
-Only the units whose readings are contradicted are grown anew, between the others, which stand still; faces are
-learnt and fitted there alone. So the cost is that of the change, and what did not change stays bit for bit.
+Where readings have shifted by less than an edge, the units go along and keep their faces (`map_motion`). Where more
+has changed, the contradicted units are grown anew between the others, which stand still (`map_regrowth`). So the
+cost is that of the change, and what did not change stays bit for bit.
 """
 
+import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_near_box
 from reconstruction.networks.evidence import MIN_READINGS, Evidence, weigh_evidence
-from reconstruction.networks.local_fit import fit_part
-from reconstruction.networks.local_topology import is_sound, join_locally
-from reconstruction.surfaces.edge_flips import turn_edges
-from reconstruction.surfaces.hole_patching import find_loops, find_vertex_normals
+from reconstruction.networks.map_motion import find_movable, move_units
+from reconstruction.networks.map_regrowth import regrow, widen
+from reconstruction.surfaces.hole_patching import find_vertex_normals
 from reconstruction.surfaces.manifold import group_sides
 from reconstruction.surfaces.surface_fit import mean_edge_length
-from reconstruction.surfaces.unfolding import unfold_faces
 
-REACH = 2.0
-"""Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
-COVER = 0.75
-"""A sample farther than this from all units, in mean edges, gets a unit of its own."""
-SETTLE_PASSES = 4
-FIT_SAMPLES = 32
-"""So many samples of each new unit take part in the fit."""
-SAMPLES_PER_UNIT = 12
-"""So many samples of each new unit take part in settling."""
-TOPOLOGY_SAMPLES = 30
-"""So many samples of each unit that is joined anew are witnesses of its faces."""
-CLOSEST = 0.5
-"""Of two new units nearer to one another than this, in mean edges, one goes."""
+MARGIN = 1.5
+"""Readings nearer to a contradicted unit than this, in mean edges, take part."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 STRONG = 1.5
@@ -40,12 +29,6 @@ STRONG_RINGS = 2
 """So many rings of units round a strong disagreement are believed with it."""
 FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
-ITERATIONS = (2, 1)
-"""Steps of the fit, before edges are turned along the creases that have come out, and after."""
-MAX_REPEATS = 2
-"""So often units grow anew where they have left a hole."""
-JOINT_RINGS = 2
-"""So many rings of units round the new ones take part in learning the faces."""
 
 
 def refine_map(
@@ -71,91 +54,54 @@ def refine_map(
     faces = faces.astype(np.int64)
     edge = mean_edge_length(units, faces)
     evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
-    is_doubtful = _find_doubtful(len(units), faces, new_points, evidence, edge)
+    distant = evidence.distance > evidence.tolerance
+    readings = new_points[evidence.compared]
+    is_doubtful = _find_doubtful(len(units), faces, readings, evidence, edge)
     if not is_doubtful.any():
         return units, faces, np.concatenate([old_points, new_points])
-    distant = evidence.distance > evidence.tolerance
-    is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], new_points[distant])
-    inside = find_near_box(old_points, units[is_doubtful], 1.5 * edge)
-    about = old_points[inside]
-    winners = np.asarray(cKDTree(units).query(about)[1])
-    is_true = ~is_refuted[winners]
-    is_outside = np.ones(len(old_points), dtype=bool)
-    is_outside[inside] = False
-    outside = old_points.take(np.flatnonzero(is_outside), axis=0)
-    points = np.concatenate([outside, about[is_true], new_points])
-    about = np.concatenate([about[is_true], new_points])
-    winners = np.concatenate([winners[is_true], evidence.winners])
-    kept = units[~is_refuted]
-    is_near = widen(faces, is_doubtful, 1)[winners]
-    about, winners = about[is_near], winners[is_near]
-    place = np.where(is_refuted, -1, np.cumsum(~is_refuted) - 1)
-    kept_faces = place[faces[~is_refuted[faces].any(axis=1)]]
-    beside = place[widen(faces, is_refuted, 1) & ~is_refuted]
-    merged, joined = _fill(about, is_doubtful[winners], kept, kept_faces, beside, edge, rng)
-    num_loops = len(find_loops(faces, len(units)))
-    for _ in range(MAX_REPEATS):
-        # Where a hole is left, units that start elsewhere may close it.
-        num_found = len(find_loops(joined, len(merged)))
-        if num_found <= num_loops or len(merged) == len(kept):
-            break
-        other, other_joined = _fill(about, is_doubtful[winners], kept, kept_faces, beside, edge, rng)
-        if len(find_loops(other_joined, len(other))) < num_found:
-            merged, joined = other, other_joined
-    if is_fitted:
-        merged, joined = _fit_new(merged, joined, len(kept), about)
-    used, flat = np.unique(joined, return_inverse=True)
-    return merged[used], flat.reshape(-1, 3), points
+    is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], readings[distant])
+    about = find_near_box(old_points, units[is_doubtful], MARGIN * edge)
+    against = readings[distant & is_doubtful[evidence.winners]]
+    news = find_near_box(new_points, np.concatenate([units[is_doubtful], against]), MARGIN * edge)
+    samples = np.concatenate([old_points[about], new_points[news]])
+    winners = np.asarray(cKDTree(units).query(samples)[1])
+    is_stale = is_refuted[winners]
+    is_stale[len(about) :] = False
+    is_near = widen(faces, is_doubtful, 1)[winners] & ~is_stale
+    is_beside = is_near[: len(about)]
+    samples, winners = samples[is_near], winners[is_near]
+    is_changed = find_movable(faces, is_doubtful, evidence, edge)
+    if is_changed.any():
+        units, faces, is_changed = move_units(units, faces, is_changed, samples[is_changed[winners]], edge)
+    is_open = is_doubtful & ~is_changed
+    if is_open.any():
+        is_out = is_refuted & is_open
+        is_part = widen(faces, is_open, 1)[winners]
+        units, faces, num_kept = regrow(
+            units, faces, is_out, samples[is_part], is_open[winners[is_part]], edge, is_fitted, rng
+        )
+        is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
+    is_stale[: len(about)][is_beside] = _find_left(
+        units, faces, is_changed, old_points[about[is_beside]], STRONG * evidence.tolerance
+    )
+    is_true = np.ones(len(old_points), dtype=bool)
+    is_true[about[is_stale[: len(about)]]] = False
+    points = np.concatenate([old_points.take(np.flatnonzero(is_true), axis=0), new_points])
+    used, flat = np.unique(faces, return_inverse=True)
+    return units[used], flat.reshape(-1, 3), points
 
 
-def _fill(
-    samples: np.ndarray,
-    is_open: np.ndarray,
-    kept: np.ndarray,
-    kept_faces: np.ndarray,
-    beside: np.ndarray,
-    edge: float,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the kept units with new ones, and the faces of all.
-
-    Args:
-        samples: `[N, 3]` about what changed.
-        is_open: `[N]` those that new units are to cover.
-        kept: `[K, 3]` units that stay.
-        kept_faces: `[F, 3]` faces that stay.
-        beside: `[B]` kept units that have lost a face.
-        edge: mean edge length of the map.
-        rng: draws where new units start.
-    """
-    units = np.concatenate([kept, _grow_between(samples, is_open, kept, edge, rng)])
-    is_cut = np.zeros(len(units), dtype=bool)
-    is_cut[beside] = True
-    is_cut[len(kept) :] = True
-    witnesses = samples[rng.permutation(len(samples))[: TOPOLOGY_SAMPLES * int(is_cut.sum())]]
-    faces = join_locally(units, kept_faces, len(kept), is_cut, witnesses, edge, REACH, JOINT_RINGS)
-    return units, close_triangles(faces, len(units), len(kept))
-
-
-def close_triangles(faces: np.ndarray, num_units: int, num_kept: int) -> np.ndarray:
-    """Return the faces with one in every loop of three edges at a new unit: no hole is as small as that.
-
-    Where such a loop lies against the surface, the new unit stands beyond its neighbours, and unfolding the face
-    draws it back.
-    """
-    loops = [loop for loop in find_loops(faces, num_units) if len(loop) == 3 and max(loop) >= num_kept]
-    around = faces[np.isin(faces, loops).sum(axis=1) == 3] if loops else faces[:0]
-    taken = {frozenset(face) for face in around.tolist()}
-    closed = [loop for loop in loops if frozenset(loop) not in taken]
-    return np.concatenate([faces, np.array(closed, dtype=faces.dtype)]) if closed else faces
-
-
-def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
-    """Return the chosen units and so many rings of neighbours: `[U]`."""
-    is_chosen = is_chosen.copy()
-    for _ in range(rings):
-        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
-    return is_chosen
+def _find_left(
+    units: np.ndarray, faces: np.ndarray, is_changed: np.ndarray, points: np.ndarray, tolerance: float
+) -> np.ndarray:
+    """Return which points `[P]` beside the changed units the surface has left: they are no longer true."""
+    about = np.ascontiguousarray(faces[widen(faces, is_changed, 2)[faces].any(axis=1)])
+    if len(about) == 0 or len(points) == 0:
+        return np.zeros(len(points), dtype=bool)
+    surface = igl.AABB()
+    surface.init(units, about)
+    squared = np.asarray(surface.squared_distance(units, about, points)[0])
+    return squared > tolerance**2
 
 
 def _find_doubtful(
@@ -212,83 +158,3 @@ def _find_extended(
     count = np.bincount(winner, minlength=len(units))
     flat = np.bincount(winner, rise < STEEPNESS, minlength=len(units))
     return is_rim & (flat > count / 2)
-
-
-def _grow_between(
-    samples: np.ndarray, is_open: np.ndarray, kept: np.ndarray, edge: float, rng: np.random.Generator
-) -> np.ndarray:
-    """Return `[G, 3]` new units that cover the open samples as densely as the map covers the rest.
-
-    Wherever a sample is far from all units it becomes one: the error is largest there. Then the new units settle
-    by the batch rule among the kept ones, which do not move.
-    """
-    if not is_open.any():
-        return np.empty((0, 3))
-    fixed = kept[find_near_box(kept, samples, REACH * edge)]
-    candidates = samples[is_open]
-    if len(fixed):
-        candidates = candidates[cKDTree(fixed).query(candidates)[0] > COVER * edge]
-    seeds = candidates[_scatter(candidates, COVER * edge, rng)]
-    if len(seeds) == 0:
-        return seeds
-    tree = cKDTree(seeds)
-    if len(fixed):
-        fixed = fixed[np.isfinite(tree.query(fixed, distance_upper_bound=REACH * edge)[0])]
-    samples = samples[rng.permutation(len(samples))[: SAMPLES_PER_UNIT * (len(seeds) + len(fixed))]]
-    samples = samples[np.isfinite(tree.query(samples, distance_upper_bound=1.5 * edge)[0])]
-    for _ in range(SETTLE_PASSES):
-        winners = np.asarray(cKDTree(np.concatenate([fixed, seeds])).query(samples)[1]) - len(fixed)
-        is_won = winners >= 0
-        counts = np.bincount(winners[is_won], minlength=len(seeds))
-        sums = [np.bincount(winners[is_won], samples[is_won, k], minlength=len(seeds)) for k in range(3)]
-        seeds = (np.stack(sums, axis=1) / np.maximum(counts, 1)[:, None])[counts > 0]
-    everything = np.concatenate([fixed, seeds])
-    crowded = cKDTree(everything).query_pairs(CLOSEST * edge, output_type="ndarray").max(axis=1, initial=-1)
-    return np.delete(seeds, crowded[crowded >= len(fixed)] - len(fixed), axis=0)
-
-
-def _scatter(samples: np.ndarray, distance: float, rng: np.random.Generator) -> np.ndarray:
-    """Choose samples so that none is nearer to another than a distance, and all others are: indices."""
-    if len(samples) == 0:
-        return np.empty(0, dtype=np.int64)
-    tree = cKDTree(samples, balanced_tree=False)
-    is_left = np.ones(len(samples), dtype=bool)
-    chosen = []
-    for place in rng.permutation(len(samples)).tolist():
-        if is_left[place]:
-            chosen.append(place)
-            is_left[tree.query_ball_point(samples[place], distance)] = False
-    return np.array(chosen)
-
-
-def _fit_new(
-    units: np.ndarray, faces: np.ndarray, num_kept: int, samples: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the units with the new ones fitted to the samples, and the faces with edges turned between them.
-
-    The kept units stay where they are.
-    """
-    is_new = np.arange(len(units)) >= num_kept
-    is_own = np.asarray(is_new[faces].any(axis=1))
-    is_near = widen(faces, is_new, 1)[faces].any(axis=1)
-    if not is_own.any() or len(samples) == 0:
-        return units, faces
-    used, flat = np.unique(faces[is_near], return_inverse=True)
-    near, is_movable = flat.reshape(-1, 3), is_new[used]
-    is_inner = is_own[is_near]
-    part = units[used]
-    winners = np.asarray(cKDTree(part).query(samples)[1])
-    is_won = np.zeros(len(part), dtype=bool)
-    is_won[near[is_inner]] = True
-    chosen = np.flatnonzero(is_won[winners])
-    chosen = chosen[:: max(1, len(chosen) // (FIT_SAMPLES * int(is_movable.sum())))]
-    samples, winners = samples[chosen], winners[chosen]
-    part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[0])
-    near[is_inner] = turn_edges(part, near[is_inner])
-    part = fit_part(part, near, is_movable, samples, winners, ITERATIONS[1])
-    part = np.where(is_movable[:, None], unfold_faces(part, near), part)
-    turned = faces.copy()
-    turned[is_near] = used[near]
-    moved = units.copy()
-    moved[used] = part
-    return moved, turned if is_sound(turned, is_new) else faces

@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.networks.gsrm import GSRMConfig, State, refine, train
-from reconstruction.networks.map_refinement import close_triangles
+from reconstruction.networks.map_regrowth import close_triangles
 from reconstruction.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
