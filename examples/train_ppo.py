@@ -1,6 +1,6 @@
 """Train PPO on a pit of 0.38 m and compare it with the zero policy, on starts that it has not seen.
 
-    pip install "symbrion-gym[rl]"
+    pip install ".[rl]"
     python examples/train_ppo.py --steps 150000
 
 150,000 decisions take some three minutes of one processor. With seed 0 they lead from 0.651 m, what the zero

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 import reconstruction as rc
+import symbrion_gym as sg
 from evolution.paper.arenas import load_arena
 from evolution.paper.config import PaperConfig
 from evolution.paper.networks import list_networks, name_network
@@ -20,6 +21,10 @@ MODELS = ("gg", "gsrm", "simple")
 CONTACTS = {"gg": "hulls", "gsrm": "hulls", "boxes": "boxes", "mixed": "mixed", "hfield": "height field"}
 BLOCK = 20
 """Scans of one way before the next one's turn: as in a simulation, the arena is in the processor's caches."""
+REACH = (-2.8, 2.0)
+"""Places of the scanner along the course [m]."""
+HEIGHT, PITCH = 0.3, np.deg2rad(20.0)
+"""Of the scanner above the ground [m], and how far it looks down [rad]."""
 log = logging.getLogger(__name__)
 
 
@@ -42,29 +47,30 @@ class Way(NamedTuple):
 
 
 def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent) -> dict[str, Any]:
-    """Time scans of 361 beams from the places where the survey's robot scanned.
+    """Time scans of 361 beams from places along the course, from a robot that looks ahead and down.
 
     All ways take turns, a block of poses each. Processor time counts, so that other work on the machine does not. No
     robot stands in the arena: what is timed is the arena alone.
 
     Args:
-        folder: holds survey, surfaces and arenas.
+        folder: holds surfaces and arenas.
         config: number of scans.
         progress: told how far it is.
 
     Returns:
-        `rows`, one a way: `model`, `method`, `triangles`, `scan_us` (mean, deviation, median), `scans`,
-        `error` (mean distance from the ranges on the exact surface [m]; None for the exact ones);
+        `beams` of a scan, and the share of them that `hits` the arena; `rows`, one a way: `model`, `method`,
+        `triangles`, `scan_us` (mean, deviation, median), `scans`, `error` (mean distance from the ranges on the
+        exact surface [m]; None for the exact ones);
         `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force; `powers` of the
         number of triangles with which the median time grows, by method.
     """
-    poses = rc.load_scan_log(folder / "survey.npz").poses
-    poses = poses[np.linspace(0, len(poses) - 1, config.scans).astype(int)]
+    poses = list_poses(load_arena(folder, "simple"), config.scans)
     ways = _list_ways(folder, config)
     for way in ways:
         way.caster(poses[0])  # the first scan of all is slower: pages are touched, trees are made
     seconds: list[list[float]] = [[] for _ in ways]
     errors: list[list[float]] = [[] for _ in ways]
+    hits: list[float] = []
     for start in range(0, len(poses), BLOCK):
         progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
         block = poses[start : start + BLOCK]
@@ -73,12 +79,15 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
             is_slow = way.method == "brute force"
             chosen = block[: -(-len(block) * config.brute_scans // config.scans)] if is_slow else block
             ranges = _time_scans(way.caster, chosen, times)
+            if way is ways[0]:
+                hits += [float(np.isfinite(one).mean()) for one in ranges]
             known = exact.setdefault(way.model if way.method == "tree" else way.reference, ranges)
             for one, other in zip(ranges, known, strict=False):
                 difference = np.abs(one - other)
                 apart += difference[np.isfinite(difference)].tolist()
     return {
         "beams": 361,
+        "hits": float(np.mean(hits)),
         "rows": [
             {
                 "model": way.model,
@@ -110,6 +119,19 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
             for method in dict.fromkeys(way.method for way in ways if way.triangles)
         },
     }
+
+
+def list_poses(arena: sg.Arena, count: int) -> np.ndarray:
+    """Return poses `[count, 4, 4]` along the middle of a course, above its ground.
+
+    The survey's own poses are around the arena, where six beams of seven miss it.
+    """
+    places = np.linspace(*REACH, count)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    sine, cosine = np.sin(PITCH), np.cos(PITCH)
+    poses[:, :3, :3] = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
+    poses[:, :3, 3] = [(x, 0.0, float(arena.height(x, 0.0)) + HEIGHT) for x in places]
+    return poses
 
 
 def _time_scans(caster: Caster, poses: np.ndarray, times: list[float]) -> list[np.ndarray]:
@@ -149,7 +171,7 @@ def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
     if importlib.util.find_spec("embreex"):
         casters = {"embree": EmbreeCaster, **casters}
     else:
-        log.warning("Embree is left out of Table III; pip install 'symbrion-gym[embree]' brings it")
+        log.warning("Embree is left out of Table III; pip install '.[embree]' brings it")
     for method, make in casters.items():
         ways += [Way(name, method, len(mesh.faces), make(mesh), name) for name, mesh in surfaces.items()]
     return ways

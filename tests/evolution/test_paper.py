@@ -16,6 +16,7 @@ from evolution.paper.benchmark import FINE, MODELS, find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import list_experiments
 from evolution.paper.folder import PaperFolder
+from evolution.paper.laser import list_poses
 from evolution.paper.networks import cut_sides, list_networks, measure_surface
 from evolution.paper.physics import time_crossings
 from evolution.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
@@ -141,6 +142,15 @@ def test_all_ways_of_scanning_see_the_same() -> None:
             both = np.isfinite(exact) & np.isfinite(ranges)
             assert both.sum() >= 0.98 * np.isfinite(exact).sum()
             assert np.abs(exact - ranges)[both].mean() < 1e-4
+
+
+def test_the_scanner_stands_on_the_course_and_sees_it() -> None:
+    arena = sg.load_arena("simple")
+    poses = list_poses(arena, 7)
+    assert np.allclose(poses[:, :3, :3] @ poses[:, :3, :3].transpose(0, 2, 1), np.eye(3))
+    assert (poses[:, 2, 0] < -0.3).all()  # the middle beam looks down
+    caster = TreeCaster(arena)
+    assert all(np.isfinite(caster(pose)).mean() > 0.3 for pose in poses)
 
 
 def test_contact_shapes_are_scanned_where_they_are() -> None:
