@@ -25,8 +25,8 @@ DEVIATIONS = (
     "the head is above the pit, and goes on untimed until the body is across.",
     "Table II: simple is the hand-made mesh, turned into convex pieces as the other meshes are. The same shape as five "
     "exact boxes is the row boxes.",
-    "Table III: where the scanner stands is our choice, along the course; the arena is scanned alone, without a robot in "
-    "it, so that nothing dilutes the ratio; what counts is processor time. Brute force is written in NumPy, not in the "
+    "Table III: where the scanner stands is our choice, along the course. The arena is scanned alone, without a robot, "
+    "so that nothing dilutes the ratio; what counts is processor time. Brute force is written in NumPy, not in the "
     "paper's simulator.",
     "Tracks are spheres whose surface moves, not wheels on joints.",
     "Hinge torque (4.5 N m), hinge speed (0.8 rad/s) and track speed (0.1 m/s) are estimates, not measurements of the "
