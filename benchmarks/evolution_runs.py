@@ -17,7 +17,7 @@ from evolution.playback import judge
 from evolution.run import Run
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import make_arena
+from symbrion_gym.arenas.arena import load_arena, make_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.ready_made import SPACING
 from symbrion_gym.sensing.survey import survey
@@ -62,25 +62,34 @@ class Results:
 
 
 def measure_runs(
-    results: Results, part: str, config: EvolutionConfig, seeds: Iterable[int], say: Callable[[str], None]
+    results: Results,
+    part: str,
+    config: EvolutionConfig,
+    seeds: Iterable[int],
+    say: Callable[[str], None],
+    course: Course | None = None,
 ) -> list[Row]:
     """Evolve once for each seed, judge in truth, and keep each row as soon as it is known."""
     for seed in seeds:
-        row = measure_run(replace(config, seed=seed))
+        row = measure_run(replace(config, seed=seed), course)
         results.add_run(part, row)
         say(f"{part}: " + ", ".join(f"{key} {value}" for key, value in row.items()))
     return results.find_runs(part)
 
 
-def measure_run(config: EvolutionConfig) -> Row:
-    """Evolve, judge in truth, and return figures of both."""
+def measure_run(config: EvolutionConfig, course: Course | None = None) -> Row:
+    """Evolve, judge in truth, and return figures of both.
+
+    Args:
+        config: of the run.
+        course: the true one, where it is not the usual one.
+    """
     began, cpu_began, load = time.perf_counter(), time.process_time(), os.getloadavg()[0]
     run = evolve(config)
     seconds, cpu_seconds = time.perf_counter() - began, time.process_time() - cpu_began
     assert run.champion is not None
-    environment = tuple(pair for pair in run.champion.environment if pair[0] in ("abyss", "pit"))
-    champion, seed = replace(run.champion, environment=environment), 10_000 + config.seed
-    held = judge(champion, "truth", TRIALS, seed, workers=config.workers).successes
+    truth = load_arena("truth", course)
+    held = judge(run.champion, truth, TRIALS, 10_000 + config.seed, workers=config.workers).successes
     return {
         "seed": config.seed,
         "held_in_truth": held,
@@ -119,18 +128,20 @@ def summarise(rows: list[Row]) -> dict[str, Any]:
     }
 
 
-def make_model(method: str, size: int, folder: Path) -> str:
+def make_model(method: str, size: int, folder: Path, course: Course | None = None) -> str:
     """Survey the true arena, grow a network, save the arena made of it; return its folder.
 
     Args:
         method: "gsrm" or "gg".
         size: units of a gsrm, triangles of a gg.
         folder: where it goes.
+        course: the true one; default: the usual one.
     """
-    path = folder / f"{method}_{size}"
+    course = course or Course()
+    path = folder / f"{method}_{size}_{round(1000 * course.pit)}mm"
     if not path.exists():
-        points = thin(preprocess(survey("truth", seed=0)), SPACING)
+        points = thin(preprocess(survey(load_arena("truth", course), seed=0)), SPACING)
         sizes: dict[str, Any] = {"units": size} if method == "gsrm" else {"triangles": size}
         mesh = reconstruct(points, method=method, seed=0, **sizes).mesh
-        make_arena(mesh, name=path.name, course=Course(), seed=0).save(path)
+        make_arena(mesh, name=path.name, course=course, seed=0).save(path)
     return str(path)

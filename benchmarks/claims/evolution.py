@@ -25,13 +25,13 @@ EVOLUTION = (
         is_headline=True,
     ),
     Claim(
-        "likewise with 6 modules",
+        "likewise with 6 modules (a posture that travels along the body)",
         "{0} of {1}; {2:.0f}",
         _count_champions("six_modules"),
         bar=">= 3 of 5",
     ),
     Claim(
-        "likewise over an abyss of 0.35 m, where only a bridge counts",
+        "likewise over an abyss of 0.35 m, scanned, where only a bridge counts",
         "{0} of {1}; {2:.0f}",
         _count_champions("abyss"),
         bar=">= 3 of 5",
