@@ -12,7 +12,9 @@ import json
 import resource
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,6 +31,7 @@ RANDOM_EPISODES = 10_000
 EVOLVED_EPISODES = 2_000
 RANDOM_STEPS = 10_000_000
 MINUTES = 60.0
+_TICKS = 100
 _FINE = {"timestep": 0.001, "frame_skip": 20}
 
 
@@ -122,50 +125,52 @@ def measure_timestep(quick: bool) -> dict:
 def measure_speed(quick: bool) -> dict:
     """Robot-seconds per second of one thread, and what the loop in Python adds to bare steps.
 
-    Processor time, side by side; the fastest of many short rounds each, as other work on the machine only
-    ever adds.
+    Processor time of the same ticks again and again, side by side, each by its own clock; of each tick the median
+    over the rounds counts (and the fastest), so that a switch to other work costs only the tick it falls into.
     """
-    result, ticks, rounds = {}, 100, 10 if quick else 60
+    result = {}
     for arena in _find_arenas():
-        env, action = SnakePitEnv(arena=arena, modules=8), np.zeros(7)
-        whole, bare, resets = [], [], []
-        controls = _record_controls(env, action, ticks)
-        for _ in range(rounds):
-            start = time.process_time()
-            env.reset(seed=0)
-            resets.append(time.process_time() - start)
-            start = time.process_time()
-            for _ in range(ticks):
-                env.step(action)
-            whole.append(time.process_time() - start)
-            env.reset(seed=0)
-            start = time.process_time()
-            for control in controls:
-                env.data.ctrl[:] = control
-                mujoco.mj_step(env.model, env.data, nstep=4)
-            bare.append(time.process_time() - start)
-        result[f"{arena}: robot-seconds per second"] = round(ticks * env.dt / min(whole), 1)
-        result[f"{arena}: median of them"] = round(ticks * env.dt / float(np.median(whole)), 1)
-        result[f"{arena}: over bare mj_step"] = round(min(whole) / min(bare), 3)
-        result[f"{arena}: median over bare"] = round(float(np.median(np.array(whole) / bare)), 3)
-        result[f"{arena}: reset [ms]"] = round(1e3 * min(resets), 2)
-        many = _time_many(arena, ticks, max(rounds // 4, 3))
-        result[f"{arena}: 16 at once, one thread"] = round(16 * ticks * env.dt / many, 1)
-        result[f"{arena}: 16 at once over bare"] = round(many / (16 * min(bare)), 3)
+        figures = _measure_speed(arena, 10 if quick else 60)
+        result |= {f"{arena}: {name}": value for name, value in figures.items()}
     return result
 
 
-def _time_many(arena: str, ticks: int, rounds: int) -> float:
-    """Return the processor time [s] of 16 simulations at once on one thread."""
-    envs, spent = SnakePitVectorEnv(16, num_threads=1, arena=arena, modules=8), []
-    actions = np.zeros((16, 7))
-    for _ in range(rounds):
-        envs.reset(seed=0)
-        start = time.process_time()
-        for _ in range(ticks):
-            envs.step(actions)
-        spent.append(time.process_time() - start)
-    return min(spent)
+def _measure_speed(arena: str, rounds: int) -> dict[str, float]:
+    env, action = SnakePitEnv(arena=arena, modules=8), np.zeros(7)
+    envs, actions = SnakePitVectorEnv(16, num_threads=1, arena=arena, modules=8), np.zeros((16, 7))
+    controls = _record_controls(env, action, _TICKS)
+    spent: dict[str, list[np.ndarray]] = {"reset": [], "whole": [], "bare": [], "many": []}
+    for number in range(rounds):
+        spent["reset"].append(_time_ticks(lambda seed: env.reset(seed=seed), [0]))
+        spent["whole"].append(_time_ticks(env.step, [action] * _TICKS))
+        env.reset(seed=0)
+        spent["bare"].append(_time_ticks(partial(_step_bare, env), controls))
+        if number % 4 == 0:
+            envs.reset(seed=0)
+            spent["many"].append(_time_ticks(envs.step, [actions] * _TICKS) / 16)
+    figures, seconds = {}, _TICKS * env.dt
+    for name, pick in (("", np.median), ("fastest, ", np.min)):
+        reset, whole, bare, many = (float(pick(ticks, axis=0).sum()) for ticks in spent.values())
+        figures[f"{name}robot-seconds per second"] = round(seconds / whole, 1)
+        figures[f"{name}over bare mj_step"] = round(whole / bare, 3)
+        figures[f"{name}16 at once, one thread"] = round(seconds / many, 1)
+        figures[f"{name}16 at once over bare"] = round(many / bare, 3)
+        figures[f"{name}reset [ms]"] = round(1e3 * reset, 2)
+    return figures
+
+
+def _time_ticks(step: Callable[[Any], Any], arguments: Sequence[Any]) -> np.ndarray:
+    """Return the processor time of each call [s], `[ticks]`."""
+    marks = [time.process_time()]
+    for argument in arguments:
+        step(argument)
+        marks.append(time.process_time())
+    return np.diff(marks)
+
+
+def _step_bare(env: SnakePitEnv, control: np.ndarray) -> None:
+    env.data.ctrl[:] = control
+    mujoco.mj_step(env.model, env.data, nstep=4)
 
 
 def measure_threads(quick: bool) -> dict:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from side_by_side import assert_equal_ticks
 
 from symbrion_gym.arenas.arena import load_arena
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -30,17 +30,7 @@ def test_each_simulation_has_its_own_arena_to_the_bit(more):
             one, one_info = env.reset(seed=seed + i, options={**RESET, "friction": RESET["friction"][i]})
             np.testing.assert_array_equal(observation[i], one)
             assert info["x_position"][i] == one_info["x_position"]
-        done = np.zeros(4, dtype=bool)
-        for tick in range(120):
-            if tick % 25 == 0:
-                actions = rng.uniform(-0.7, 1.0, vector.action_space.shape)
-            observation, reward, terminated, truncated, info = vector.step(actions)
-            for i in np.flatnonzero(~done):
-                one = singles[i].step(actions[i])
-                np.testing.assert_array_equal(observation[i], one[0])
-                assert (reward[i], terminated[i], truncated[i]) == one[1:4]
-                assert all(info[name][i] == one[4][name] for name in NUMBERS + FLAGS)
-            done |= terminated | truncated
+        assert_equal_ticks(vector, singles, 120, rng)
 
 
 def test_a_choice_stays_until_another_is_made():

@@ -14,6 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import symbrion_gym as sg
 from symbrion_gym.environment.config import DEFAULT_SENSORS
+from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.registration import ENVIRONMENTS
 from symbrion_gym.robot.organism import cross
@@ -284,6 +285,14 @@ def test_other_bodies_can_try_too():
 def test_render_fps_follows_the_tick():
     assert SnakePitEnv(modules=2, frame_skip=2).metadata["render_fps"] == 100
     assert gym.make("symbrion_gym/SnakePit-v0", modules=2).unwrapped.metadata["render_fps"] == 50
+
+
+def test_info_holds_its_numbers_and_flags_in_their_order():
+    env = SnakePitEnv(modules=2)
+    _, first = env.reset(seed=0)
+    *_, info = env.step(np.zeros(1))
+    assert tuple(info) == NUMBERS + FLAGS
+    assert tuple(first)[: len(info)] == tuple(info)
 
 
 def test_timers_are_in_info_where_asked_for():

@@ -4,9 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from side_by_side import assert_equal_ticks
 
 import symbrion_gym as sg  # noqa: F401  registers the environments
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 from symbrion_gym.sensing.timing import timing
@@ -31,17 +31,7 @@ def test_vector_and_single_agree_to_the_bit(options, threads):
     for i, env in enumerate(singles):
         one, _ = env.reset(seed=3 + i, options={**RESET, "friction": RESET["friction"][i]})
         np.testing.assert_array_equal(observation[i], one)
-    rng, done = np.random.default_rng(0), np.zeros(4, dtype=bool)
-    for tick in range(150):
-        if tick % 25 == 0:
-            actions = rng.uniform(-0.7, 1.0, vector.action_space.shape)
-        observation, reward, terminated, truncated, info = vector.step(actions)
-        for i in np.flatnonzero(~done):
-            one = singles[i].step(actions[i])
-            np.testing.assert_array_equal(observation[i], one[0])
-            assert (reward[i], terminated[i], truncated[i]) == one[1:4]
-            assert all(info[name][i] == one[4][name] for name in NUMBERS + FLAGS)
-        done |= terminated | truncated
+    assert_equal_ticks(vector, singles, 150, np.random.default_rng(0))
 
 
 def test_what_is_done_stands_still_and_keeps_its_verdict():
