@@ -31,7 +31,7 @@ def measure_widened(
 
     Returns:
         `pit` before and after [m]; `surfaces`: rows for the surface as it was, refined, and made anew of the
-        second scan log, with `seconds` (a second, warm call, pre-processing included) and distances from the
+        second scan log, with `seconds` (processor time of a warm call, pre-processing included) and distances from the
         widened truth [m]; `before` and `after`: what is known of the champions that evolved in either surface,
         `judged` in both true arenas.
     """
@@ -42,8 +42,10 @@ def measure_widened(
     known = _make(points, config)
     progress("refining", 0.1)
     log = rc.load_scan_log(folder / LOG)
-    refined, refine_seconds = _time(lambda: known.refine(log, seed=config.seed))
-    anew, anew_seconds = _time(lambda: _make(rc.thin(rc.preprocess(log), SPACING), config))
+    (refined, refine_seconds), (anew, anew_seconds) = _time_in_turns(
+        lambda: known.refine(log, seed=config.seed),
+        lambda: _make(rc.thin(rc.preprocess(log), SPACING), config),
+    )
     surface = truths["wide"].surface
     told: dict[str, Any] = {
         "pit": [narrow.pit, PIT],
@@ -71,8 +73,13 @@ def _make(points: np.ndarray, config: PaperConfig) -> rc.Reconstruction:
     return rc.reconstruct(points, method="gsrm", units=config.arena_units, seed=config.seed)
 
 
-def _time(make: Callable[[], rc.Reconstruction]) -> tuple[rc.Reconstruction, float]:
-    """Return what is made and the seconds of a second call: the first one may compile."""
-    make()
-    start = time.perf_counter()
-    return make(), time.perf_counter() - start
+def _time_in_turns(*makers: Callable[[], rc.Reconstruction]) -> list[tuple[rc.Reconstruction, float]]:
+    """Return what each makes and its processor time [s], the median of three calls after one that may compile."""
+    made = [make() for make in makers]
+    seconds: list[list[float]] = [[] for _ in makers]
+    for _ in range(3):
+        for make, times in zip(makers, seconds, strict=True):
+            start = time.process_time()
+            make()
+            times.append(time.process_time() - start)
+    return [(surface, float(np.median(times))) for surface, times in zip(made, seconds, strict=True)]

@@ -275,10 +275,10 @@ def tabulate_widened(record: Record) -> Table:
          format_millimetres(row["mesh_to_truth"]), row["boundary_loops"]]
         for row in record["figures"]["surfaces"]
     ]  # fmt: skip
-    columns = ["GSRM", "triangles", "warm [s]", "truth to mesh [mm]", "p95 [mm]", "mesh to truth [mm]",
+    columns = ["GSRM", "triangles", "processor time, warm [s]", "truth to mesh [mm]", "p95 [mm]", "mesh to truth [mm]",
                "boundary loops"]  # fmt: skip
     return Table(
-        columns, rows, sign("One run each, from the scan log on, against the widened truth.", record)
+        columns, rows, sign("From the scan log on, against the widened truth; time: median of 3.", record)
     )
 
 
