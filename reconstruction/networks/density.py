@@ -16,6 +16,8 @@ _UNEVEN = 2.5
 """An even cloud's probes differ by less: 98th over 2nd percentile of the distance to the tenth neighbour."""
 _LINEAR = 0.08
 """Below this ratio of variances a neighbourhood is one scan line, not a surface."""
+_MAX_LINED = 0.05
+"""Share of neighbourhoods that may look like a line by chance."""
 _GAPS = 1.5
 """In an uneven cloud the distance between samples varies with the direction: it is up to so many times the mean."""
 _STRIDE = 4
@@ -68,9 +70,27 @@ def study_density(samples: np.ndarray, tree: cKDTree, rng: np.random.Generator) 
     low, typical, high = np.percentile(reach, [2, 50, 98])
     is_line = _find_spread(tree.data[neighbors])[:, 1] < _LINEAR
     spacing = typical * np.sqrt(np.pi / near)
-    if high < _UNEVEN * max(low, 1e-30) and reach.max() < 2 * _UNEVEN * typical and is_line.mean() < 0.05:
+    is_even = high < _UNEVEN * max(low, 1e-30) and reach.max() < 2 * _UNEVEN * typical
+    if is_even and is_line.mean() < _MAX_LINED and not _has_thick_lines(samples, probes):
         return Density(np.full(num_samples, spacing), np.ones(num_samples))
     return _study_all(samples)
+
+
+def _has_thick_lines(samples: np.ndarray, probes: np.ndarray) -> bool:
+    """Tell whether scan lines come out among fewer samples: noise larger than their spacing had hidden them."""
+    for stride in (_STRIDE**2, _STRIDE**3):
+        few = _draw_few(samples, stride)
+        if len(few) < NUM_PROBES:
+            break
+        _, neighbors = cKDTree(few).query(probes, k=_NEAR + 1)
+        if (_find_spread(few[neighbors])[:, 1] < _LINEAR).mean() >= _MAX_LINED:
+            return True
+    return False
+
+
+def _draw_few(samples: np.ndarray, stride: int) -> np.ndarray:
+    """Return one sample of `stride`; drawn, as every sixteenth of a scan may lie on one line itself."""
+    return samples[np.random.default_rng(stride).integers(0, len(samples), len(samples) // stride)]
 
 
 def _study_all(samples: np.ndarray) -> Density:
@@ -95,14 +115,27 @@ def _reach_beyond_lines(samples: np.ndarray, reach: np.ndarray, neighbors: np.nd
         reach: `[N]` distance to the farthest neighbour.
         neighbors: `[N, K]` indices.
     """
-    lined = np.flatnonzero(_find_spread(samples[neighbors])[:, 1] < _LINEAR)
+    is_lined = _find_spread(samples[neighbors])[:, 1] < _LINEAR
+    is_found = np.zeros(len(samples), dtype=bool)
     reach, stride = reach.copy(), 1
-    while len(lined) and len(samples) // (stride * _STRIDE) > neighbors.shape[1]:
+    while len(samples) // (stride * _STRIDE) > neighbors.shape[1]:
         stride *= _STRIDE
-        few = samples[::stride]
-        distances, around = cKDTree(few).query(samples[lined], k=neighbors.shape[1], workers=-1)
-        reach[lined] = distances[:, -1]
-        lined = lined[_find_spread(few[around])[:, 1] < _LINEAR]
+        few = _draw_few(samples, stride)
+        tree = cKDTree(few)
+        if len(few) >= NUM_PROBES:
+            probes = samples[:: max(1, len(samples) // NUM_PROBES)]
+            around = tree.query(probes, k=neighbors.shape[1])[1]
+            may_be_lined = (_find_spread(few[around])[:, 1] < _LINEAR).mean() >= _MAX_LINED
+        else:
+            may_be_lined = False
+        chosen = np.flatnonzero(~is_found if may_be_lined else is_lined)
+        if len(chosen) == 0:
+            continue
+        distances, around = tree.query(samples[chosen], k=neighbors.shape[1], workers=-1)
+        was_lined = is_lined[chosen]
+        reach[chosen[was_lined]] = distances[was_lined, -1]
+        is_lined[chosen] = _find_spread(few[around])[:, 1] < _LINEAR
+        is_found[chosen] = was_lined & ~is_lined[chosen]
     return reach
 
 

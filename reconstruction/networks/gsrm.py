@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks import gsrm_paper
-from reconstruction.networks.density import study_density
+from reconstruction.networks.density import Density, study_density
 from reconstruction.networks.growth import Level, grow, make_level
 from reconstruction.networks.support import make_support
 from reconstruction.networks.winners import make_tiles, search_all
@@ -25,6 +26,11 @@ from reconstruction.surfaces.edge_flips import turn_edges
 from reconstruction.surfaces.surface_fit import fit_surface
 from reconstruction.surfaces.topology import learn_faces
 from reconstruction.surfaces.unfolding import unfold_faces
+
+START_DISTANCE = 1.4
+"""In an uneven cloud no unit starts nearer to another than so many sample spacings, or scan lines get too many."""
+_CROWD = 8
+"""Of so many nearest units it must keep away."""
 
 
 @dataclass(frozen=True)
@@ -116,12 +122,10 @@ def _train_batch(
     tiles = make_tiles(samples)
     density = study_density(samples, tiles.tree, rng)
     level = make_level(tiles, density)
-    usable = np.flatnonzero(density.weights)
-    num_start = min(max(3, int(config.start_share * config.units)), len(usable))
     progress("grow", 0.1)
     units = grow(
         level,
-        samples[rng.choice(usable, num_start, replace=False)],
+        _draw_start(samples, density, max(3, int(config.start_share * config.units)), rng),
         config.units,
         growth=config.growth,
         samples_per_unit=config.samples_per_unit,
@@ -130,6 +134,19 @@ def _train_batch(
     )
     progress("learn the topology", 0.5)
     return _learn_surface(level, units, config.fit, progress)
+
+
+def _draw_start(samples: np.ndarray, density: Density, number: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw the first units among the samples: `[U, 3]`, fewer than the number where samples are too sparse."""
+    usable = np.flatnonzero(density.weights)
+    drawn = rng.choice(usable, min(number, len(usable)), replace=False)
+    units, apart = samples[drawn], START_DISTANCE * density.spacing[drawn]
+    if np.ptp(density.spacing) == 0 or len(units) <= _CROWD:
+        return units
+    distances, others = cKDTree(units).query(units, k=_CROWD)
+    is_crowded = ((others < np.arange(len(units))[:, None]) & (distances < apart[:, None])).any(axis=1)
+    is_crowded[:3] = False
+    return units[~is_crowded]
 
 
 def _learn_surface(

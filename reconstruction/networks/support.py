@@ -78,17 +78,19 @@ def make_support(level: Level, units: np.ndarray, winners: np.ndarray) -> Suppor
         winners: `[T, S]` the unit nearest to every slot.
     """
     is_used = level.weights > 0
-    spacings = np.where(is_used | ~level.tiles.is_real, level.spacings, 0)
+    spacings = level.spacings
     sparse = find_sparse(winners[is_used], len(units))
     if len(sparse):
         distances, _ = cKDTree(units).query(units[sparse], k=min(NUM_NEIGHBORS, len(units) - 1) + 1)
         widest = np.zeros(len(units))
         widest[sparse] = np.median(distances[:, 1:], axis=1) / 2
         spacings = np.where(is_used, np.maximum(spacings, widest[winners]), spacings)
-    by_tree = np.empty(level.tiles.tree.n)
-    by_tree[level.tiles.tree.indices] = spacings.ravel()
     is_uneven = bool(np.ptp(level.spacings) > 0)
-    return Support(level.tiles.tree, by_tree, is_uneven=is_uneven)
+    if is_used[level.tiles.is_real].all():
+        by_tree = np.empty(level.tiles.tree.n)
+        by_tree[level.tiles.tree.indices] = spacings.ravel()
+        return Support(level.tiles.tree, by_tree, is_uneven=is_uneven)
+    return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], is_uneven=is_uneven)
 
 
 def find_sparse(winners: np.ndarray, num_units: int) -> np.ndarray:

@@ -12,10 +12,16 @@ import itertools
 import numpy as np
 
 from reconstruction.networks.support import MAX_VOID, Support
-from reconstruction.surfaces.manifold import find_normals, group_sides
+from reconstruction.surfaces.manifold import find_folds, find_hinges, find_normals, group_sides
 
 MAX_HOLE_EDGES = 24
 """Longer loops are taken for the true rim."""
+MAX_TIP_EDGES = 64
+"""Longer loops are not looked at for tips."""
+_RIM_COSINE = -0.5
+"""A loop round a piece of surface, not a gap in it: its area vector lies so much against the normals beside it."""
+_MAX_FOLDED = 0.3
+"""A patch of which more sides are folded back onto the surface is a second layer of it."""
 _AGAINST = 10.0
 """Cost of a face that lies against the surface round it; well-shaped faces cost 0.5, slivers 1."""
 
@@ -77,14 +83,55 @@ def patch_holes(
     return patched, _find_obstacles(faces, blocked)
 
 
+def close_tips(units: np.ndarray, faces: np.ndarray, support: Support) -> np.ndarray:
+    """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart.
+
+    Args:
+        units: `[U, 3]`.
+        faces: `[F, 3]` of an oriented two-manifold.
+        support: tells whether samples lie on a face.
+
+    Returns:
+        `[F', 3]` an oriented two-manifold with the patches last.
+    """
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= MAX_TIP_EDGES)
+    if not loops:
+        return faces
+    normals = find_vertex_normals(units, faces)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > _RIM_COSINE]
+    neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
+    added = []
+    for loop in loops:
+        patch = np.array(_triangulate(loop, _rate_triangles([loop], units, normals)[0], neighbors))
+        if len(patch) and support.measure_void(units[patch]).sum() <= MAX_VOID:
+            beside = faces[np.isin(faces, loop).sum(axis=1) >= 2]
+            around = np.concatenate([beside, patch])
+            hinges = find_hinges(around, group_sides(around, len(units)))
+            folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
+            if (folded >= len(beside)).sum() <= _MAX_FOLDED * len(patch):
+                added.append(patch)
+    return np.concatenate([faces, *added])
+
+
+def _find_outlook(positions: np.ndarray, normals: np.ndarray) -> float:
+    """Return the cosine between a loop's area vector and the normals beside it, less where these differ."""
+    area = _find_area(positions)
+    return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
+
+
 def _is_hole(positions: np.ndarray, normals: np.ndarray) -> bool:
     """Tell whether a loop `[n, 3]` runs round a gap in the surface and not round a piece of it.
 
     The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
     """
+    return bool(_find_area(positions) @ normals.sum(axis=0) > 0)
+
+
+def _find_area(positions: np.ndarray) -> np.ndarray:
+    """Return twice the area vector of a loop `[n, 3]`: `[3]`."""
     offset = positions - positions[0]
-    area = np.cross(offset[1:-1], offset[2:]).sum(axis=0)
-    return bool(area @ normals.sum(axis=0) > 0)
+    return np.cross(offset[1:-1], offset[2:]).sum(axis=0)
 
 
 def _find_supported(units: np.ndarray, patches: list[np.ndarray], support: Support) -> np.ndarray:

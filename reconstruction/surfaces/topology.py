@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
-from reconstruction.surfaces.hole_patching import patch_holes
+from reconstruction.surfaces.hole_patching import close_tips, patch_holes
 from reconstruction.surfaces.manifold import group_sides, is_in_sorted, make_manifold
 from reconstruction.surfaces.orientation import find_components
 
@@ -102,7 +102,7 @@ def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, supp
             break
         faces = np.delete(faces, obstacles, axis=0)
         faces = make_manifold(units, faces, rate_faces(units, faces))
-    return drop_debris(faces, len(units))
+    return drop_debris(close_tips(units, faces, support), len(units))
 
 
 def drop_debris(faces: np.ndarray, num_units: int) -> np.ndarray:
