@@ -23,8 +23,10 @@ COMPLETE = 0.8
 """New readings on this share of the surface are taken for a whole new scan: what they do not show is gone."""
 DISAGREEING_SHARE = 0.3
 """A vertex has moved where more than this share of its new readings disagree."""
-SIGNIFICANCE = 2.5
+SIGNIFICANCE = 3.0
 """It has not where so many disagree as the old readings let expect, within this many standard deviations."""
+ABOUT = 1.2
+"""Next to a point are new readings up to so many times their usual distance away."""
 LEAST_COMPARED = 4096
 COMPARED_PER_FACE = 4
 """Of very many new readings so many for each face suffice."""
@@ -47,6 +49,7 @@ class Evidence(NamedTuple):
         is_gone: `[V]` vertices without new readings though what surrounds them was read again, and those that
             rays pass through.
         is_read: `[V]` vertices with a new reading nearby.
+        density: new readings a square metre of surface, where they are.
     """
 
     compared: np.ndarray
@@ -56,6 +59,7 @@ class Evidence(NamedTuple):
     is_moved: np.ndarray
     is_gone: np.ndarray
     is_read: np.ndarray
+    density: float
 
 
 def weigh_evidence(
@@ -80,6 +84,7 @@ def weigh_evidence(
     about, probes = _crop(vertices, faces, old_points, new_points, 2 * spacing)
     wanted = max(LEAST_COMPARED, COMPARED_PER_FACE * len(about))
     compared = _thin(np.arange(len(new_points)), wanted)
+    num_readings = len(new_points)
     new_points, origins = new_points[compared], None if origins is None else origins[compared]
     surface = igl.AABB()
     surface.init(vertices, about)
@@ -102,12 +107,13 @@ def weigh_evidence(
             usual = _find_heights(vertices, about, known, np.asarray(nearest), np.asarray(closest))
             owners = _find_corners(vertices, about[np.asarray(nearest)], known)
             is_moved &= _is_news(winners, disagrees, owners, usual > tolerance, len(vertices))
-    is_read = find_read(vertices, new_points, spacing)
+    is_read, density = find_read(vertices, new_points, spacing)
+    density *= num_readings / len(compared)
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
     if origins is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
         is_gone |= find_passed(vertices, faces, new_points, origins, agreeing, tolerance, 2 * spacing)
-    return Evidence(compared, winners, distance, tolerance, is_moved, is_gone, is_read)
+    return Evidence(compared, winners, distance, tolerance, is_moved, is_gone, is_read, density)
 
 
 def _crop(
@@ -143,16 +149,39 @@ def _find_heights(
     return np.abs(np.einsum("mk,mk->m", points - closest[: len(points)], normals))
 
 
-def find_read(vertices: np.ndarray, new_points: np.ndarray, spacing: float) -> np.ndarray:
-    """Return which vertices have a new reading as near as the readings' density lets expect: `[V]`."""
+def find_read(vertices: np.ndarray, new_points: np.ndarray, spacing: float) -> tuple[np.ndarray, float]:
+    """Return which vertices have a new reading as near as the readings' density lets expect, `[V]`, and that density.
+
+    The density is in readings a square metre of surface.
+    """
     tree = cKDTree(new_points, balanced_tree=False)
     probes = _thin(new_points, NUM_DENSITY_PROBES)
-    usual = float(np.median(tree.query(probes, k=min(5, len(new_points)))[0][:, -1]))
+    near = min(5, len(new_points))
+    usual = float(np.median(tree.query(probes, k=near)[0].reshape(len(probes), -1)[:, -1]))
     reach = 1.5 * usual + spacing
     is_read = np.zeros(len(vertices), dtype=bool)
     about = find_near_box(vertices, new_points, reach)
     is_read[about] = np.isfinite(tree.query(vertices[about], distance_upper_bound=reach)[0])
-    return is_read
+    return is_read, (near - 1) / max(np.pi * usual**2, 1e-300)
+
+
+def find_superseded(points: np.ndarray, readings: np.ndarray, evidence: Evidence) -> np.ndarray:
+    """Return which old points `[P]` have no new reading next to them that agrees with the surface they are on.
+
+    Args:
+        points: `[P, 3]`.
+        readings: `[C, 3]` the new readings that were compared.
+        evidence: what came of it.
+    """
+    if len(points) == 0:
+        return np.zeros(0, dtype=bool)
+    reach = ABOUT / np.sqrt(evidence.density)
+    agreeing = find_near_box(readings, points, reach)
+    agreeing = agreeing[evidence.distance[agreeing] <= evidence.tolerance]
+    if len(agreeing) == 0:
+        return np.ones(len(points), dtype=bool)
+    tree = cKDTree(readings[agreeing], balanced_tree=False)
+    return ~np.isfinite(tree.query(points, distance_upper_bound=reach)[0])
 
 
 def find_gone(
@@ -224,14 +253,29 @@ def _find_moved(
 ) -> np.ndarray:
     """Return which vertices win mostly readings that disagree, enough of them within their neighbourhood."""
     against = np.flatnonzero(disagrees)
-    if len(against) < MIN_READINGS:
-        return np.zeros(num_vertices, dtype=bool)
-    crowd, _ = cKDTree(new_points[against], balanced_tree=False).query(
-        new_points[against], k=MIN_READINGS, distance_upper_bound=3 * spacing
-    )
-    believed = np.bincount(winners[against[np.isfinite(crowd[:, -1])]], minlength=num_vertices)
+    is_crowded = find_crowded(winners[against], new_points[against], 3 * spacing)
+    believed = np.bincount(winners[against[is_crowded]], minlength=num_vertices)
     everything = np.bincount(winners, minlength=num_vertices)
     return believed > DISAGREEING_SHARE * everything
+
+
+def find_crowded(winners: np.ndarray, points: np.ndarray, distance: float) -> np.ndarray:
+    """Return which readings are not alone: won by the vertex of enough others, or near to enough others.
+
+    Args:
+        winners: `[N]` the vertex that each reading is nearest to.
+        points: `[N, 3]` the readings.
+        distance: up to which others are near.
+    """
+    if len(points) < MIN_READINGS:
+        return np.zeros(len(points), dtype=bool)
+    is_crowded = np.bincount(winners)[winners] >= MIN_READINGS
+    left = np.flatnonzero(~is_crowded)
+    if len(left):
+        tree = cKDTree(points, balanced_tree=False)
+        crowd, _ = tree.query(points[left], k=MIN_READINGS, distance_upper_bound=distance)
+        is_crowded[left] = np.isfinite(crowd[:, -1])
+    return is_crowded
 
 
 def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -263,8 +307,8 @@ def _is_news(
         np.bincount(to, weights, minlength=num_vertices)
         for to, weights in ((owners, has_disagreed), (winners, disagrees))
     )
-    share = (were_against + are_against) / np.maximum(before + now, 1)
     expected = were_against / np.maximum(before, 1) * now
+    share = (were_against + 0.5) / (before + 1)
     # Both counts scatter: what is expected is known no better than the old readings tell.
     variance = share * (1 - share) * now * (1 + now / np.maximum(before, 1)) * (before > 0)
-    return are_against - expected > SIGNIFICANCE * np.sqrt(variance + 0.5)
+    return are_against - expected > SIGNIFICANCE * np.sqrt(variance + 0.25)

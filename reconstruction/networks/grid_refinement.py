@@ -6,18 +6,22 @@ Only contradicted units and those beside them may move, and only the rows and co
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import binary_dilation, binary_erosion, label
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_near_box
-from reconstruction.networks.evidence import weigh_evidence
+from reconstruction.networks.evidence import Evidence, find_superseded, weigh_evidence
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 
 SQUARE = np.ones((3, 3), dtype=bool)
+CLOSING = 2
+"""Gaps of up to twice so many units between moved ones have moved with them."""
+STRAY = 0.1
+"""Where no more than this share of a unit's new readings disagree, nothing has changed."""
 STRETCH = 1.6
 """A gap gets lines where its active edges are longer than this many times the usual edge."""
 NUM_ROUNDS = 8
@@ -78,25 +82,30 @@ def refine_sheet(
     is_moved, is_gone = (part.reshape(units.shape[:2]) for part in (evidence.is_moved, evidence.is_gone))
     if not (is_moved | is_gone).any():
         return units, has_face, np.concatenate([old_points, new_points])
+    is_moved = close_gaps(is_moved)
     is_cut = _find_open_patches(is_gone & ~is_moved)
-    is_doubtful = binary_dilation(is_moved | is_gone & ~is_cut, SQUARE) | is_cut
+    is_ring = binary_dilation(is_moved | is_gone & ~is_cut, SQUARE)
+    is_doubtful = is_ring & ~(_find_steady(evidence, units.shape[:2]) & ~(is_moved | is_gone)) | is_cut
     is_active = is_doubtful & ~is_cut
     is_near = _find_window(is_active | is_cut).spread(units.shape[:2]).reshape(-1)
-    about = find_near_box(old_points, vertices[(is_active | is_cut).reshape(-1)], 2 * spacing)
-    owners = np.asarray(cKDTree(vertices).query(old_points[about])[1])
-    is_true = ~is_doubtful.reshape(-1)[owners]
+    changed = vertices[(is_active | is_cut).reshape(-1)]
+    about = find_near_box(old_points, changed, 2 * spacing)
+    readings = new_points[evidence.compared]
+    against = readings[(evidence.distance > evidence.tolerance) & is_near[evidence.winners]]
+    news = find_near_box(new_points, np.concatenate([changed, against]), 2 * spacing)
+    samples = np.concatenate([old_points[about], new_points[news]])
+    owners = np.asarray(cKDTree(vertices).query(samples)[1])
+    is_stale = is_doubtful.reshape(-1)[owners]
+    is_stale[len(about) :] = False
+    beside = np.flatnonzero(is_stale & ~(is_moved | is_gone).reshape(-1)[owners])
+    is_stale[beside] = find_superseded(samples[beside], readings, evidence)
+    samples = samples[is_near[owners] & ~is_stale]
     is_left = np.ones(len(old_points), dtype=bool)
-    is_left[about[~is_true]] = False
+    is_left[about[is_stale[: len(about)]]] = False
     points = np.concatenate([old_points.take(np.flatnonzero(is_left), axis=0), new_points])
-    samples = np.concatenate(
-        [
-            old_points[about[is_true & is_near[owners]]],
-            new_points[evidence.compared[is_near[evidence.winners]]],
-        ]
-    )
     spanned = span_gone(units, is_gone & ~is_cut & ~is_moved)
     sheet = Sheet(spanned, is_active, has_face, ~is_doubtful)
-    center = vertices[(is_active | is_cut).reshape(-1)].mean(axis=0)
+    center = changed.mean(axis=0)
     scaled = ((samples - center) / spacing).astype(np.float32)
     start = ((spanned - center) / spacing).astype(np.float32)
     local = sheet._replace(units=start)
@@ -106,6 +115,23 @@ def refine_sheet(
     if moved.shape == units.shape:
         moved = np.where(is_active[..., None], moved, units)
     return moved, _find_supported(local, scaled, 1.0), points
+
+
+def close_gaps(is_moved: np.ndarray) -> np.ndarray:
+    """Return the moved units with those that lie in narrow gaps between them: `[R, C]`."""
+    wide = binary_dilation(np.pad(is_moved, CLOSING), SQUARE, iterations=CLOSING)
+    return binary_erosion(wide, SQUARE, iterations=CLOSING, border_value=1)[
+        CLOSING:-CLOSING, CLOSING:-CLOSING
+    ]
+
+
+def _find_steady(evidence: Evidence, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the units whose new readings agree, `[R, C]`, but for stray ones."""
+    disagrees = evidence.distance > evidence.tolerance
+    number = int(np.prod(shape))
+    against = np.bincount(evidence.winners[disagrees], minlength=number)
+    everything = np.bincount(evidence.winners, minlength=number)
+    return ((everything > 0) & (against <= STRAY * everything)).reshape(shape)
 
 
 class Window(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_near_box
-from reconstruction.networks.evidence import MIN_READINGS, Evidence, weigh_evidence
+from reconstruction.networks.evidence import Evidence, find_crowded, weigh_evidence
 from reconstruction.networks.map_motion import find_movable, move_units
 from reconstruction.networks.map_regrowth import regrow, widen
 from reconstruction.surfaces.hole_patching import find_vertex_normals
@@ -19,12 +19,14 @@ from reconstruction.surfaces.surface_fit import mean_edge_length
 
 MARGIN = 1.5
 """Readings nearer to a contradicted unit than this, in mean edges, take part."""
+UNIT_AREA = 0.7
+"""Surface that a unit stands for, in squared mean edges."""
+READINGS_PER_UNIT = 40
+"""So many new readings for each unit suffice."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
 STRONG = 1.5
 """Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
-MAX_STRONG = 2048
-"""Of strong disagreements not more than this are looked at."""
 STRONG_RINGS = 2
 """So many rings of units round a strong disagreement are believed with it."""
 FEWEST_CONFIRMATIONS = 4.0
@@ -63,6 +65,7 @@ def refine_map(
     about = find_near_box(old_points, units[is_doubtful], MARGIN * edge)
     against = readings[distant & is_doubtful[evidence.winners]]
     news = find_near_box(new_points, np.concatenate([units[is_doubtful], against]), MARGIN * edge)
+    news = news[:: max(1, int(evidence.density * UNIT_AREA * edge**2 / READINGS_PER_UNIT))]
     samples = np.concatenate([old_points[about], new_points[news]])
     winners = np.asarray(cKDTree(units).query(samples)[1])
     is_stale = is_refuted[winners]
@@ -110,11 +113,8 @@ def _find_doubtful(
     """Return the units that have moved or are gone: `[U]`."""
     is_strong = np.zeros(num_units, dtype=bool)
     far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
-    if len(far) >= MIN_READINGS:
-        tree = cKDTree(new_points[far], balanced_tree=False)
-        far = far[:: -(-len(far) // MAX_STRONG)]
-        crowd, _ = tree.query(new_points[far], k=MIN_READINGS)
-        is_strong[evidence.winners[far[crowd[:, -1] < 3 * edge]]] = True
+    winners = evidence.winners[far]
+    is_strong[winners[find_crowded(winners, new_points[far], 3 * edge)]] = True
     is_moved, is_gone = evidence.is_moved & widen(faces, is_strong, STRONG_RINGS), evidence.is_gone
     if is_gone.any():
         agreeing = evidence.winners[evidence.distance <= evidence.tolerance]
