@@ -97,15 +97,17 @@ def measure_steps(quick: bool) -> dict:
 
 
 def measure_seams(quick: bool) -> dict:
-    """Kicks and losses of speed of a sled and a wheel drawn over all seams."""
+    """Kicks and losses of speed of a sled and a wheel drawn to and fro over the seams."""
     course = Course()
-    arenas = {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
+    truth = Arena.from_course(course)
+    arenas = {"truth moved by 1 mm along": _move(truth, [0.001, 0.0, 0.0])}
+    arenas |= {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
     for name in ("gsrm", "gg"):
         arenas[f"ready-made {name}"] = load_arena(name)
     if not quick:
         mesh = scan_course(_PIT, "gsrm 2200")
         arenas["exact triangles of gsrm 2200"] = make_arena(mesh, kind="prisms", course=course)
-    found = compare_drawn(Arena.from_course(course), arenas)
+    found = compare_drawn(truth, course, arenas)
     for rows in found.values():
         _show(rows)
     return found
@@ -115,7 +117,7 @@ def measure_behaviour(quick: bool) -> dict:
     """Crossing and distance of random controllers in every kind of contact, against the truth."""
     course = Course(pit=_EASY_PIT)
     truth = Arena.from_course(course)
-    moved = replace(truth, pieces=[p.copy().apply_translation([0, 0, 0.001]) for p in truth.pieces])
+    moved = _move(truth, [0.0, 0.0, 0.001])
     behaviour = Behaviour(truth, 10 if quick else 30)
     rows: Rows = {"truth": behaviour.reference, "truth moved by 1 mm": behaviour.compare(moved)}
     _show(rows)
@@ -160,6 +162,10 @@ PARTS: dict[str, Callable[[bool], dict]] = {
     "rays": measure_rays,
     "behaviour": measure_behaviour,
 }
+
+
+def _move(arena: Arena, by: list[float]) -> Arena:
+    return replace(arena, pieces=[piece.copy().apply_translation(by) for piece in arena.pieces])
 
 
 def _judge(rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh) -> None:

@@ -21,7 +21,7 @@ from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
 from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.quality import ArenaQuality
 
-_FORMAT = 4
+_FORMAT = 5
 """Raised whenever the way pieces are made changes: old entries are then left alone."""
 _LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 

@@ -16,7 +16,10 @@ _MAX_RAYS = 400_000
 
 @dataclass(frozen=True)
 class ArenaQuality:
-    """Vertical distances between what is touched and the surface, on a grid; 2 cm around walls left out.
+    """Distances between what is touched and the surface.
+
+    Of a terrain: vertical, on a grid, 2 cm around walls left out. Of a closed body and of a surface with overhangs,
+    of which a vertical line sees one side only: of points all over the surface from the skin of the pieces.
 
     Attributes:
         mean: mean distance [m]; inf where there is no ground to measure on, as are the next three.
@@ -86,6 +89,41 @@ def measure_arena(
         max=float(np.abs(gap).max()),
         bias=float(gap.mean()),
         uncovered=float(1.0 - is_touched[is_there].mean()),
+        num_pieces=len(pieces),
+        seconds=seconds,
+    )
+
+
+def measure_body(
+    pieces: list[trimesh.Trimesh], surface: trimesh.Trimesh, *, seconds: float = 0.0, count: int = 4000
+) -> ArenaQuality:
+    """Compare the skin of the pieces with a surface at points strewn over it, whichever way it faces.
+
+    A point inside a piece lies as deep as the nearest plane of that piece is far. One outside of all pieces counts
+    as uncovered from 1 % of the extent on.
+
+    Args:
+        pieces: contact pieces.
+        surface: what they should be.
+        seconds: to be noted in the result.
+        count: number of points.
+    """
+    points = np.asarray(trimesh.sample.sample_surface(surface, count, seed=0)[0])
+    outside = np.full(len(points), np.inf)
+    for piece in pieces:
+        normals = np.asarray(piece.face_normals)
+        offsets = np.einsum("fi,fi->f", normals, np.asarray(piece.triangles)[:, 0])
+        outside = np.minimum(outside, (points @ normals.T - offsets).max(axis=1))
+    is_covered = outside < 0.01 * float(surface.extents.max())
+    if not is_covered.any():
+        return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
+    gap = np.abs(outside[is_covered])
+    return ArenaQuality(
+        mean=float(gap.mean()),
+        p95=float(np.percentile(gap, 95)),
+        max=float(gap.max()),
+        bias=float(-outside[is_covered].mean()),
+        uncovered=float(1.0 - is_covered.mean()),
         num_pieces=len(pieces),
         seconds=seconds,
     )

@@ -1,6 +1,7 @@
 """coacd in a process of its own: it can crash or never end, and takes its caller along.
 
-Run as `python -m symbrion_gym.pieces.coacd_worker INPUT.npz OUTPUT.npz [SECONDS]`; see `decomposition.py`.
+Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the rest of the package; see
+`decomposition.py`.
 """
 
 from __future__ import annotations

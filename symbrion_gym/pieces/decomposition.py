@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import signal
 import subprocess
 import sys
@@ -20,8 +19,7 @@ from symbrion_gym.pieces.hulls import make_hull
 MIN_VOLUME = 1e-6
 """Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
 MAX_HULL_VERTICES = 64
-
-_logger = logging.getLogger(__name__)
+_WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
 def decompose(
@@ -55,12 +53,12 @@ def decompose(
     with tempfile.TemporaryDirectory(prefix="symbrion-coacd-") as folder:
         source, target = Path(folder) / "solid.npz", Path(folder) / "pieces.npz"
         np.savez(source, vertices=solid.vertices, faces=solid.faces, options=json.dumps(options))
-        command = [sys.executable, "-m", "symbrion_gym.pieces.coacd_worker", str(source), str(target)]
+        # As a file, not as a module: the package itself would be imported, a second for nothing.
+        command = [sys.executable, "-P", str(_WORKER), str(source), str(target)]
         if processor_limit is not None:
             command.append(str(max(int(np.ceil(processor_limit)), 1)))
-        root = str(Path(__file__).resolve().parents[2])
         try:
-            done = subprocess.run(command, capture_output=True, timeout=time_limit, cwd=root, check=False)
+            done = subprocess.run(command, capture_output=True, timeout=time_limit, check=False)
         except subprocess.TimeoutExpired as error:
             raise ArenaError(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "

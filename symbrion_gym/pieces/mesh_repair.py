@@ -61,7 +61,7 @@ def repair_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     faces = _drop_flat_faces(vertices, faces)
     faces = _drop_small_parts(vertices, faces)
     if len(faces) > _MAX_FACES:
-        vertices, faces = _simplify(vertices, faces, _MAX_FACES)
+        vertices, faces = simplify(vertices, faces, _MAX_FACES)
     faces = _wind(vertices, faces)
     vertices, faces = _split_pinched(vertices, faces)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
@@ -127,8 +127,8 @@ def decimate(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.nd
     return np.asarray(arrays[0], dtype=np.float64), np.asarray(arrays[1], dtype=np.int64)
 
 
-def _simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Fewer faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
+def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
     before = _merge_vertices(vertices, faces)
     vertices, faces = decimate(*before, count)
     is_sound = len(faces) > 0 and np.isfinite(vertices).all()

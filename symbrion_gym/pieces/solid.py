@@ -66,18 +66,17 @@ def simplify_solid(solid: trimesh.Trimesh, num_faces: int = 400) -> trimesh.Trim
     return simple if is_sound else solid
 
 
-def close_holes(mesh: trimesh.Trimesh, max_rim: float = 0.5) -> trimesh.Trimesh:
-    """Return the mesh with a fan in every hole, if the rims are short against the size of the mesh.
+def close_holes(mesh: trimesh.Trimesh, max_share: float = 0.02) -> trimesh.Trimesh:
+    """Return the mesh with a fan in every hole, if the holes are small against the mesh.
 
     Args:
         mesh: a body with holes where it was not seen.
-        max_rim: length of all rims, relative to the root of the area.
+        max_share: area of all fans, relative to that of the mesh: a tube shorter than 50 radii stays open.
     """
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     _, first, number = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     rim = edges[first[number == 1]]
-    length = np.linalg.norm(mesh.vertices[rim[:, 0]] - mesh.vertices[rim[:, 1]], axis=1).sum()
-    if not len(rim) or length > max_rim * np.sqrt(mesh.area):
+    if not len(rim):
         return mesh
     count = len(mesh.vertices)
     links = csr_matrix((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(count, count))
@@ -88,7 +87,8 @@ def close_holes(mesh: trimesh.Trimesh, max_rim: float = 0.5) -> trimesh.Trimesh:
     middles /= np.bincount(number)[:, None]
     fans = np.column_stack([rim[:, 1], rim[:, 0], count + number])
     vertices, faces = np.concatenate([mesh.vertices, middles]), np.concatenate([mesh.faces, fans])
-    return trimesh.Trimesh(vertices, faces, process=False)
+    closed = trimesh.Trimesh(vertices, faces, process=False)
+    return closed if closed.area <= (1.0 + max_share) * mesh.area else mesh
 
 
 def _stitch(mesh: trimesh.Trimesh, other_side: np.ndarray) -> trimesh.Trimesh:

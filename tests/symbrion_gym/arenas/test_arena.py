@@ -277,10 +277,21 @@ def check_broken_mesh(seed, damage):
     arena.spec().compile()
 
 
-def test_nothing_but_walls_is_written_as_strict_json(tmp_path):
+def make_walls():
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [1, 1, 0], [1, 1, 1]], dtype=float)
-    walls = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], process=False)
-    arena = make_arena(walls, cache=tmp_path / "cache")
+    return trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]], process=False)
+
+
+def test_nothing_but_walls_is_measured_too():
+    quality = make_arena(make_walls(), cache=False).quality
+    assert quality.mean < 0.003
+    assert quality.uncovered == 0.0
+
+
+def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
+    walls = make_walls()
+    # From above no prism of a wall is seen.
+    arena = make_arena(walls, cache=tmp_path / "cache", kind="prisms")
     assert arena.quality.mean == np.inf
     arena.save(tmp_path / "walls")
 
@@ -290,7 +301,7 @@ def test_nothing_but_walls_is_written_as_strict_json(tmp_path):
     about = json.loads((tmp_path / "walls" / "arena.json").read_text(), parse_constant=refuse)
     assert about["quality"]["mean"] is None
     assert Arena.load(tmp_path / "walls").quality == arena.quality
-    assert make_arena(walls, cache=tmp_path / "cache").quality == arena.quality
+    assert make_arena(walls, cache=tmp_path / "cache", kind="prisms").quality == arena.quality
 
 
 @pytest.mark.slow

@@ -51,4 +51,8 @@ def test_small_holes_close_and_large_ones_do_not(terrain):
     ball = trimesh.creation.icosphere(subdivisions=3)
     torn = trimesh.Trimesh(ball.vertices, ball.faces[1:], process=False)
     assert close_holes(torn).is_watertight
+    is_kept = np.ones(len(ball.faces), dtype=bool)
+    is_kept[np.abs(ball.triangles_center).argmax(axis=0)] = False
+    assert close_holes(trimesh.Trimesh(ball.vertices, ball.faces[is_kept], process=False)).is_watertight
+    assert not close_holes(make_tunnel()).is_watertight
     assert close_holes(terrain) is terrain
