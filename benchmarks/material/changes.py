@@ -31,7 +31,6 @@ class Change:
         points: `[N, 3]` the first scan.
         new_points: `[M, 3]` the readings of now.
         origins: `[M, 3]` where each was made from, or None where that is not told.
-        is_extension: whether the old surface is all true still, and the new one larger.
     """
 
     old: trimesh.Trimesh
@@ -39,12 +38,6 @@ class Change:
     points: np.ndarray
     new_points: np.ndarray
     origins: np.ndarray | None = None
-    is_extension: bool = False
-
-    def find_untouched(self, distance: float) -> np.ndarray:
-        """Return places `[Q, 3]` of the old surface farther than so much [m] from all that changed."""
-        places = sample_area(np.asarray(self.old.vertices), np.asarray(self.old.faces), 200_000)
-        return places[self.measure_remoteness(places) > distance]
 
     def measure_remoteness(self, places: np.ndarray) -> np.ndarray:
         """Return how far places are from all that changed, `[Q]` [m]; infinite where nothing did."""
@@ -132,7 +125,7 @@ def make_changes(seed: int = 0) -> dict[str, Change]:
         "box gone, rays": Change(boxed, plain, with_box, seen, origins),
         "box gone, readings": Change(boxed, plain, with_box, draw(plain, few, other, around_box)),
         "box gone, readings stopped": Change(boxed, plain, with_box, stopped),
-        "extended": Change(shorter, plain, draw(shorter, NUM_POINTS, seed), beyond, is_extension=True),
+        "extended": Change(shorter, plain, draw(shorter, NUM_POINTS, seed), beyond),
     }
 
 

@@ -17,6 +17,10 @@ from reconstruction.surfaces.manifold import find_normals
 
 TOLERANCE = 4.0
 """A reading farther from the surface than this many times the usual distance disagrees."""
+STRONG = 1.5
+"""Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
+STRONG_RINGS = 2
+"""So many rings of vertices round a strong disagreement are believed with it."""
 MIN_READINGS = 3
 """So many readings must disagree near a unit before it is believed."""
 COMPLETE = 0.8
@@ -28,7 +32,7 @@ SIGNIFICANCE = 3.0
 ABOUT = 1.2
 """Next to a point are new readings up to so many times their usual distance away."""
 LEAST_COMPARED = 4096
-COMPARED_PER_FACE = 4
+COMPARED_PER_FACE = 3
 """Of very many new readings so many for each face suffice."""
 NUM_PROBES = 1000
 NUM_DENSITY_PROBES = 256
@@ -46,6 +50,7 @@ class Evidence(NamedTuple):
         distance: `[C]` of each of these from the surface [m].
         tolerance: the distance up to which a reading agrees [m].
         is_moved: `[V]` vertices whose new readings disagree with the surface.
+        is_strong: `[V]` vertices with no few readings that disagree by more than the tail of the noise does.
         is_gone: `[V]` vertices without new readings though what surrounds them was read again, and those that
             rays pass through.
         is_read: `[V]` vertices with a new reading nearby.
@@ -57,6 +62,7 @@ class Evidence(NamedTuple):
     distance: np.ndarray
     tolerance: float
     is_moved: np.ndarray
+    is_strong: np.ndarray
     is_gone: np.ndarray
     is_read: np.ndarray
     density: float
@@ -107,13 +113,16 @@ def weigh_evidence(
             usual = _find_heights(vertices, about, known, np.asarray(nearest), np.asarray(closest))
             owners = _find_corners(vertices, about[np.asarray(nearest)], known)
             is_moved &= _is_news(winners, disagrees, owners, usual > tolerance, len(vertices))
+    far = np.flatnonzero(distance > STRONG * tolerance)
+    is_strong = np.zeros(len(vertices), dtype=bool)
+    is_strong[winners[far[find_crowded(winners[far], new_points[far], 3 * spacing)]]] = True
     is_read, density = find_read(vertices, new_points, spacing)
     density *= num_readings / len(compared)
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
     if origins is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
         is_gone |= find_passed(vertices, faces, new_points, origins, agreeing, tolerance, 2 * spacing)
-    return Evidence(compared, winners, distance, tolerance, is_moved, is_gone, is_read, density)
+    return Evidence(compared, winners, distance, tolerance, is_moved, is_strong, is_gone, is_read, density)
 
 
 def _crop(
@@ -288,7 +297,7 @@ def _pick_about(vertices: np.ndarray, points: np.ndarray, spacing: float) -> np.
     """Return the points nearer to one of the vertices than the spacing, not more than are needed to judge them."""
     inside = points[_thin(find_near_box(points, vertices, spacing), 4 * NUM_PROBES)]
     distance, _ = cKDTree(vertices).query(inside, distance_upper_bound=spacing)
-    return inside[_thin(np.flatnonzero(np.isfinite(distance)), 2 * NUM_PROBES)]
+    return inside[_thin(np.flatnonzero(np.isfinite(distance)), NUM_PROBES)]
 
 
 def _is_news(

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_near_box
-from reconstruction.networks.evidence import Evidence, find_superseded, weigh_evidence
+from reconstruction.networks.evidence import STRONG_RINGS, Evidence, find_superseded, weigh_evidence
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
@@ -79,12 +79,15 @@ def refine_sheet(
     spacing = _mean_edge(units)
     vertices = units.reshape(-1, 3)
     evidence = weigh_evidence(vertices, faces, old_points, new_points, spacing, origins)
-    is_moved, is_gone = (part.reshape(units.shape[:2]) for part in (evidence.is_moved, evidence.is_gone))
+    is_believed, is_strong, is_gone = (
+        part.reshape(units.shape[:2]) for part in (evidence.is_moved, evidence.is_strong, evidence.is_gone)
+    )
+    is_moved = is_believed & np.asarray(binary_dilation(is_strong, SQUARE, iterations=STRONG_RINGS))
     if not (is_moved | is_gone).any():
         return units, has_face, np.concatenate([old_points, new_points])
     is_moved = close_gaps(is_moved)
     is_cut = _find_open_patches(is_gone & ~is_moved)
-    is_ring = binary_dilation(is_moved | is_gone & ~is_cut, SQUARE)
+    is_ring = np.asarray(binary_dilation(is_moved | is_gone & ~is_cut, SQUARE), dtype=bool)
     is_doubtful = is_ring & ~(_find_steady(evidence, units.shape[:2]) & ~(is_moved | is_gone)) | is_cut
     is_active = is_doubtful & ~is_cut
     is_near = _find_window(is_active | is_cut).spread(units.shape[:2]).reshape(-1)
@@ -94,7 +97,9 @@ def refine_sheet(
     against = readings[(evidence.distance > evidence.tolerance) & is_near[evidence.winners]]
     news = find_near_box(new_points, np.concatenate([changed, against]), 2 * spacing)
     samples = np.concatenate([old_points[about], new_points[news]])
-    owners = np.asarray(cKDTree(vertices).query(samples)[1])
+    # Beyond the samples no unit is nearest to one of them.
+    close = find_near_box(vertices, samples, 2 * spacing) if len(samples) else np.arange(len(vertices))
+    owners = close[cKDTree(vertices[close]).query(samples)[1]]
     is_stale = is_doubtful.reshape(-1)[owners]
     is_stale[len(about) :] = False
     beside = np.flatnonzero(is_stale & ~(is_moved | is_gone).reshape(-1)[owners])
@@ -196,7 +201,7 @@ def span_gone(units: np.ndarray, is_gone: np.ndarray) -> np.ndarray:
 def _draw(points: np.ndarray, num_units: int, rng: np.random.Generator) -> np.ndarray:
     """Return enough of the points in random order, or some of them twice: their number is a customary one."""
     wanted = LEAST_SAMPLES
-    while wanted < min(len(points), SAMPLES_PER_UNIT * num_units):
+    while 1.5 * wanted < min(len(points), SAMPLES_PER_UNIT * num_units):
         wanted *= 2
     order = rng.permutation(len(points))[:wanted]
     return points[np.concatenate([order, rng.integers(len(points), size=wanted - len(order))])]

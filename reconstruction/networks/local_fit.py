@@ -27,7 +27,7 @@ LEAST_DEPTH = 12
 """Room is made for so many faces round a vertex."""
 FAR = 1e6
 """Where padded vertices stand."""
-STEPS = ((2, 12), (1, 32))
+STEPS = ((2, 12), (1, 28))
 """Iterations of the fit, and samples of each movable vertex that take part: before edges are turned along the
 creases that have come out, and after."""
 

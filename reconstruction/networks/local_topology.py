@@ -10,7 +10,7 @@ from reconstruction.surfaces.topology import finish_faces, propose_faces
 
 FEWEST = 16
 """Fewer samples than this carry no part of a surface."""
-NUM_PROBES = 256
+NUM_PROBES = 128
 """At so many places the spacing of the samples is measured."""
 _NUM_NEIGHBORS = 10
 

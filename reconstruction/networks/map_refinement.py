@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.boxes import find_near_box
-from reconstruction.networks.evidence import Evidence, find_crowded, weigh_evidence
+from reconstruction.networks.evidence import STRONG, STRONG_RINGS, Evidence, weigh_evidence
 from reconstruction.networks.map_motion import find_movable, move_units
 from reconstruction.networks.map_regrowth import regrow, widen
 from reconstruction.surfaces.hole_patching import find_vertex_normals
@@ -25,10 +25,6 @@ READINGS_PER_UNIT = 40
 """So many new readings for each unit suffice."""
 STEEPNESS = 0.5
 """Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
-STRONG = 1.5
-"""Where no few readings disagree by more than this many tolerances, the tail of the noise has spoken."""
-STRONG_RINGS = 2
-"""So many rings of units round a strong disagreement are believed with it."""
 FEWEST_CONFIRMATIONS = 4.0
 """Readings a unit wins on average, for their absence to mean something."""
 
@@ -58,7 +54,7 @@ def refine_map(
     evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
     distant = evidence.distance > evidence.tolerance
     readings = new_points[evidence.compared]
-    is_doubtful = _find_doubtful(len(units), faces, readings, evidence, edge)
+    is_doubtful = _find_doubtful(faces, evidence)
     if not is_doubtful.any():
         return units, faces, np.concatenate([old_points, new_points])
     is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], readings[distant])
@@ -107,18 +103,13 @@ def _find_left(
     return squared > tolerance**2
 
 
-def _find_doubtful(
-    num_units: int, faces: np.ndarray, new_points: np.ndarray, evidence: Evidence, edge: float
-) -> np.ndarray:
+def _find_doubtful(faces: np.ndarray, evidence: Evidence) -> np.ndarray:
     """Return the units that have moved or are gone: `[U]`."""
-    is_strong = np.zeros(num_units, dtype=bool)
-    far = np.flatnonzero(evidence.distance > STRONG * evidence.tolerance)
-    winners = evidence.winners[far]
-    is_strong[winners[find_crowded(winners, new_points[far], 3 * edge)]] = True
-    is_moved, is_gone = evidence.is_moved & widen(faces, is_strong, STRONG_RINGS), evidence.is_gone
+    is_gone = evidence.is_gone
+    is_moved = evidence.is_moved & widen(faces, evidence.is_strong, STRONG_RINGS)
     if is_gone.any():
         agreeing = evidence.winners[evidence.distance <= evidence.tolerance]
-        confirmations = np.bincount(agreeing, minlength=num_units)
+        confirmations = np.bincount(agreeing, minlength=len(is_gone))
         is_gone = _spread_gone(faces, is_gone, confirmations, evidence.is_read)
     return is_moved | is_gone
 

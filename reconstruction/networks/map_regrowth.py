@@ -6,7 +6,8 @@ from scipy.spatial import cKDTree
 from reconstruction.networks.boxes import find_near_box
 from reconstruction.networks.local_fit import fit_turning
 from reconstruction.networks.local_topology import is_sound, join_locally
-from reconstruction.surfaces.hole_patching import find_loops
+from reconstruction.surfaces.hole_patching import MAX_HOLE_EDGES, find_loops
+from reconstruction.surfaces.orientation import find_components
 
 REACH = 2.0
 """Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
@@ -21,6 +22,8 @@ CLOSEST = 0.5
 """Of two new units nearer to one another than this, in mean edges, one goes."""
 MAX_REPEATS = 2
 """So often units grow anew where they have left a hole."""
+LEAST_ISLAND = 24
+"""New faces that no kept unit has a part in are a surface of their own if they are so many."""
 JOINT_RINGS = 2
 """So many rings of units round the new ones take part in learning the faces."""
 
@@ -52,18 +55,40 @@ def regrow(
     kept_faces = place[faces[~is_refuted[faces].any(axis=1)]]
     beside = place[widen(faces, is_refuted, 1) & ~is_refuted]
     merged, joined = _fill(samples, is_open, kept, kept_faces, beside, edge, rng)
-    num_loops = len(find_loops(faces, len(units)))
     for _ in range(MAX_REPEATS):
-        # Where a hole is left, units that start elsewhere may close it.
-        num_found = len(find_loops(joined, len(merged)))
-        if num_found <= num_loops or len(merged) == len(kept):
+        # Where a gap is left among samples, units that start elsewhere may close it.
+        num_gaps = _count_gaps(merged, joined, len(kept), samples, edge)
+        if num_gaps == 0:
             break
         other, other_joined = _fill(samples, is_open, kept, kept_faces, beside, edge, rng)
-        if len(find_loops(other_joined, len(other))) < num_found:
+        if _count_gaps(other, other_joined, len(kept), samples, edge) < num_gaps:
             merged, joined = other, other_joined
+    joined = drop_islands(joined, len(merged), len(kept))
     if is_fitted:
         merged, joined = _fit_new(merged, joined, len(kept), samples)
     return merged, joined, len(kept)
+
+
+def _count_gaps(units: np.ndarray, faces: np.ndarray, num_kept: int, samples: np.ndarray, edge: float) -> int:
+    """Return how many holes at new units have samples in their middle."""
+    loops = [
+        loop
+        for loop in find_loops(faces, len(units))
+        if len(loop) <= MAX_HOLE_EDGES and max(loop) >= num_kept
+    ]
+    if not loops:
+        return 0
+    middles = np.array([units[loop].mean(axis=0) for loop in loops])
+    return int((cKDTree(samples).query(middles)[0] < CLOSEST * edge).sum())
+
+
+def drop_islands(faces: np.ndarray, num_units: int, num_kept: int) -> np.ndarray:
+    """Return the faces without parts of a few faces that hang together with no kept unit."""
+    if len(faces) == 0:
+        return faces
+    part = find_components(faces, num_units)
+    is_island = np.bincount(part, (faces < num_kept).any(axis=1)) == 0
+    return faces[~(is_island & (np.bincount(part) < LEAST_ISLAND))[part]]
 
 
 def _fill(

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.evidence import find_gone, find_read, weigh_evidence
+from reconstruction.networks.evidence import (
+    find_crowded,
+    find_gone,
+    find_read,
+    find_superseded,
+    weigh_evidence,
+)
 from reconstruction.networks.padding import pad_rows, padded_length
 
 SIDE = 21
@@ -74,3 +80,34 @@ def test_padding_has_few_sizes_and_wastes_little():
     assert len(sizes) < 30
     assert all(n <= padded_length(n) <= 1.25 * n + 1 for n in range(64, 4097))
     np.testing.assert_array_equal(pad_rows(np.array([[1, 2]]), 3, 7), [[1, 2], [7, 7], [7, 7]])
+
+
+def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
+    few, many = (
+        weigh_evidence(*sheet, read(8000), read(number, seed=1), SPACING) for number in (2000, 60_000)
+    )
+    assert len(few.compared) == 2000
+    assert len(many.compared) < 30_000
+    assert not many.is_moved.any()
+    # Readings a square metre: the sheet has four.
+    assert few.density == pytest.approx(2000 / 4, rel=0.3)
+    assert many.density == pytest.approx(60_000 / 4, rel=0.3)
+
+
+def test_readings_are_crowded_by_their_vertex_or_by_their_neighbours():
+    points = np.array([[0, 0, 0], [9, 0, 0], [18, 0, 0], [30, 0, 0], [30.1, 0, 0], [30.2, 0, 0], [50, 0, 0]])
+    winners = np.array([1, 1, 1, 2, 2, 3, 4])
+    assert find_crowded(winners, points, 1.0).tolist() == [True] * 6 + [False]
+    assert not find_crowded(winners[:2], points[:2], 1.0).any()
+
+
+def test_old_points_are_superseded_where_no_new_reading_beside_them_agrees(sheet):
+    new = read(8000, seed=1)
+    new[new[:, 0] > 1, 2] += 0.2
+    evidence = weigh_evidence(*sheet, read(8000), new, SPACING)
+    old = read(2000, seed=2)
+    old = old[np.abs(old[:, 0] - 1) > 0.1]
+    is_superseded = find_superseded(old, new[evidence.compared], evidence)
+    assert is_superseded[old[:, 0] > 1].mean() > 0.95
+    assert is_superseded[old[:, 0] < 1].mean() < 0.25
+    assert len(find_superseded(old[:0], new[evidence.compared], evidence)) == 0

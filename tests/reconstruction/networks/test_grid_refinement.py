@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.networks.compilation import keep_compiled_programs
-from reconstruction.networks.grid_refinement import open_pinches, span_gone
+from reconstruction.networks.grid_refinement import close_gaps, open_pinches, span_gone
 from reconstruction.networks.growing_grid import GrowingGridConfig, State, refine, train
 from reconstruction.surfaces.quality import count_topology, find_distances
 
@@ -46,6 +46,31 @@ def test_a_hump_rises_and_the_rest_stays_bit_for_bit(ground):
     topology = count_topology(changed.faces, len(changed.vertices))
     assert (topology.euler_number, topology.boundary_loops, topology.is_manifold) == (1, 1, True)
     assert len(known) < len(points) + len(new)
+
+
+def test_what_is_read_anew_but_has_not_changed_stays_bit_for_bit(ground):
+    state, points = ground
+    new = _near_hump(_ground(24_000, 2, hump=0.2))
+    changed, known = refine(state, points, new, CONFIG)
+    is_far = np.hypot(state.units[..., 0] - 0.7, state.units[..., 1]) > 0.65
+    if changed.units.shape == state.units.shape:
+        np.testing.assert_array_equal(changed.units[is_far], state.units[is_far])
+    far = points[np.hypot(points[:, 0] - 0.7, points[:, 1]) > 0.65]
+    before, after = (find_distances(far, s.vertices, s.faces) for s in (state, changed))
+    assert np.abs(before - after).max() < 0.002
+    # Readings of the level ground from before the hump are forgotten, and those about it are not.
+    radius = np.hypot(known[:, 0] - 0.7, known[:, 1])
+    assert (np.abs(known[radius < 0.15, 2]) < 0.03).sum() < 5
+    assert (radius > 0.7).sum() == (np.hypot(points[:, 0] - 0.7, points[:, 1]) > 0.7).sum()
+
+
+def test_gaps_between_moved_units_are_closed_up_to_the_rim():
+    is_moved = np.zeros((8, 12), dtype=bool)
+    is_moved[-1, [0, 1, 4, 6, 10]] = True
+    closed = close_gaps(is_moved)
+    assert closed[-1, :11].all()
+    assert not closed[:-2].any()
+    assert not close_gaps(np.zeros((8, 12), dtype=bool)).any()
 
 
 def test_rays_through_a_hump_level_it(ground):

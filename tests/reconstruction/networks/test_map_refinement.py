@@ -5,7 +5,6 @@ import pytest
 
 from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.networks.gsrm import GSRMConfig, State, refine, train
-from reconstruction.networks.map_regrowth import close_triangles
 from reconstruction.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
@@ -58,6 +57,30 @@ def test_a_wall_that_moved_moves(room: tuple[State, np.ndarray]) -> None:
     far = points[points[:, 0] < 0]
     before, after = (find_distances(far, s.units, s.faces) for s in (state, moved))
     np.testing.assert_allclose(after, before, atol=0.002)
+
+
+def test_a_wall_that_moved_by_less_than_an_edge_keeps_its_faces(room: tuple[State, np.ndarray]) -> None:
+    state, points = room
+    new = np.concatenate([_wall(1.05, 1500, 8), _floor((0.7, 1.05), (-1, 1), 1500, 9)])
+    moved, known = refine(state, points, new, CONFIG)
+    _check(moved)
+    assert moved.units.shape == state.units.shape
+    assert len(moved.faces) == len(state.faces)
+    assert find_distances(new, moved.units, moved.faces).mean() < 0.006
+    is_far = state.units[:, 0] < 0.7
+    assert {tuple(unit) for unit in state.units[is_far]} <= {tuple(unit) for unit in moved.units}
+    # Of the old wall next to nothing is left in what the map knows.
+    is_old_wall = (np.abs(known[:, 0] - 1.0) < 0.01) & (known[:, 2] > 0.08)
+    assert is_old_wall.sum() < 20
+
+
+def test_a_whole_new_scan_of_a_coarse_map_moves_nothing(room: tuple[State, np.ndarray]) -> None:
+    points = room[1]
+    config = GSRMConfig(units=120)
+    state = train(points, config, 0)
+    new = np.concatenate([_floor((-2, 1), (-1, 1), 14000, 21), _wall(1.0, 2500, 22)])
+    again, _ = refine(state, points, new, config)
+    np.testing.assert_array_equal(again.units, state.units)
 
 
 def test_a_new_part_grows(room: tuple[State, np.ndarray]) -> None:
@@ -152,13 +175,3 @@ def test_equal_seeds_give_equal_maps(room: tuple[State, np.ndarray]) -> None:
     first, second = (refine(state, points, new, CONFIG, 3)[0] for _ in range(2))
     np.testing.assert_array_equal(first.units, second.units)
     np.testing.assert_array_equal(first.faces, second.faces)
-
-
-def test_a_loop_of_three_edges_at_a_new_unit_is_closed():
-    ring = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
-    below = np.column_stack([ring[:, ::-1], np.full(4, 4)])
-    octahedron = np.concatenate([below, np.column_stack([ring, np.full(4, 5)])])
-    closed = close_triangles(octahedron[:-1], 6, num_kept=5)
-    assert (closed.shape, count_topology(closed, 6).boundary_edges) == ((8, 3), 0)
-    assert len(close_triangles(octahedron[:-1], 6, num_kept=6)) == 7
-    assert len(close_triangles(octahedron[:1], 6, num_kept=0)) == 1
