@@ -20,6 +20,7 @@ import numpy as np
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks import grid_paper
 from reconstruction.networks.density import study_density
+from reconstruction.networks.grid_cover import find_covered_cells
 from reconstruction.networks.grid_growth import (
     Insertion,
     choose_lines,
@@ -164,7 +165,10 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
         units = _train_batch(scaled, config, rng, progress)
     progress("done", 1.0)
     rows, columns = units.shape[:2]
-    return State(units.astype(np.float64) * scale + center, np.ones((rows - 1, columns - 1), dtype=bool))
+    has_face = np.ones((rows - 1, columns - 1), dtype=bool)
+    if config.mode == "batch":
+        has_face = find_covered_cells(units, scaled)
+    return State(units.astype(np.float64) * scale + center, has_face)
 
 
 def _train_batch(

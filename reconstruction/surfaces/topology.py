@@ -23,6 +23,8 @@ DEBRIS_RATIO = 50
 """Components of fewer faces are debris beside one so many times as large."""
 MAX_REPAIRS = 6
 """How often faces round a hole that cannot be closed are taken away to close a larger one."""
+RIM_NEIGHBORS = 24
+"""So many of the nearest units of one at a rim may be joined to it."""
 _EMPTINESS_SLACK = 1e-5
 
 
@@ -36,7 +38,8 @@ def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.
     """
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
-    return finish_faces(units, faces, margin, support)
+    faces = finish_faces(units, faces, margin, support)
+    return join_rims(units, faces, support) if support.is_uneven and len(faces) else faces
 
 
 def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> tuple[np.ndarray, np.ndarray]:
@@ -57,11 +60,55 @@ def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> t
     return faces, margin
 
 
+def join_rims(units: np.ndarray, faces: np.ndarray, support: Support) -> np.ndarray:
+    """Return the faces and those that close gaps between their components, where samples lie in these.
+
+    Where scan lines are far apart, the units at a rim are not the nearest to one another. Faces between two
+    rims of one component are left out: they make handles.
+
+    Args:
+        units: `[U, 3]`.
+        faces: `[F, 3]` of an oriented two-manifold.
+        support: tells whether samples lie on a face.
+    """
+    num_units = len(units)
+    part = np.arange(num_units)
+    part[faces] = num_units + find_components(faces, num_units)[:, None]
+    if part.max() == num_units:
+        return faces
+    border = find_border(faces, num_units)
+    known = _sorted_unique(_key(faces[np.isin(faces, border).any(axis=1)].astype(np.int64), num_units))
+    triples = _witness_midpoints(units, known, border, support, RIM_NEIGHBORS)
+    proposed, margin = _propose(units, triples, support)
+    is_new = np.ptp(part[proposed], axis=1) > 0
+    is_new &= ~_lies_on_full(proposed, faces, num_units)
+    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= MAX_VOID
+    if not is_new.any():
+        return faces
+    quality = np.concatenate([np.full(len(faces), np.inf), margin[is_new]])
+    return finish_faces(units, np.concatenate([faces, proposed[is_new]]), quality, support)
+
+
+def _lies_on_full(proposed: np.ndarray, faces: np.ndarray, num_units: int) -> np.ndarray:
+    """Return which proposed faces have a side that lies between two faces already: `[P]`."""
+    sides = group_sides(faces, num_units)
+    slots = sides.slots[sides.starts[sides.counts == 2]]
+    tail, head = faces.ravel()[slots].astype(np.int64), faces[slots // 3, (slots % 3 + 1) % 3]
+    full = np.minimum(tail, head) * num_units + np.maximum(tail, head)
+    others = np.roll(proposed, -1, axis=1)
+    wanted = np.minimum(proposed, others) * num_units + np.maximum(proposed, others)
+    return is_in_sorted(wanted.ravel(), full).reshape(-1, 3).any(axis=1)
+
+
 def _witness_midpoints(
-    units: np.ndarray, triples: np.ndarray, chosen: np.ndarray, support: Support
+    units: np.ndarray,
+    triples: np.ndarray,
+    chosen: np.ndarray,
+    support: Support,
+    num_neighbors: int = NUM_NEIGHBORS,
 ) -> np.ndarray:
     """Return the keys with those that places between the chosen units and their neighbours witness as well."""
-    midpoints = find_midpoints(units, chosen)
+    midpoints = find_midpoints(units, chosen, num_neighbors)
     added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
     return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
 
@@ -114,9 +161,9 @@ def drop_debris(faces: np.ndarray, num_units: int) -> np.ndarray:
     return faces[(sizes >= MIN_COMPONENT_FACES)[part] | (sizes * DEBRIS_RATIO > sizes.max())[part]]
 
 
-def find_midpoints(units: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+def find_midpoints(units: np.ndarray, chosen: np.ndarray, num_neighbors: int = NUM_NEIGHBORS) -> np.ndarray:
     """Return the places halfway between each chosen unit and its nearest ones: `[P, 3]`."""
-    num_neighbors = min(NUM_NEIGHBORS, len(units) - 1)
+    num_neighbors = min(num_neighbors, len(units) - 1)
     _, neighbors = cKDTree(units).query(units[chosen], k=num_neighbors + 1)
     pairs = np.stack(np.broadcast_arrays(chosen[:, None], neighbors[:, 1:]), axis=-1).reshape(-1, 2)
     keys = _sorted_unique(pairs.min(axis=1) * len(units) + pairs.max(axis=1))

@@ -5,7 +5,7 @@ from scipy.sparse import coo_array
 
 from reconstruction.surfaces.manifold import group_sides
 
-MAX_ROUNDS = 6
+MAX_ROUNDS = 16
 STEP = 0.5
 """Share of the way to the middle of its neighbours that a folded face's vertex goes in a round."""
 

@@ -44,6 +44,13 @@ def test_scan_lines_are_as_far_apart_as_they_are() -> None:
     assert np.median(_study(points).spacing) > 0.012
 
 
+def test_scan_lines_thicker_than_their_points_are_apart_are_seen_among_fewer() -> None:
+    rng = np.random.default_rng(5)
+    lines = np.column_stack([rng.random(20000), 0.1 * rng.integers(0, 11, 20000), np.zeros(20000)])
+    spacing = _study(lines + rng.normal(0, 0.002, lines.shape)).spacing
+    assert np.median(spacing) > 0.03
+
+
 def test_what_stands_off_a_sparse_surface_is_an_outlier() -> None:
     rng = np.random.default_rng(3)
     sheet = np.column_stack([rng.random((4000, 2)), rng.normal(0, 0.002, 4000)])

@@ -119,6 +119,18 @@ def test_outliers_and_doubled_points_do_little_harm(step):
     assert quality.topology.is_manifold
 
 
+def test_a_ring_keeps_its_hole():
+    rng = np.random.default_rng(0)
+    radius, angle = rng.uniform(0.7, 1.0, 8000), rng.uniform(0, 2 * np.pi, 8000)
+    points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), rng.normal(0, 0.002, 8000)])
+    state = train(points, GrowingGridConfig(units=400))
+    middle = state.vertices[state.faces].mean(axis=1)
+    topology = judge(state).topology
+    assert topology.is_manifold
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (0, 2, 1)
+    assert (np.linalg.norm(middle, axis=1) < 0.6).mean() < 0.02
+
+
 def test_four_units_are_the_least():
     points = draw(make_step(), 200)
     assert train(points, GrowingGridConfig(units=4)).units.shape == (2, 2, 3)

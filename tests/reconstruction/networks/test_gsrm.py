@@ -88,6 +88,23 @@ def test_uneven_density() -> None:
     assert find_distances(make_sheet(noise=0.0), state.units, state.faces).mean() < 0.006
 
 
+@pytest.mark.parametrize("units", [200, 800, 2200])
+def test_noisy_scan_lines_far_apart_make_one_sheet(units: int) -> None:
+    rng = np.random.default_rng(0)
+    line, along = np.divmod(np.arange(20000), 1000)
+    points = np.column_stack([line / 10, along / 1000, 0.1 * np.sin(line / 2)])
+    _, topology = _grow(points + rng.normal(0, 0.002, points.shape), units)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_thin_bodies_are_closed_along_their_sharp_rim(seed: int) -> None:
+    lens = SPHERE.copy()
+    lens.apply_transform(np.diag([1.0, 1.0, 0.15, 1.0]))
+    _, topology = _grow(sample_mesh(lens, 20000, 0.002, seed), 1000, seed)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 1)
+
+
 def test_a_hole_in_the_data_stays_open() -> None:
     points = make_sheet(20000)
     _, topology = _grow(points[np.linalg.norm(points[:, :2], axis=1) > 0.2], 600)

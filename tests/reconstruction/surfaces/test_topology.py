@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.support import Support
-from reconstruction.surfaces.hole_patching import find_loops, patch_holes
+from reconstruction.surfaces.hole_patching import close_tips, find_loops, patch_holes
 from reconstruction.surfaces.manifold import (
     find_excess,
     find_hinges,
@@ -21,6 +21,7 @@ from reconstruction.surfaces.topology import (
     find_cliques,
     find_empty,
     find_triples,
+    join_rims,
     learn_faces,
 )
 
@@ -149,6 +150,36 @@ def test_a_single_face_is_not_closed_to_a_pillow() -> None:
     units = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     patched, _ = patch_holes(units, np.array([[0, 1, 2]]), _support(units, 1.0))
     assert len(patched) == 1
+
+
+def test_a_long_loop_is_closed_where_there_are_samples_and_the_rim_is_not() -> None:
+    units, faces = _make_grid(16)
+    row, column = np.divmod(np.arange(256), 16)
+    is_gone = (abs(row - 7) <= 2) & (abs(column - 7) <= 2)
+    holed = faces[~is_gone[faces].any(axis=1)]
+    assert sorted(map(len, find_loops(holed, 256))) == [22, 60]
+    samples = _make_samples(16)
+    assert len(patch_holes(units, holed, _support(samples, 0.125), max_edges=21)[0]) == len(holed)
+    closed = close_tips(units, holed, _support(samples, 0.125))
+    assert len(closed) == len(holed) + 20
+    topology = count_topology(closed, 256)
+    assert topology.is_manifold
+    assert (topology.euler_number, topology.boundary_loops) == (1, 1)
+    sparse = samples[np.linalg.norm(samples - units[7 * 16 + 7], axis=1) > 2]
+    assert len(close_tips(units, holed, _support(sparse, 0.125))) == len(holed)
+
+
+def test_parts_are_joined_across_a_gap_with_samples() -> None:
+    units, faces = _make_grid(6)
+    column = np.arange(36) // 6
+    parted = faces[~((column[faces] == 2).any(axis=1) & (column[faces] == 3).any(axis=1))]
+    assert count_topology(parted, 36).components == 2
+    joined = join_rims(units, parted, _support(_make_samples(6), 0.2))
+    assert count_topology(joined, 36) == count_topology(faces, 36)
+    samples = _make_samples(6)
+    across = samples[:, 0] - 0.2 * samples[:, 1]
+    off = samples[(across <= 2) | (across >= 3)]
+    assert len(join_rims(units, parted, _support(off, 0.1))) == len(parted)
 
 
 def test_void_is_measured_in_sample_spacings() -> None:
