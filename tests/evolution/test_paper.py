@@ -165,7 +165,8 @@ def test_contact_shapes_are_scanned_where_they_are() -> None:
 def test_crossings_are_timed(champion: ev.Champion) -> None:
     config = dataclasses.replace(QUICK, runs=2, steps=80)
     samples = time_crossings(champion, {"simple": sg.load_arena("simple")}, config)["simple"]
-    assert [len(values) for values in samples.values()] == [2, 2, 2, 2]
+    assert [len(values) for values in samples.values()] == [2, 2, 2, 2, 2]
+    assert 0 <= min(samples["interrupted"]) <= max(samples["interrupted"]) <= 1
     assert min(samples["collision_us"]) > 0
     assert np.all(np.array(samples["physics_us"]) > np.array(samples["collision_us"]))
     assert min(samples["contacts"]) > 1

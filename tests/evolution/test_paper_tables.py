@@ -42,7 +42,9 @@ def test_table_2_has_ratios_and_runs() -> None:
            "collision_us": COST, "contacts": 5.8, "crossed": 2}  # fmt: skip
     rows = [row, row | {"arena": "simple"}, row | {"arena": "prisms", "pieces": 4231}]
     ratios = {name: {"physics_us": RATIO, "collision_us": RATIO} for name in ("gg", "prisms")}
-    table = tables.tabulate_physics(record({"runs": 3, "steps": 3500, "rows": rows, "ratios": ratios}))
+    table = tables.tabulate_physics(
+        record({"runs": 3, "steps": 3500, "interrupted": 0.012, "rows": rows, "ratios": ratios})
+    )
     gg, simple, prisms = check(table)
     assert gg == ["gg", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846", "1.05 (1.01 to 1.09)",
                   "2 of 3"]  # fmt: skip
@@ -50,6 +52,7 @@ def test_table_2_has_ratios_and_runs() -> None:
     assert prisms[1] == "4,231"
     assert prisms[4] == prisms[6] == "-"
     assert "3 runs of 3,500 steps" in table.caption
+    assert "1.2 %" in table.caption
 
 
 def test_table_3_has_the_papers_ratio() -> None:
