@@ -61,7 +61,8 @@ def refine_map(
     about = find_near_box(old_points, units[is_doubtful], MARGIN * edge)
     against = readings[distant & is_doubtful[evidence.winners]]
     news = find_near_box(new_points, np.concatenate([units[is_doubtful], against]), MARGIN * edge)
-    news = news[:: max(1, int(evidence.density * UNIT_AREA * edge**2 / READINGS_PER_UNIT))]
+    per_unit = evidence.density * UNIT_AREA * edge**2
+    news = news[:: max(1, int(per_unit / READINGS_PER_UNIT))]
     samples = np.concatenate([old_points[about], new_points[news]])
     winners = np.asarray(cKDTree(units).query(samples)[1])
     is_stale = is_refuted[winners]

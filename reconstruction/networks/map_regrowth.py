@@ -16,7 +16,7 @@ COVER = 0.75
 SETTLE_PASSES = 3
 SAMPLES_PER_UNIT = 8
 """So many samples of each new unit take part in settling."""
-TOPOLOGY_SAMPLES = 30
+TOPOLOGY_SAMPLES = 26
 """So many samples of each unit that is joined anew are witnesses of its faces."""
 CLOSEST = 0.5
 """Of two new units nearer to one another than this, in mean edges, one goes."""
