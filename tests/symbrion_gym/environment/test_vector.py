@@ -6,7 +6,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
 
-import symbrion_gym as sg  # noqa: F401  registers the environments
+import symbrion_gym as sg
+from symbrion_gym.environment.judge import find_ceiling
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 from symbrion_gym.sensing.timing import timing
@@ -154,3 +155,13 @@ def test_actions_of_another_shape_are_refused(shape):
     envs.reset(seed=0)
     with pytest.raises(ValueError, match=r"shape \(2, 2\)"):
         envs.step(np.zeros(shape))
+
+
+def test_the_ceiling_is_nowhere_below_the_ground():
+    arena = sg.load_arena("gsrm")
+    ends, ceiling = find_ceiling(arena.surface)
+    x, y = np.random.default_rng(0).uniform((-3.0, -1.0), (3.0, 1.0), (5000, 2)).T
+    height = arena.height(x, y)
+    room = ceiling[np.searchsorted(ends, x)] - height
+    assert np.nanmin(room) > 0.0
+    assert np.nanmedian(room) < 0.05
