@@ -15,6 +15,11 @@ def _agreement(part: str, key: str) -> tuple[Value, Value]:
     )
 
 
+def _successes(pit: str) -> tuple[Value, ...]:
+    paths = (f"tracks/pit {pit}: {tracks}" for tracks in ("spheres", "wheels", "cylinders"))
+    return tuple(Value("environment", path, pattern=r"(\d+) successes") for path in paths)
+
+
 ENVIRONMENT = (
     Claim(
         "robot-seconds per second, 8 modules, one thread: truth / gsrm / gg",
@@ -72,6 +77,16 @@ ENVIRONMENT = (
         "{0} of {1}",
         _agreement("tracks", "pit 0.35: cylinders"),
         bar=">= 27 of 30",
+    ),
+    Claim(
+        "of these 30 controllers cross a pit of 0.30 m: spheres / wheels / cylinders",
+        "{0} / {1} / {2}",
+        _successes("0.30"),
+    ),
+    Claim(
+        "the same at 0.35 m",
+        "{0} / {1} / {2}",
+        _successes("0.35"),
     ),
     Claim(
         "cheats found by a second judge among the successes of random and of evolved episodes",

@@ -26,6 +26,17 @@ LIMITS = (
         ),
     ),
     Claim(
+        "crossings on the authors' cylinders",
+        "Of 30 random controllers {0} cross a pit of 0.35 m on sphere tracks and {1} on wheels of their shape, but {2} "
+        "on the authors' smaller cylinders: agreement in {3} of 30 hides that those who cross are the ones who differ.",
+        (
+            Value("environment", "tracks/pit 0.35: spheres", pattern=r"(\d+) successes"),
+            Value("environment", "tracks/pit 0.35: wheels", pattern=r"(\d+) successes"),
+            Value("environment", "tracks/pit 0.35: cylinders", pattern=r"(\d+) successes"),
+            Value("environment", "tracks/pit 0.35: cylinders", pattern=r"(\d+) of \d+ agree"),
+        ),
+    ),
+    Claim(
         "cost of the loop in Python",
         "The loop around the physics costs {0:.0f}-{1:.0f} % of a bare physics step.",
         (

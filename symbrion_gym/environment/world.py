@@ -17,8 +17,8 @@ from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.rendering import add_stage
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.robot.organism import Organism, snake
+from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.robot.scout_sensors import add_sensors
 from symbrion_gym.robot.tracks import find_wheel_radius
 from symbrion_gym.sensing.route import find_route
 
@@ -77,6 +77,8 @@ class World:
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
         self.route = find_route(self.arena, self.organism, config)
+        self._poses = self.organism.find_poses()
+        self._is_snake = self.organism == snake(self.organism.num_modules, self.organism.scout)
         self.model = self._make_spec().compile()
         self._find_ids()
 
@@ -184,15 +186,13 @@ class World:
             yaw: the body turned about its head [rad].
         """
         route, organism = self.route, self.organism
-        poses = organism.find_poses()
         head_x, head_y = (float(v) for v in route.place(route.start + offset, lateral))
         heading = route.heading + yaw
         qpos = self.model.qpos0.copy()
-        is_snake = organism == snake(organism.num_modules, organism.scout)
         back = np.arange(-0.2, (organism.num_modules + 1) * organism.scout.pitch + 0.2, _SAMPLES)
         x, y = head_x - np.cos(heading) * back, head_y - np.sin(heading) * back
         heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
-        if is_snake:
+        if self._is_snake:
             z, pitch, hinges = _follow_ground(back, heights, organism)
             qpos[self.hinge_qpos] = hinges
         else:
@@ -202,7 +202,7 @@ class World:
                     head_x + np.cos(heading) * p.x - np.sin(heading) * p.y,
                     head_y + np.sin(heading) * p.x + np.cos(heading) * p.y,
                 )
-                for p in poses
+                for p in self._poses
             ]
             xy = np.array(world)
             spots = np.concatenate([xy + d for d in ([0.06, 0], [-0.06, 0], [0, 0.06], [0, -0.06], [0, 0])])

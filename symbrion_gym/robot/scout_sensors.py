@@ -1,18 +1,14 @@
-"""What a module senses with: where its sensors sit, and MuJoCo's sensors that read them."""
+"""What a module senses with, and where its sensors sit."""
 
 from __future__ import annotations
 
 from math import pi
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 
 from symbrion_gym.robot.pose import Pose
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-
-if TYPE_CHECKING:
-    from symbrion_gym.robot.organism import Organism
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 LARGEST_ACCELERATION = 4 * 9.81
 """Range of an accelerometer [m/s²] (estimate)."""
@@ -22,8 +18,6 @@ NUM_LASER_BEAMS = 19
 """Beams of the forward laser, an upright fan (estimate)."""
 IR_SPACING = 0.06
 """Distance between the two infrared units of a side [m] (estimate)."""
-MEASURED = ("acceleration", "ir", "contact", "dock_force", "laser")
-"""Parts of the observation that MuJoCo's own sensors measure."""
 _SITE_GROUP = 5
 
 
@@ -42,44 +36,6 @@ def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, 
             _add_site(frame, body, f"{prefix}laser_{k}", [half[0], 0.0, 0.02], _lift_z_to(angle))
     zone = _add_site(frame, body, f"{prefix}touch", [0.0, 0.0, 0.0])
     zone.type, zone.size, zone.rgba = mujoco.mjtGeom.mjGEOM_BOX, half + 0.005, [0.0, 0.0, 0.0, 0.0]
-
-
-def add_sensors(spec: mujoco.MjSpec, organism: Organism, parts: tuple[str, ...], interval: float) -> None:
-    """Add MuJoCo's sensors for the wanted parts of the observation, part by part in their order.
-
-    Args:
-        spec: a model with the organism in it.
-        organism: who senses.
-        parts: of `MEASURED`; others are passed over.
-        interval: time between two readings of the infrared units and the laser [s].
-    """
-    modules = range(organism.num_modules)
-    for part in parts:
-        if part == "acceleration":
-            for module in modules:
-                for name in ("front", "rear"):
-                    _add_sensor(
-                        spec, f"module_{module}_accel_{name}", "ACCELEROMETER", cutoff=LARGEST_ACCELERATION
-                    )
-        elif part == "ir":
-            for module, side in find_free_sides(organism):
-                for k in range(2):
-                    _add_ray(spec, f"module_{module}_ir_{side}_{k}", interval)
-        elif part == "contact":
-            for module in modules:
-                _add_sensor(spec, f"module_{module}_touch", "TOUCH", cutoff=LARGEST_TOUCH)
-        elif part == "dock_force":
-            for module in organism.hinges:
-                _add_sensor(spec, f"module_{module}", "FORCE", f"dock_force_{module}")
-        elif part == "laser":
-            for k in range(NUM_LASER_BEAMS):
-                _add_ray(spec, f"module_0_laser_{k}", interval)
-
-
-def find_free_sides(organism: Organism) -> list[tuple[int, str]]:
-    """Return (module, side) of every side with nothing docked to it: its infrared units see the world."""
-    used = {end for docking in organism.dockings for end in docking.ends}
-    return [(i, side) for i in range(organism.num_modules) for side in SIDES if (i, side) not in used]
 
 
 def _find_infrared(config: ScoutConfig) -> dict[str, tuple[float, float, float]]:
@@ -103,31 +59,6 @@ def _add_site(
     site = body.add_site(name=name, pos=pos, quat=quat, size=[0.002] * 3, group=_SITE_GROUP)
     site.set_frame(frame)
     return site
-
-
-def _add_sensor(
-    spec: mujoco.MjSpec, site: str, kind: str, name: str | None = None, cutoff: float = 0.0
-) -> None:
-    spec.add_sensor(
-        name=name or site,
-        type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        objname=site,
-        cutoff=cutoff,
-    )
-
-
-def _add_ray(spec: mujoco.MjSpec, site: str, interval: float) -> None:
-    """Add a distance along the z axis of a site [m], -1 where nothing is hit, read every `interval`."""
-    spec.add_sensor(
-        name=site,
-        type=mujoco.mjtSensor.mjSENS_RANGEFINDER,
-        objtype=mujoco.mjtObj.mjOBJ_SITE,
-        objname=site,
-        nsample=1,
-        interval=[interval, 0.0],
-        intprm=[1, 0, 0],
-    )
 
 
 def _lift_z_to(angle: float) -> np.ndarray:
