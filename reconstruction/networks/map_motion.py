@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction.networks.evidence import MIN_READINGS, Evidence
 from reconstruction.networks.local_fit import fit_turning
+from reconstruction.networks.local_topology import is_sound
 
 FARTHEST = 1.5
 """A part moves where no few readings are farther from it than this, in mean edges; else it grows anew."""
@@ -88,7 +89,8 @@ def move_units(
         return units, faces, np.zeros(len(units), dtype=bool)
     moved, joined = units.copy(), faces.copy()
     moved[used], joined[is_near] = part, used[turned]
-    return moved, joined, is_movable
+    # An edge that came by turning may be there already, between faces that stay.
+    return moved, joined if is_sound(joined, is_beside) else faces, is_movable
 
 
 def _settle(units: np.ndarray, faces: np.ndarray, is_movable: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -74,6 +74,18 @@ def test_a_wall_that_moved_by_less_than_an_edge_keeps_its_faces(room: tuple[Stat
     assert is_old_wall.sum() < 20
 
 
+def test_a_wall_that_goes_out_and_back_leaves_a_sound_map(room: tuple[State, np.ndarray]) -> None:
+    state, known = room
+    for turn in range(8):
+        x = (1.05, 1.0)[turn % 2]
+        new = np.concatenate([_wall(x, 1500, turn + 30), _floor((0.7, x), (-1, 1), 1500, turn + 50)])
+        state, known = refine(state, known, new, CONFIG, turn)
+        _check(state)
+        topology = count_topology(state.faces, len(state.units))
+        assert (topology.euler_number, topology.boundary_loops) == (1, 1)
+    assert find_distances(new, state.units, state.faces).mean() < 0.007
+
+
 def test_a_whole_new_scan_of_a_coarse_map_moves_nothing(room: tuple[State, np.ndarray]) -> None:
     points = room[1]
     config = GSRMConfig(units=120)
