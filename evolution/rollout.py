@@ -20,7 +20,7 @@ from symbrion_gym.environment.vector import SnakePitVectorEnv
 STUCK_TIME = 5.0
 """A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
 for those that may."""
-LANES = (8, 16, 24, 32, 48)
+LANES = (8, 16, 24, 36, 48)
 _KEPT = 12
 
 _environments: OrderedDict[Any, SnakePitVectorEnv] = OrderedDict()
@@ -178,7 +178,7 @@ def _run_lanes(
         observation, _, terminated, truncated, info = environment.step(actions)
         position = info["x_position"]
         effort -= info["reward_effort"]
-        ended = np.flatnonzero(terminated | truncated)
+        ended = (terminated | truncated).nonzero()[0].tolist()
         for lane in ended:
             trial = running[lane]
             if trial is not None:
@@ -190,7 +190,7 @@ def _run_lanes(
                     diverged=bool(info["diverged"][lane]),
                 )
                 running[lane] = None
-        if len(ended) and waiting:
+        if ended and waiting:
             state.silence[ended] = 0
             observation, position = _take_up(environment, waiting, running, genotypes, effort, ended)
     return endings

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
 from math import isnan
-from operator import add
-from typing import NamedTuple
 
 import numpy as np
 
-from symbrion_gym.environment.judge import ROLLED_OVER, SPEED_SLACK, Judge
+from symbrion_gym.environment.judge import ROLLED_OVER, SPEED_SLACK, Body, Judge
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 
@@ -31,19 +28,14 @@ NUMBERS = (
     "lowest_module",
     "least_upright",
 )
-"""The numbers of `info`, in the order of `Tick.numbers`."""
+"""The numbers of `info`, in order."""
 FLAGS = ("success", "diverged", "rolled_over", "fell", "touched_pit", "stuck")
-"""The flags of `info`, in the order of `Tick.flags`."""
+"""The flags of `info`, which follow the numbers."""
 
 
-class Tick(NamedTuple):
-    """What a tick came to in one simulation."""
-
-    reward: float
-    terminated: bool
-    truncated: bool
-    numbers: tuple[float, ...]
-    flags: tuple[bool, ...]
+Tick = tuple[float, bool, bool, dict[str, float | bool]]
+"""What a tick came to in one simulation: reward, terminated, truncated and `info`, which holds `NUMBERS` and
+`FLAGS` in their order."""
 
 
 @dataclass(slots=True)
@@ -86,15 +78,21 @@ class Episodes:
         self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
         self.num_actions = hinges + self.num_tracks
         self.judge = Judge(world)
-        self.observer = Observer(world, self.num_actions)
         self.target = np.zeros((num, hinges))
         self.action = np.zeros((num, self.num_actions))
+        self.observer = Observer(world, self.action, self.target)
         self._judges = [self.judge] * num
+        self._seen: Physics | None = None
+        self._bodies: list[Body | None] = [None] * num
         self._episodes = [Episode() for _ in range(num)]
         self._start_head = np.zeros(num)
         self._speed = np.zeros((num, 1))
-        self._range = world.organism.scout.hinge_range
-        self._largest_turn = world.organism.scout.hinge_speed * config.dt
+        self._highest_action = np.ones((num, self.num_actions))
+        self._lowest_action = -self._highest_action
+        self._range = np.full((num, hinges), world.organism.scout.hinge_range)
+        self._largest_turn = np.full((num, hinges), world.organism.scout.hinge_speed * config.dt)
+        self._smallest_turn = -self._largest_turn
+        self._turn = np.zeros((num, hinges))
         self._dt = config.dt
         self._num_hinges = hinges
         self._last_tick = round(config.duration / config.dt)
@@ -102,6 +100,7 @@ class Episodes:
         self._weights = (config.forward_weight, config.success_bonus, -config.effort_weight * config.dt)
         servos, dofs = world.hinge_servos, world.hinge_dof
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
+        self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
 
     def begin(
         self,
@@ -123,9 +122,9 @@ class Episodes:
             self._judges[row] = judge
         for row, speed in zip(rows, track_speeds, strict=True):
             self.target[row] = physics.qpos[row, self.world.hinge_qpos]
-            self.action[row, :hinges] = np.clip(self.target[row] / self._range, -1.0, 1.0)
+            self.action[row, :hinges] = np.clip(self.target[row] / self._range[row], -1.0, 1.0)
             self.action[row, hinges:] = 1.0
-            measured = self._judges[row].measure(physics, row)
+            measured = self._judges[row].measure(self._find_body(physics, row))
             start = measured.progress
             self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
@@ -145,52 +144,55 @@ class Episodes:
         Returns:
             Targets `[N, h]` [rad] and track speeds `[N, 1 or n]` [m/s].
         """
-        actions = np.minimum(np.maximum(actions, -1.0), 1.0)
-        if isnan(np.add.reduce(actions, axis=None)):
-            actions = np.where(np.isnan(actions), self.action, actions)
+        used = self.action
+        if isnan(np.vdot(actions, actions)):
+            actions = np.where(np.isnan(actions), used, actions)
         if listens is not None:
-            actions = np.where(listens[:, None], actions, self.action)
-        self.action = actions
-        turn = (actions[:, : self._num_hinges] if self.num_tracks else actions) * self._range
-        turn -= self.target
-        np.minimum(np.maximum(turn, -self._largest_turn, out=turn), self._largest_turn, out=turn)
+            actions = np.where(listens[:, None], actions, used)
+        np.maximum(actions, self._lowest_action, out=used)
+        np.minimum(used, self._highest_action, out=used)
+        target, turn = self.target, self._turn
+        np.multiply(used[:, : self._num_hinges] if self.num_tracks else used, self._range, turn)
+        np.subtract(turn, target, turn)
+        np.maximum(turn, self._smallest_turn, out=turn)
+        np.minimum(turn, self._largest_turn, out=turn)
         if listens is None:
-            self.target += turn
+            np.add(target, turn, target)
         else:
-            np.add(self.target, turn, out=self.target, where=listens[:, None])
-        return self.target, self._speed * actions[:, -self.num_tracks :] if self.num_tracks else self._speed
+            np.add(target, turn, out=target, where=listens[:, None])
+        return target, self._speed * used[:, -self.num_tracks :] if self.num_tracks else self._speed
 
     def observe(self, physics: Physics) -> np.ndarray:
         """Return noiseless observations `[N, O]`, within their bounds."""
-        odometry = self._start_head
         if self.observer.has_odometry:
-            odometry = self.judge.find_distance(physics.position)[:, 0] - odometry
-        return self.observer.read(physics, self.action, self.target, odometry)
+            way = self.judge.find_distance(physics.position)[:, 0] - self._start_head
+            self.observer.odometry[:, 0] = way
+        return self.observer.read(physics)
 
-    def describe_start(self, physics: Physics, row: int) -> tuple[float | bool, ...]:
-        """Return the numbers and flags of a reset in one row, in the order of `NUMBERS` and `FLAGS`."""
-        measured = self._judges[row].measure(physics, row)
-        place = (measured.lowest, measured.uprightness)
-        return (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, *place, *(False for _ in FLAGS))
+    def describe_start(self, physics: Physics, row: int) -> dict[str, float | bool]:
+        """Return the `info` of a reset in one row."""
+        measured = self._judges[row].measure(self._find_body(physics, row))
+        numbers = (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, measured.lowest, measured.uprightness)
+        return dict(zip(NUMBERS + FLAGS, numbers + (False,) * len(FLAGS), strict=True))
 
-    def finish_tick(self, physics: Physics, rows: Iterable[int]) -> list[Tick]:
-        """Judge and reward the tick whose physics has just been stepped, in the given rows."""
-        return [self._judge_row(physics, row) for row in rows]
-
-    def _judge_row(self, physics: Physics, row: int) -> Tick:
+    def finish_tick(self, physics: Physics, row: int = 0) -> Tick:
+        """Judge and reward the tick whose physics has just been stepped, in one row."""
         episode, judge = self._episodes[row], self._judges[row]
-        head, mean, rearmost, progress, aside, lowest, uprightness, is_sound = judge.measure(physics, row)
+        head, mean, is_across, progress, aside, lowest, uprightness, power, is_sound = judge.measure(
+            self._find_body(physics, row)
+        )
         episode.ticks += 1
         time = episode.ticks * self._dt
         rolled_over = fell = touched = False
         if is_sound:
-            rolled_over, fell = uprightness < ROLLED_OVER, judge.is_off(aside, lowest)
+            rolled_over = uprightness < ROLLED_OVER
+            fell = aside > judge.farthest_aside or lowest < judge.lowest
             touched = judge.is_abyss and judge.has_touched_pit(physics, row)
         else:
             head, progress = episode.start, episode.progress
         has_failed = rolled_over or fell or touched or not is_sound
-        allowed = episode.start + episode.track_speed * time + SPEED_SLACK
-        has_arrived = rearmost > judge.finish and mean <= allowed and not has_failed
+        has_arrived = is_across and not has_failed
+        has_arrived = has_arrived and mean <= episode.start + episode.track_speed * time + SPEED_SLACK
         episode.held = episode.held + 1 if has_arrived and judge.is_standing(physics, row) else 0
         success = episode.held >= judge.hold_ticks
         if progress > episode.best + STUCK_PROGRESS:
@@ -201,19 +203,33 @@ class Episodes:
         forward_weight, success_bonus, effort_weight = self._weights
         forward = forward_weight * (progress - episode.progress)
         bonus = success_bonus if success else 0.0
-        cost = effort_weight * self._find_power(physics, row) if is_sound else 0.0
+        cost = effort_weight * power if is_sound else 0.0
         episode.progress = progress
-        gained = progress - episode.start_progress
-        return Tick(
-            forward + bonus + cost,
-            terminated,
-            truncated,
-            (head, gained, time, forward, bonus, cost, lowest, uprightness),
-            (success, not is_sound, rolled_over, fell, touched, stuck),
-        )
+        info = {
+            "x_position": head,
+            "progress": progress - episode.start_progress,
+            "time": time,
+            "reward_forward": forward,
+            "reward_success": bonus,
+            "reward_effort": cost,
+            "lowest_module": lowest,
+            "least_upright": uprightness,
+            "success": success,
+            "diverged": not is_sound,
+            "rolled_over": rolled_over,
+            "fell": fell,
+            "touched_pit": touched,
+            "stuck": stuck,
+        }
+        return forward + bonus + cost, terminated, truncated, info
 
-    def _find_power(self, physics: Physics, row: int) -> float:
-        """Return the sum over the hinges of the absolute power [W]."""
-        torques = physics.actuator_force[row, self._servos].tolist()
-        rates = physics.qvel[row, self._dofs].tolist()
-        return reduce(add, [abs(torque * rate) for torque, rate in zip(torques, rates, strict=True)], 0.0)
+    def _find_body(self, physics: Physics, row: int) -> Body:
+        """Return views of one simulation, looked up once where they stay what they are."""
+        if physics is not self._seen or not self._is_live:
+            self._seen, self._bodies = physics, [None] * len(self._bodies)
+        body = self._bodies[row]
+        if body is None:
+            torque, rate = physics.actuator_force[row, self._servos], physics.qvel[row, self._dofs]
+            places, up = physics.position[row].T, physics.rotation[row, :, 8]
+            body = self._bodies[row] = Body(physics.qvel[row], places, up, torque, rate)
+        return body

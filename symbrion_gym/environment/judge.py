@@ -8,10 +8,11 @@ cheated at once by somersaults and by folding the body through itself.
 from __future__ import annotations
 
 from functools import reduce
-from operator import add
+from operator import add, mul
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 
 from symbrion_gym.environment.world import Physics, World
 
@@ -29,8 +30,30 @@ LARGEST_SPEED = 50.0
 """A coordinate faster than this [m/s or rad/s] means that the simulation has diverged."""
 _CORNER = 0.05
 """Half the edge of what of a module must be beyond the far edge however it is turned [m]."""
+_STRIP = 0.05
+"""Width of the strips across x whose greatest heights are known [m]."""
+_HAIR = 1e-6
+"""Triangles reach this much farther than they are in finding what is above a place [m]."""
 _TOUCH_BAND = 0.01
 """A module this close to the floor of the pit [m] touches it."""
+
+
+class Body(NamedTuple):
+    """Views of what is measured of one simulation.
+
+    Attributes:
+        rates: `[nv]` velocities of its coordinates.
+        places: `[3, n]` x, y and z of the modules [m].
+        up: `[n]` z components of their up axes.
+        torque: `[h]` of the hinges [N m].
+        hinge_rate: `[h]` [rad/s].
+    """
+
+    rates: np.ndarray
+    places: np.ndarray
+    up: np.ndarray
+    torque: np.ndarray
+    hinge_rate: np.ndarray
 
 
 class Measures(NamedTuple):
@@ -39,25 +62,27 @@ class Measures(NamedTuple):
     Attributes:
         head: how far along the route the head is [m].
         mean: how far the modules are in the mean [m].
-        rearmost: how far the rearmost module is [m].
-        progress: likewise in the mean, no module counted farther than the finish [m].
+        is_across: whether all of them are beyond the finish.
+        progress: how far they are in the mean, none counted farther than the finish [m].
         aside: largest distance of a module from the middle of the route [m].
         lowest: height of the lowest module [m].
         uprightness: smallest z component of the modules' up axes.
+        power: sum over the hinges of the absolute power [W].
         is_sound: whether the numbers are still physics.
     """
 
     head: float
     mean: float
-    rearmost: float
+    is_across: bool
     progress: float
     aside: float
     lowest: float
     uprightness: float
+    power: float
     is_sound: bool
 
 
-_UNSOUND = Measures(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False)
+_UNSOUND = Measures(0.0, 0.0, False, 0.0, 0.0, 0.0, 0.0, 0.0, False)
 
 
 class Judge:
@@ -69,11 +94,14 @@ class Judge:
         share: of one module in a mean.
         hold_ticks: for how many ticks the body must have arrived.
         is_abyss: whether the floor of the pit ends an episode.
+        farthest_aside: from the middle of the route that is still in the arena [m].
+        lowest: height that is [m].
     """
 
     def __init__(self, world: World) -> None:
         self._arena, self._route = world.arena, world.route
         self._direction = world.route.direction
+        self._strips, self._ceiling = find_ceiling(world.arena.surface)
         self.finish = world.route.finish
         self._edge = self.finish - world.organism.scout.pitch / 2
         self.is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
@@ -81,28 +109,35 @@ class Judge:
         self.share = 1.0 / world.num_modules
         self.hold_ticks = max(1, int(np.ceil(HOLD_TIME / world.config.dt - 1e-9)))
         self.is_abyss = world.config.abyss and world.route.pit is not None
+        self.farthest_aside, self.lowest = world.route.half_width, world.route.lowest
 
-    def measure(self, physics: Physics, row: int) -> Measures:
+    def measure(self, body: Body) -> Measures:
         """Measure one simulation; plain numbers are faster than small arrays."""
-        rates = physics.qvel[row]
-        if not np.vdot(rates, rates) < LARGEST_SPEED and not (np.abs(rates) < LARGEST_SPEED).all():
+        rates = body.rates
+        if not rates.dot(rates) < LARGEST_SPEED and not (np.abs(rates) < LARGEST_SPEED).all():
             return _UNSOUND
-        along, across, heights = zip(*physics.position[row].tolist(), strict=True)
+        along, across, heights = body.places.tolist()
         if not self.is_plain:
             c, s = self._direction
             offset, places = self._route.lateral, list(zip(along, across, strict=True))
             along = [c * x + s * y for x, y in places]
             across = [c * y - s * x - offset for x, y in places]
-        finish, mean = self.finish, reduce(add, along) * self.share
-        is_before = max(along) < finish
+        finish, share = self.finish, self.share
+        mean = progress = reduce(add, along) * share
+        is_across = False
+        if not max(along) < finish:
+            is_across = min(along) > finish
+            progress = reduce(add, [s if s < finish else finish for s in along]) * share
+        powers = map(abs, map(mul, body.torque.tolist(), body.hinge_rate.tolist()))
         return Measures(
             along[0],
             mean,
-            min(along),
-            mean if is_before else reduce(add, [s if s < finish else finish for s in along]) * self.share,
+            is_across,
+            progress,
             max(max(across), -min(across)),
             min(heights),
-            min(physics.rotation[row, :, 8].tolist()),
+            min(body.up.tolist()),
+            reduce(add, powers, 0.0),
             True,
         )
 
@@ -120,24 +155,28 @@ class Judge:
 
     def find_limits(self) -> tuple[float, float]:
         """Return how far aside and how low a module can be while nothing has happened [m]."""
-        lowest = self._route.lowest
+        lowest = self.lowest
         if self.is_abyss and self._route.pit is not None:
             lowest = max(lowest, self._route.pit[2] + _TOUCH_BAND + 1.5 * self._half)
-        return self._route.half_width, lowest
-
-    def is_off(self, aside: float, lowest: float) -> bool:
-        """Return whether a module has left the arena."""
-        return aside > self._route.half_width or lowest < self._route.lowest
+        return self.farthest_aside, lowest
 
     def is_standing(self, physics: Physics, row: int) -> bool:
-        """Return whether every module of one simulation is upright, at ground height and wholly across."""
+        """Return whether every module of one simulation is upright, at ground height and wholly across.
+
+        A module that is too high above the highest ground anywhere in its strip needs no search for the ground.
+        """
         position, rotation = physics.position[row], physics.rotation[row]
-        above, up = position[:, 2] - self._arena.height(position[:, 0], position[:, 1]), rotation[:, 8]
         c, s = self._direction
         reach = _CORNER * np.abs(c * rotation[:, :3] + s * rotation[:, 3:6]).sum(axis=1)
         is_across = self.find_distance(position[None])[0] - reach > self._edge
-        is_low = (above > GROUND_BAND[0]) & (above < GROUND_BAND[1])
-        return bool((is_low & is_across & (up > UPRIGHT)).all())
+        if not (is_across & (rotation[:, 8] > UPRIGHT)).all():
+            return False
+        x, y, z = position.T
+        ceiling = self._ceiling[np.searchsorted(self._strips, x)]
+        if (z - ceiling >= GROUND_BAND[1]).any():
+            return False
+        above = z - self._arena.height(x, y)
+        return bool(((above > GROUND_BAND[0]) & (above < GROUND_BAND[1])).all())
 
     def has_touched_pit(self, physics: Physics, row: int) -> bool:
         """Return whether a module of one simulation touches the floor of the pit."""
@@ -146,3 +185,14 @@ class Judge:
         reach = self._half * np.abs(physics.rotation[row, :, 6:9:2]).sum(axis=1)
         is_down = physics.position[row, :, 2] - reach < floor + _TOUCH_BAND
         return bool((is_down & (distance > near) & (distance < far)).any())
+
+
+def find_ceiling(surface: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return x where strips end, `[S]` [m], and the greatest height of the surface in each, `[S + 1]` [m]."""
+    x, height = surface.triangles[:, :, 0], surface.triangles[:, :, 2].max(axis=1) + _HAIR
+    ends = np.arange(x.min() - _STRIP, x.max() + _STRIP, _STRIP)
+    first, last = np.searchsorted(ends, x.min(axis=1) - _HAIR), np.searchsorted(ends, x.max(axis=1) + _HAIR)
+    ceiling = np.full(len(ends) + 1, -np.inf)
+    for step in range((last - first).max() + 1):
+        np.maximum.at(ceiling, np.minimum(first + step, last), height)
+    return ends, ceiling

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import repeat
 from typing import Any
 
 import mujoco
@@ -210,16 +209,17 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         was_done, listens = self._is_done, ~self._is_done
         reward, terminated, truncated = self._advance(actions, listens)
         ended = terminated | truncated
+        has_ended = np.count_nonzero(ended) > 0
         self._is_done = was_done | ended
         info = self._make_info(listens)
         observation = self._add_noise(self._episodes.observe(self._physics), listens)
-        if ended.any():
+        if has_ended:
             diverged = np.flatnonzero(self._episodes.flags[FLAGS.index("diverged")] & ended)
             if len(diverged):
                 self.batch.reset(diverged)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
             observation = self._restart(was_done, observation)
-        elif self.autoreset_mode is AutoresetMode.SAME_STEP and ended.any():
+        elif self.autoreset_mode is AutoresetMode.SAME_STEP and has_ended:
             final = np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(ended):
                 final[row] = observation[row].copy()
@@ -232,13 +232,14 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def _advance(self, actions: np.ndarray, listens: np.ndarray) -> Ticks:
         """Step the physics of the simulations that listen, and judge them."""
         episodes = self._episodes
-        is_everyone = bool(listens.all())
-        if is_everyone or listens.any():
-            target, speed = episodes.command(actions, None if is_everyone else listens)
+        count = np.count_nonzero(listens)
+        if count:
+            some = None if count == self.num_envs else listens
+            target, speed = episodes.command(actions, some)
             self.world.write_control(self._control, target, speed)
             if episodes.num_tracks:
                 self._models.write_track_speed(speed)
-            self.batch.step(None if is_everyone else listens, nstep=self.config.frame_skip)
+            self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
         ticks = episodes.finish_ticks(self._physics, listens)
         if self._max_ticks is not None:
@@ -257,8 +258,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         """Return `info` with Gymnasium's `_name` masks: which simulations a value is news of."""
         info: dict[str, Any] = dict(zip(NUMBERS, self._episodes.numbers.copy(), strict=True))
         info.update(zip(FLAGS, self._episodes.flags.copy(), strict=True))
-        info.update(zip(_NEWS, repeat(mask), strict=False))
-        return info
+        return info | dict.fromkeys(_NEWS, mask)
 
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if self.config.noise:
