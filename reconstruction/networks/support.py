@@ -11,6 +11,8 @@ MAX_VOID = 6.0
 """A patch whose void is larger, in squared sample spacings (half a disc of `GAP`), spans a hole."""
 MIN_COVER = 0.2
 """A face over which this share of the expected samples lies cuts a corner of the surface, and has no void."""
+WHOLE_COVER = 0.75
+"""Likewise for faces that may reach far: with less of the samples a hole in the data would be covered."""
 FEW_SAMPLES = 10
 NUM_NEIGHBORS = 6
 """How many neighbours a unit has in a regular map."""
@@ -35,8 +37,13 @@ class Support:
         self._spacings = np.maximum(spacings, np.finfo(float).tiny ** 0.25)  # samples may coincide
         self.is_uneven = is_uneven
 
-    def measure_void(self, corners: np.ndarray) -> np.ndarray:
-        """Return how much of each face `[F, 3, 3]` is far from all samples, in squared spacings: `[F]`."""
+    def measure_void(self, corners: np.ndarray, min_cover: float = MIN_COVER) -> np.ndarray:
+        """Return how much of each face is far from all samples, in squared spacings: `[F]`.
+
+        Args:
+            corners: `[F, 3, 3]` of the faces.
+            min_cover: a face over which this share of the expected samples lies has no void.
+        """
         places = np.einsum("pk,fki->fpi", _PLACES, corners)
         distances, nearest = self._tree.query(places)
         is_void = distances > GAP * self._spacings[nearest]
@@ -44,7 +51,7 @@ class Support:
         expected = np.linalg.norm(cross, axis=1) / 2 / self._spacings[nearest].mean(axis=1) ** 2
         void = expected * is_void.mean(axis=1)
         for face in np.flatnonzero(void):
-            if self._count_over(corners[face]) >= max(1, MIN_COVER * expected[face]):
+            if self._count_over(corners[face]) >= max(1, min_cover * expected[face]):
                 void[face] = 0
         return void
 

@@ -11,7 +11,7 @@ import itertools
 
 import numpy as np
 
-from reconstruction.networks.support import MAX_VOID, Support
+from reconstruction.networks.support import MAX_VOID, WHOLE_COVER, Support
 from reconstruction.surfaces.manifold import find_folds, find_hinges, find_normals, group_sides
 
 MAX_HOLE_EDGES = 24
@@ -104,7 +104,7 @@ def close_tips(units: np.ndarray, faces: np.ndarray, support: Support) -> np.nda
     added = []
     for loop in loops:
         patch = np.array(_triangulate(loop, _rate_triangles([loop], units, normals)[0], neighbors))
-        if len(patch) and support.measure_void(units[patch]).sum() <= MAX_VOID:
+        if len(patch) and support.measure_void(units[patch], WHOLE_COVER).sum() <= MAX_VOID:
             beside = faces[np.isin(faces, loop).sum(axis=1) >= 2]
             around = np.concatenate([beside, patch])
             hinges = find_hinges(around, group_sides(around, len(units)))

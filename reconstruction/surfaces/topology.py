@@ -97,7 +97,7 @@ def _lies_on_full(proposed: np.ndarray, faces: np.ndarray, num_units: int) -> np
     full = np.minimum(tail, head) * num_units + np.maximum(tail, head)
     others = np.roll(proposed, -1, axis=1)
     wanted = np.minimum(proposed, others) * num_units + np.maximum(proposed, others)
-    return is_in_sorted(wanted.ravel(), full).reshape(-1, 3).any(axis=1)
+    return np.asarray(is_in_sorted(wanted.ravel(), full).reshape(-1, 3).any(axis=1))
 
 
 def _witness_midpoints(
