@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -18,6 +19,7 @@ from benchmarks.material.arena_drives import Behaviour, drive_waves, time_steps
 from benchmarks.material.arena_surfaces import (
     MAIN,
     RESOLUTIONS,
+    load_bunny,
     make_other_profiles,
     map_stairs,
     scan_course,
@@ -28,7 +30,7 @@ from benchmarks.material.sleds import compare_drawn
 from benchmarks.report import RESULTS, write_results
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.quality import measure_arena
+from symbrion_gym.arenas.quality import ArenaQuality, measure_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.pieces.decomposition import decompose
 from symbrion_gym.pieces.mesh_repair import repair_mesh
@@ -37,7 +39,7 @@ from symbrion_gym.pieces.solid import close_downwards
 _PIT = 0.40
 _EASY_PIT = 0.30
 """Of random controllers some cross this pit, some do not [m]."""
-Rows = dict[str, dict[str, float]]
+Rows = dict[str, dict[str, Any]]
 
 
 def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict:
@@ -75,6 +77,10 @@ def measure_accuracy(quick: bool) -> dict:
     stairs = map_stairs()
     if stairs is not None:
         _judge(rows, "real staircase, own surface", make_arena(stairs, cache=False), stairs, stairs)
+    bunny = load_bunny()
+    if bunny is not None:
+        made = make_arena(bunny, cache=False)
+        _note(rows, "bunny, own surface", made, made.quality)
     if not quick:
         mesh = scan_course(_PIT, "gsrm 2200")
         begin = time.perf_counter()
@@ -170,7 +176,10 @@ def _move(arena: Arena, by: list[float]) -> Arena:
 
 def _judge(rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh) -> None:
     """Put down distances [mm], number of pieces and the time they took."""
-    quality = measure_arena(arena.pieces, truth, region=region)
+    _note(rows, name, arena, measure_arena(arena.pieces, truth, region=region))
+
+
+def _note(rows: Rows, name: str, arena: Arena, quality: ArenaQuality) -> None:
     rows[name] = {
         "pieces": quality.num_pieces,
         "mean_mm": 1e3 * quality.mean,
@@ -183,7 +192,10 @@ def _judge(rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: 
 
 def _show(rows: Rows) -> None:
     for name, row in rows.items():
-        print(f"  {name:32s}", "  ".join(f"{key} {value:.4g}" for key, value in row.items()), flush=True)
+        values = (
+            f"{key} {value if isinstance(value, list) else f'{value:.4g}'}" for key, value in row.items()
+        )
+        print(f"  {name:32s}", "  ".join(values), flush=True)
 
 
 def _show_one(row: dict) -> dict:

@@ -1,6 +1,6 @@
 """What contact is worth in a scanned arena."""
 
-from benchmarks.figures import Claim, Value
+from benchmarks.figures import PERCENT, Claim, Value
 
 ARENA = (
     Claim(
@@ -65,25 +65,37 @@ ARENA = (
         (Value("arena", "random_rays/within_0.1_mm"), Value("arena", "random_rays/both_hit")),
     ),
     Claim(
-        "random postures that cross on GSRM 2,200, or do not, as in the truth, of 30",
-        "{0}",
-        (Value("arena", "behaviour/gsrm 2200/agree"),),
-        bar=">= 28",
-        is_headline=True,
-    ),
-    Claim(
-        "the same on the growing grid",
-        "{0}",
-        (Value("arena", "behaviour/gg/agree"),),
-        bar=">= 28",
-    ),
-    Claim(
-        "random waves that cross on GSRM 2,200, or do not, as in the truth, of 30 (in the truth moved by 1 mm)",
+        "random waves (tried first) that cross on GSRM 2,200, or do not, as in the truth, of 30 (in the truth moved by "
+        "1 mm)",
         "{0} ({1})",
         (
             Value("arena", "behaviour_of_waves/gsrm 2200/agree"),
             Value("arena", "behaviour_of_waves/truth moved by 1 mm/agree"),
         ),
+        bar=">= 28",
+        is_headline=True,
+    ),
+    Claim(
+        "random postures (tried second) that cross on GSRM 2,200, or do not, as in the truth, of 30 (in the truth "
+        "moved by 1 mm)",
+        "{0} ({1})",
+        (
+            Value("arena", "behaviour/gsrm 2200/agree"),
+            Value("arena", "behaviour/truth moved by 1 mm/agree"),
+        ),
+        bar=">= 28",
+        is_headline=True,
+    ),
+    Claim(
+        "the same on the growing grid: waves",
+        "{0}",
+        (Value("arena", "behaviour_of_waves/gg/agree"),),
+        bar=">= 28",
+    ),
+    Claim(
+        "the same on the growing grid: postures",
+        "{0}",
+        (Value("arena", "behaviour/gg/agree"),),
         bar=">= 28",
     ),
     Claim(
@@ -96,10 +108,29 @@ ARENA = (
         bar=">= 0.9",
     ),
     Claim(
-        "largest kick of a sled and of a wheel over the seams of the ready-made gg, beyond the surface's own",
-        "{0:.1f} mm, {1:.1f} mm",
-        (Value("arena", "sled/ready-made gg/kick_mm"), Value("arena", "wheel/ready-made gg/kick_mm")),
+        "largest kick of a sled over the seams of the ready-made gsrm, gg: how much higher than in the truth at the "
+        "same place, left out 5 cm about the pit's walls (wheel on gsrm; sled on exact triangles)",
+        "{0:.1f} mm, {1:.1f} mm ({2:.1f} mm; {3:.1f} mm)",
+        (
+            Value("arena", "sled/ready-made gsrm/kick_mm"),
+            Value("arena", "sled/ready-made gg/kick_mm"),
+            Value("arena", "wheel/ready-made gsrm/kick_mm"),
+            Value("arena", "sled/exact triangles of gsrm 2200/kick_mm"),
+        ),
         bar="<= 2 mm",
+    ),
+    Claim(
+        "largest loss of speed of a sled over the seams of the ready-made gsrm, gg (wheel on gsrm; sled on the truth "
+        "moved by 1 mm; on exact triangles)",
+        "{0:.1f} %, {1:.1f} % ({2:.1f} %; {3:.1f} %; {4:.0f} %)",
+        (
+            Value("arena", "sled/ready-made gsrm/speed_loss", scale=PERCENT),
+            Value("arena", "sled/ready-made gg/speed_loss", scale=PERCENT),
+            Value("arena", "wheel/ready-made gsrm/speed_loss", scale=PERCENT),
+            Value("arena", "sled/truth moved by 1 mm along/speed_loss", scale=PERCENT),
+            Value("arena", "sled/exact triangles of gsrm 2200/speed_loss", scale=PERCENT),
+        ),
+        bar="<= 5 %",
     ),
     Claim(
         "physics step of a snake of 8 on the pieces of GSRM 2,200, and on the boxes of the truth",

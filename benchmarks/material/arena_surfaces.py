@@ -11,6 +11,7 @@ import trimesh
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.formats import load_points
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.pieces.mesh_repair import load_surface
 
 STAIRS = Path(__file__).resolve().parents[3] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 BUNNY = STAIRS.with_name("stanford-bunny.obj")
@@ -41,6 +42,11 @@ def map_stairs() -> trimesh.Trimesh | None:
     points = load_points(STAIRS)
     low, high = np.array([0.4, -4.3, -np.inf]), np.array([9.6, 1.4, 2.0])
     return reconstruct(points[((points > low) & (points < high)).all(axis=1)], units=2200).mesh
+
+
+def load_bunny() -> trimesh.Trimesh | None:
+    """Read the bunny as it is, holes and all; None where it is absent."""
+    return load_surface(BUNNY) if BUNNY.is_file() else None
 
 
 def make_other_profiles() -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ from symbrion_gym.arenas.contact_kinds import (
     make_height_field,
     make_prisms,
 )
-from symbrion_gym.arenas.quality import ArenaQuality, measure_arena, measure_body
+from symbrion_gym.arenas.quality import ArenaQuality, BodyRuler, TerrainRuler, measure_arena
 from symbrion_gym.arenas.watch import Watch
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.pieces.boxing import split_at_creases, turn_into_boxes
@@ -71,6 +71,8 @@ _MAX_PARTS = 16
 """Pieces are not cut at creases into more parts than these."""
 _BOXES_OFF = 3e-4
 """What boxes may add to the mean distance; twice as much to its 95th percentile [m]."""
+
+Ruler = TerrainRuler | BodyRuler
 
 _logger = logging.getLogger(__name__)
 
@@ -134,7 +136,7 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
     """
     watch = Watch(options.time_limit)
     if options.kind == "prisms":
-        return _measure(make_prisms(mesh), mesh, watch, {"way": "prisms"})
+        return _measure(make_prisms(mesh), TerrainRuler(mesh), watch, {"way": "prisms"})
     if options.kind == "hfield":
         heights = make_height_field(mesh)
         quality = measure_arena([heights.as_mesh()], mesh, seconds=watch.elapsed)
@@ -145,13 +147,13 @@ def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progr
         shape = "closed"
     progress(f"the surface is a {shape}", 0.05)
     if shape == "terrain":
-        return _follow_terrain(split_long_edges(take_top(mesh)), mesh, options, watch, progress)
+        return _follow_terrain(split_long_edges(take_top(mesh)), TerrainRuler(mesh), options, watch, progress)
     solid = body if shape == "closed" else thicken(mesh, _limit_thickness(mesh, options.thickness))
-    return _decompose_solid(solid, mesh, options, watch, progress, {"shape": shape})
+    return _decompose_solid(solid, BodyRuler(mesh), options, watch, progress, {"shape": shape})
 
 
 def _follow_terrain(
-    top: trimesh.Trimesh, mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
+    top: trimesh.Trimesh, ruler: TerrainRuler, options: ContactOptions, watch: Watch, progress: Progress
 ) -> Contact:
     """Slabs under planes, the finest that are few enough, caps fitted where planes do not do; then coacd."""
     progress("planes", 0.1)
@@ -167,9 +169,9 @@ def _follow_terrain(
         boxes = make_boxes(top, planes, tolerance)
         pieces = boxes + find_uncovered(pieces, boxes, tolerance)
     notes = {"way": "slabs", "tolerance": tolerance, "planes": len(planes.normals), "noise": planes.noise}
-    best = _measure(pieces, mesh, watch, notes)
+    best = _measure(pieces, ruler, watch, notes)
     if _is_enough(best, max(options.accuracy, 1.5 * planes.noise), options):
-        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
+        return _prefer_coacd(best, planes, top, ruler, options, watch, progress)
     if slabs:
         progress("fitting caps to rough ground", 0.5)
         pieces = fit_slabs(
@@ -181,13 +183,13 @@ def _follow_terrain(
             options.thickness,
             lambda: watch.is_late(0.6),
         )
-        fitted = _measure(pieces, mesh, watch, {**notes, "way": "slabs, fitted"})
+        fitted = _measure(pieces, ruler, watch, {**notes, "way": "slabs, fitted"})
         best = _choose(best, fitted, options.max_pieces)
     if _is_enough(best, 3.0 * options.accuracy, options):
-        return _prefer_coacd(best, planes, top, mesh, options, watch, progress)
+        return _prefer_coacd(best, planes, top, ruler, options, watch, progress)
     try:
         solid = simplify_solid(close_downwards(top, options.thickness))
-        other = _decompose_solid(solid, mesh, options, watch, progress, {"shape": "terrain"})
+        other = _decompose_solid(solid, ruler, options, watch, progress, {"shape": "terrain"})
         return _choose(best, other, options.max_pieces)
     except ArenaError as error:
         if not best.pieces:
@@ -200,7 +202,7 @@ def _prefer_coacd(
     slabs: Contact,
     planes: Planes,
     top: trimesh.Trimesh,
-    mesh: trimesh.Trimesh,
+    ruler: Ruler,
     options: ContactOptions,
     watch: Watch,
     progress: Progress,
@@ -219,7 +221,7 @@ def _prefer_coacd(
             pieces = decompose_slabs(slabs.pieces, planes, top.area_faces, options.seed, *limits)
             mended = _mend(pieces, top, options.max_pieces, watch) if len(pieces) <= _MAX_FINISHED else pieces
             for candidate in (mended, pieces):  # coacd leaves slits; to mend them may cost accuracy
-                made = _measure(candidate, mesh, watch, {**slabs.notes, "way": f"coacd of {way}"})
+                made = _measure(candidate, ruler, watch, {**slabs.notes, "way": f"coacd of {way}"})
                 reason = _find_fault(made, slabs, options.max_pieces, options.accuracy)
                 if not reason:
                     break
@@ -230,13 +232,13 @@ def _prefer_coacd(
     else:
         _logger.info("slabs are kept: %s", reason)
         chosen = replace(slabs, notes={**slabs.notes, "why": f"slabs are kept: {reason}"})
-    return _finish(chosen, top, mesh, options, watch, progress)
+    return _finish(chosen, top, ruler, options, watch, progress)
 
 
 def _finish(
     contact: Contact,
     top: trimesh.Trimesh,
-    mesh: trimesh.Trimesh,
+    ruler: Ruler,
     options: ContactOptions,
     watch: Watch,
     progress: Progress,
@@ -248,7 +250,7 @@ def _finish(
     progress("seams and boxes", 0.9)
     for improve in (_mend, _box):
         pieces = improve(best.pieces, top, options.max_pieces, watch)
-        made = _measure(pieces, mesh, watch, contact.notes)
+        made = _measure(pieces, ruler, watch, contact.notes)
         is_as_close = (
             made.quality.mean <= contact.quality.mean + _BOXES_OFF
             and made.quality.p95 <= contact.quality.p95 + 2 * _BOXES_OFF
@@ -302,7 +304,7 @@ def _is_enough(contact: Contact, accuracy: float, options: ContactOptions) -> bo
 
 def _decompose_solid(
     solid: trimesh.Trimesh,
-    mesh: trimesh.Trimesh,
+    ruler: Ruler,
     options: ContactOptions,
     watch: Watch,
     progress: Progress,
@@ -320,7 +322,7 @@ def _decompose_solid(
         progress(f"coacd at threshold {threshold}", min(0.4 + 0.5 * watch.spent / options.time_limit, 0.85))
         limits = max((1.0 + share) / 2 * watch.left(), 1.0), share * options.time_limit
         pieces = decompose(solid, threshold, options.seed, *limits, **{**_SHORT_SEARCH, **more})
-        return _measure(pieces, mesh, watch, {**notes, "way": "coacd", "threshold": threshold})
+        return _measure(pieces, ruler, watch, {**notes, "way": "coacd", "threshold": threshold})
 
     for threshold in (0.05, 0.02, 0.01):
         if best is not None and watch.is_late(0.25):
@@ -347,11 +349,8 @@ def _simplify(solid: trimesh.Trimesh, count: int) -> trimesh.Trimesh:
     return trimesh.Trimesh(*simplify(solid.vertices, solid.faces, count), process=False)
 
 
-def _measure(
-    pieces: list[trimesh.Trimesh], mesh: trimesh.Trimesh, watch: Watch, notes: dict[str, Any]
-) -> Contact:
-    measure = measure_body if notes.get("shape") in ("closed", "overhang") else measure_arena
-    return Contact(pieces, measure(pieces, mesh, seconds=watch.elapsed), None, notes)
+def _measure(pieces: list[trimesh.Trimesh], ruler: Ruler, watch: Watch, notes: dict[str, Any]) -> Contact:
+    return Contact(pieces, ruler.measure(pieces, watch.elapsed), None, notes)
 
 
 def _choose(first: Contact | None, second: Contact, max_pieces: int) -> Contact:

@@ -22,8 +22,17 @@ class Elevation:
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
         area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
         is_seen = np.abs(area) > 1e-12
-        self._corners, self._area = corners[is_seen], area[is_seen]
+        self._corners = corners[is_seen]
         self._faces = np.flatnonzero(is_seen)
+        # One row a triangle, all that a point in it asks for: one place in memory to look up.
+        seen = (
+            self._corners[:, 0],
+            side_1[is_seen],
+            side_2[is_seen],
+            self._corners[:, 1:, 2],
+            area[is_seen, None],
+        )
+        self._table = np.concatenate(seen, axis=1)
         self._make_grid()
 
     def _make_grid(self) -> None:
@@ -82,12 +91,10 @@ class Elevation:
 
     def _height_in(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
-        a, b, c = (self._corners[triangle, i] for i in range(3))
-        area = self._area[triangle]
-        to = points - a[:, :2]
-        weight_b = (to[:, 0] * (c[:, 1] - a[:, 1]) - to[:, 1] * (c[:, 0] - a[:, 0])) / area
-        weight_c = ((b[:, 0] - a[:, 0]) * to[:, 1] - (b[:, 1] - a[:, 1]) * to[:, 0]) / area
+        x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table[triangle].T
+        to_x, to_y = points[:, 0] - x, points[:, 1] - y
+        weight_b = (to_x * c_y - to_y * c_x) / area
+        weight_c = (b_x * to_y - b_y * to_x) / area
         weight_a = 1.0 - weight_b - weight_c
         inside = np.minimum(np.minimum(weight_a, weight_b), weight_c) >= -_EDGE_TOLERANCE
-        z = weight_a * a[:, 2] + weight_b * b[:, 2] + weight_c * c[:, 2]
-        return np.where(inside, z, -np.inf)
+        return np.where(inside, weight_a * z + weight_b * b_z + weight_c * c_z, -np.inf)

@@ -50,6 +50,80 @@ class ArenaQuality:
         return cls(**known)
 
 
+class TerrainRuler:
+    """Measures one set of pieces after another against a terrain, along vertical lines."""
+
+    def __init__(
+        self,
+        surface: trimesh.Trimesh,
+        *,
+        region: trimesh.Trimesh | None = None,
+        spacing: float = 0.01,
+        margin: float = 0.02,
+    ) -> None:
+        """Look at the surface; arguments as those of `measure_arena`."""
+        low, high = (region or surface).bounds[:, :2]
+        spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
+        axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
+        self._x, self._y = np.meshgrid(*axes, indexing="ij")
+        self._wanted = Elevation(surface).height(self._x, self._y)
+        self._is_there = np.isfinite(self._wanted)
+        if region is not None:
+            self._is_there &= np.isfinite(Elevation(region).height(self._x, self._y))
+        self._is_open = self._is_there & (_find_relief(self._wanted, margin / spacing) < 2.0 * margin)
+
+    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
+        """Compare the top of the pieces with the surface."""
+        touched = Elevation(*pieces).height(self._x, self._y)
+        is_touched = np.isfinite(touched)
+        gap = (touched - self._wanted)[self._is_open & is_touched]
+        if not len(gap):
+            return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
+        return ArenaQuality(
+            mean=float(np.abs(gap).mean()),
+            p95=float(np.percentile(np.abs(gap), 95)),
+            max=float(np.abs(gap).max()),
+            bias=float(gap.mean()),
+            uncovered=float(1.0 - is_touched[self._is_there].mean()),
+            num_pieces=len(pieces),
+            seconds=seconds,
+        )
+
+
+class BodyRuler:
+    """Measures one set of pieces after another against a body, at points strewn over it, whichever way it faces.
+
+    A point inside a piece lies as deep as the nearest plane of that piece is far. One outside of all pieces counts
+    as uncovered from 1 % of the extent on.
+    """
+
+    def __init__(self, surface: trimesh.Trimesh, count: int = 4000) -> None:
+        """Strew `count` points over the surface."""
+        self._points = np.asarray(trimesh.sample.sample_surface(surface, count, seed=0)[0])
+        self._reach = 0.01 * float(surface.extents.max())
+
+    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
+        """Compare the skin of the pieces with the surface."""
+        outside = np.full(len(self._points), np.inf)
+        for piece in pieces:
+            normals = np.asarray(piece.face_normals)
+            offsets = np.einsum("fi,fi->f", normals, np.asarray(piece.triangles)[:, 0])
+            outside = np.minimum(outside, (self._points @ normals.T - offsets).max(axis=1))
+        is_covered = outside < self._reach
+        if not is_covered.any():
+            return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
+        gap = np.abs(outside[is_covered])
+        return ArenaQuality(
+            mean=float(gap.mean()),
+            p95=float(np.percentile(gap, 95)),
+            max=float(gap.max()),
+            bias=float(-outside[is_covered].mean()),
+            uncovered=float(1.0 - is_covered.mean()),
+            num_pieces=len(pieces),
+            seconds=seconds,
+        )
+
+
 def measure_arena(
     pieces: list[trimesh.Trimesh],
     surface: trimesh.Trimesh,
@@ -69,64 +143,8 @@ def measure_arena(
         margin: distance around walls (a rise of more than 2 per 1) that is left out [m].
         seconds: to be noted in the result.
     """
-    low, high = (region or surface).bounds[:, :2]
-    spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
-    axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
-    x, y = np.meshgrid(*axes, indexing="ij")
-    wanted = Elevation(surface).height(x, y)
-    is_there = np.isfinite(wanted)
-    if region is not None:
-        is_there &= np.isfinite(Elevation(region).height(x, y))
-    is_open = is_there & (_find_relief(wanted, margin / spacing) < 2.0 * margin)
-    touched = Elevation(*pieces).height(x, y)
-    is_touched = np.isfinite(touched)
-    gap = (touched - wanted)[is_open & is_touched]
-    if not len(gap):
-        return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
-    return ArenaQuality(
-        mean=float(np.abs(gap).mean()),
-        p95=float(np.percentile(np.abs(gap), 95)),
-        max=float(np.abs(gap).max()),
-        bias=float(gap.mean()),
-        uncovered=float(1.0 - is_touched[is_there].mean()),
-        num_pieces=len(pieces),
-        seconds=seconds,
-    )
-
-
-def measure_body(
-    pieces: list[trimesh.Trimesh], surface: trimesh.Trimesh, *, seconds: float = 0.0, count: int = 4000
-) -> ArenaQuality:
-    """Compare the skin of the pieces with a surface at points strewn over it, whichever way it faces.
-
-    A point inside a piece lies as deep as the nearest plane of that piece is far. One outside of all pieces counts
-    as uncovered from 1 % of the extent on.
-
-    Args:
-        pieces: contact pieces.
-        surface: what they should be.
-        seconds: to be noted in the result.
-        count: number of points.
-    """
-    points = np.asarray(trimesh.sample.sample_surface(surface, count, seed=0)[0])
-    outside = np.full(len(points), np.inf)
-    for piece in pieces:
-        normals = np.asarray(piece.face_normals)
-        offsets = np.einsum("fi,fi->f", normals, np.asarray(piece.triangles)[:, 0])
-        outside = np.minimum(outside, (points @ normals.T - offsets).max(axis=1))
-    is_covered = outside < 0.01 * float(surface.extents.max())
-    if not is_covered.any():
-        return ArenaQuality(np.inf, np.inf, np.inf, len(pieces), np.inf, 1.0, seconds)
-    gap = np.abs(outside[is_covered])
-    return ArenaQuality(
-        mean=float(gap.mean()),
-        p95=float(np.percentile(gap, 95)),
-        max=float(gap.max()),
-        bias=float(-outside[is_covered].mean()),
-        uncovered=float(1.0 - is_covered.mean()),
-        num_pieces=len(pieces),
-        seconds=seconds,
-    )
+    ruler = TerrainRuler(surface, region=region, spacing=spacing, margin=margin)
+    return ruler.measure(pieces, seconds)
 
 
 def _find_relief(heights: np.ndarray, radius: float) -> np.ndarray:

@@ -75,7 +75,7 @@ def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Tr
     piece = pieces[i]
     halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
     points = strew(np.asarray(piece.vertices), _DENSE)
-    height = ground.height(*points.T)
+    height, before = ground.height(*points.T), find_tops(halfspaces, points)
     for j, other in enumerate(pieces):
         if j == i or not _do_touch(piece, other):
             continue
@@ -83,16 +83,18 @@ def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Tr
             is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > _LIFT
             if plane[2] < STEEP or plane[:3] @ inner + plane[3] > -1e-3 or not is_cut:
                 continue
-            before, capped = find_tops(halfspaces, points), np.vstack([halfspaces, plane])
-            after = find_tops(capped, points)
-            lowered = np.isfinite(before)
+            lowered = before > -(points @ plane[:2] + plane[3]) / plane[2]
+            after = before.copy()
+            after[lowered] = find_tops(np.vstack([halfspaces, plane]), points[lowered])
             lowered[lowered] = before[lowered] - after[lowered] > _LIFT
             if not lowered.any():
                 continue
             gain = np.abs(before - height)[lowered] - np.abs(after - height)[lowered]
-            made = make_solid(capped, inner)
-            if np.nansum(gain) > 0 and np.nanmin(gain, initial=0.0) > -1e-3 and made is not None:
+            if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -1e-3:
+                continue
+            if (made := make_solid(np.vstack([halfspaces, plane]), inner)) is not None:
                 piece, halfspaces = made, find_halfspaces(made)
+                before = find_tops(halfspaces, points)
     return piece
 
 
