@@ -111,8 +111,8 @@ def measure_seams(quick: bool) -> dict:
     for name in ("gsrm", "gg"):
         arenas[f"ready-made {name}"] = load_arena(name)
     if not quick:
-        mesh = scan_course(_PIT, "gsrm 2200")
-        arenas["exact triangles of gsrm 2200"] = make_arena(mesh, kind="prisms", course=course)
+        mesh = arenas["ready-made gsrm"].surface
+        arenas["exact triangles of ready-made gsrm"] = make_arena(mesh, kind="prisms", course=course)
     found = compare_drawn(truth, course, arenas)
     for rows in found.values():
         _show(rows)

@@ -12,7 +12,7 @@ LIMITS = (
             Value("arena", "sled/ready-made gsrm/speed_loss", scale=PERCENT),
             Value("arena", "sled/ready-made gg/speed_loss", scale=PERCENT),
             Value("arena", "wheel/ready-made gsrm/speed_loss", scale=PERCENT),
-            Value("arena", "sled/exact triangles of gsrm 2200/speed_loss", scale=PERCENT),
+            Value("arena", "sled/exact triangles of ready-made gsrm/speed_loss", scale=PERCENT),
         ),
     ),
     Claim(

@@ -172,7 +172,7 @@ def _follow_terrain(
     best = _measure(pieces, ruler, watch, notes)
     if _is_enough(best, max(options.accuracy, 1.5 * planes.noise), options):
         return _prefer_coacd(best, planes, top, ruler, options, watch, progress)
-    if slabs:
+    if slabs and not watch.is_late():
         progress("fitting caps to rough ground", 0.5)
         pieces = fit_slabs(
             top,
@@ -187,6 +187,8 @@ def _follow_terrain(
         best = _choose(best, fitted, options.max_pieces)
     if _is_enough(best, 3.0 * options.accuracy, options):
         return _prefer_coacd(best, planes, top, ruler, options, watch, progress)
+    if best.pieces and watch.is_late():
+        return best
     try:
         solid = simplify_solid(close_downwards(top, options.thickness))
         other = _decompose_solid(solid, ruler, options, watch, progress, {"shape": "terrain"})
@@ -317,9 +319,10 @@ def _decompose_solid(
     if len(solid.faces) > _MAX_SOLID_FACES:
         solid = _simplify(solid, _MAX_SOLID_FACES)
     best: Contact | None = None
+    begin = 0.6 if notes["shape"] == "terrain" else 0.4
 
     def attempt(threshold: float, share: float = _SHARE_OF_ONE, **more: Any) -> Contact:
-        progress(f"coacd at threshold {threshold}", min(0.4 + 0.5 * watch.spent / options.time_limit, 0.85))
+        progress(f"coacd at threshold {threshold}", min(begin + 0.3 * watch.spent / options.time_limit, 0.9))
         limits = max((1.0 + share) / 2 * watch.left(), 1.0), share * options.time_limit
         pieces = decompose(solid, threshold, options.seed, *limits, **{**_SHORT_SEARCH, **more})
         return _measure(pieces, ruler, watch, {**notes, "way": "coacd", "threshold": threshold})
