@@ -4,6 +4,17 @@ from benchmarks.figures import PERCENT, Claim, Value
 
 LIMITS = (
     Claim(
+        "cost of refine",
+        "Of eight changes of an arena the dearest costs `refine` {0:.0f} % of a fresh run with GSRM 2,200 and {1:.0f} % "
+        "with the growing grid (wanted: 25 %); a wall that has moved {2:.0f} % and {3:.0f} %.",
+        (
+            Value("refine", "gsrm 2200/*/cpu_ratio", "max", scale=PERCENT),
+            Value("refine", "gg 13860/*/cpu_ratio", "max", scale=PERCENT),
+            Value("refine", "gsrm 2200/wall moved/cpu_ratio", scale=PERCENT),
+            Value("refine", "gg 13860/wall moved/cpu_ratio", scale=PERCENT),
+        ),
+    ),
+    Claim(
         "speed loss of a sled over the seams",
         "A sled drawn over the seams between the pieces of the ready-made arenas loses up to {0:.1f} % (gsrm) and "
         "{1:.1f} % (gg) of its speed at one spot (wanted: 5 %; a wheel: {2:.1f} %; on the exact triangles of a scan: "
