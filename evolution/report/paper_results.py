@@ -128,7 +128,9 @@ def add_models(context: PaperContext) -> None:
     if "resolutions" in context.records:
         context.add_table(tables.tabulate_resolutions(context.records["resolutions"]))
     else:
-        page.add_text("Not measured here: one evolution for every resolution on this machine, which the full run does.")
+        page.add_text(
+            "Not measured here: one evolution for every resolution on this machine, which the full run does."
+        )
     benchmark = find_benchmark()
     context.add_table(tables.tabulate_models(benchmark))
     context.add_table(tables.tabulate_stages(benchmark))

@@ -90,7 +90,7 @@ def weigh_evidence(
     about, probes = _crop(vertices, faces, old_points, new_points, 2 * spacing)
     wanted = max(LEAST_COMPARED, COMPARED_PER_FACE * len(about))
     compared = _thin(np.arange(len(new_points)), wanted)
-    num_readings = len(new_points)
+    readings = new_points
     new_points, origins = new_points[compared], None if origins is None else origins[compared]
     surface = igl.AABB()
     surface.init(vertices, about)
@@ -116,9 +116,8 @@ def weigh_evidence(
     far = np.flatnonzero(distance > STRONG * tolerance)
     is_strong = np.zeros(len(vertices), dtype=bool)
     is_strong[winners[far[find_crowded(winners[far], new_points[far], 3 * spacing)]]] = True
-    is_read, density = find_read(vertices, new_points, spacing)
-    density *= num_readings / len(compared)
-    is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
+    is_read, density = find_read(vertices, readings, spacing)
+    is_gone = find_gone(vertices, faces, readings, is_read | is_moved, spacing)
     if origins is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
         is_gone |= find_passed(vertices, faces, new_points, origins, agreeing, tolerance, 2 * spacing)
