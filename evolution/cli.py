@@ -12,6 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 
 import tyro
 
@@ -26,7 +27,8 @@ DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the 
 
 The road, a subcommand a step:
 survey (scan an arena) -> reconstruct (surface from points) -> arena (surface to MuJoCo geometry)
--> evolve (CMA-ES) -> replay (judge and film the champion). `symbrion demo` walks all of it."""
+-> evolve (CMA-ES) -> replay (judge and film the champion). `symbrion demo` walks all of it.
+`symbrion --version` tells the release."""
 
 EXPECTED_ERRORS = (ScanError, ReconstructionError, ArenaError, OrganismError, RunError, OSError, MemoryError)
 
@@ -45,6 +47,9 @@ def run(arguments: Sequence[str]) -> int:
     Returns:
         The exit code: 0 done, 1 failed, 2 wrong use.
     """
+    if list(arguments) == ["--version"]:
+        sys.stdout.write(f"symbrion-gym {version('symbrion-gym')}\n")
+        return 0
     try:
         command = _parse(arguments)
     except SystemExit as end:  # --help, or wrong use already reported

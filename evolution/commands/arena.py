@@ -8,13 +8,13 @@ import tyro
 
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.commands.command import Command, UsageError, require_file, require_writable_folder
+from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_folder
 from evolution.commands.console import Console
 from evolution.commands.reconstruct import format_value
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Arena(Command):
+class Arena(SeededCommand):
     """Decompose a surface into convex pieces for contact, keep it exactly for rays; write a folder.
 
     Example: symbrion arena surface.npz --out arenas/pit

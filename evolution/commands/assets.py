@@ -4,13 +4,13 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from evolution.commands.command import Command, require_writable_folder
+from evolution.commands.command import SeededCommand, require_writable_folder
 from evolution.commands.console import Console
 from symbrion_gym.arenas.ready_made import make_ready_made
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Assets(Command):
+class Assets(SeededCommand):
     """Make the ready-made arenas truth, simple, gsrm and gg: survey, networks, convex pieces.
 
     Example: symbrion assets --out assets/arenas

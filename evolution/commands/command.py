@@ -17,20 +17,26 @@ class UsageError(ValueError):
 class Command(abc.ABC):
     """A subcommand: its fields are its options, `run` does the work."""
 
-    seed: int = 0
-    """Equal seeds give equal results."""
     json: bool = False
     """Print a machine-readable summary on standard output, and nothing else."""
     quiet: bool = False
     """Draw no progress."""
 
-    def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
-
     @abc.abstractmethod
     def run(self, console: Console) -> dict[str, Any]:
         """Do the work and return a summary; `ok: False` in it makes the exit code 1."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeededCommand(Command):
+    """A subcommand that draws random numbers."""
+
+    seed: int = 0
+    """Equal seeds give equal results."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
 
 
 def require_file(path: Path, option: str) -> None:

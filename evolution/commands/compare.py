@@ -28,7 +28,6 @@ class Compare(Command):
     """Write the figure (.png) or a page with figure and table (.html) into this file."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if not self.folders:
             raise UsageError("no run to compare; give one or more run folders")
         for folder in self.folders:

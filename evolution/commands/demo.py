@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from evolution.commands.arguments import check_modules
-from evolution.commands.command import Command, UsageError, require_writable_folder
+from evolution.commands.command import SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
 from evolution.demo import DemoConfig, walk_road
 from evolution.report.demo_page import write_demo_page
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Demo(Command):
+class Demo(SeededCommand):
     """Walk the whole road: survey, networks, arenas, evolution, judgement in the true arena, video, report.
 
     Example: symbrion demo --out demo

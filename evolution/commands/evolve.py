@@ -11,13 +11,13 @@ import tyro
 import evolution as ev
 from evolution.cmaes import OnGeneration
 from evolution.commands.arguments import check_arena, check_modules
-from evolution.commands.command import Command, UsageError, require_writable_folder
+from evolution.commands.command import Command, SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
 from evolution.tensorboard_log import FOLDER, TensorBoardLog
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Evolve(Command):
+class Evolve(SeededCommand):
     """Evolve the controller of a snake of docked robots with CMA-ES, in a run folder that can be resumed.
 
     Example: symbrion evolve --arena gsrm --folder runs/a
@@ -105,19 +105,21 @@ class Resume(Command):
     """A new limit of generations; the recorded one otherwise."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
+    backend: Literal["batch", "processes", "ray"] | None = None
+    """Who simulates: threads, processes, or a Ray cluster; the recorded one otherwise."""
+    address: str | None = None
+    """Address of an existing Ray cluster; the recorded one otherwise."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         require_run(self.folder)
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
-        changes: dict[str, Any] = {"workers": self.workers}
-        if self.generations is not None:
-            changes["generations"] = self.generations
+        asked = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
+        changes = {name: value for name, value in asked.items() if value is not None}
         with (
             console.track(f"Evolution in {self.folder}") as step,
             _watch(self.folder, self.tensorboard) as watch,

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from evolution.commands.command import Command, UsageError, require_writable_folder
+from evolution.commands.command import SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
 from evolution.paper.benchmark import find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
@@ -16,7 +16,7 @@ from evolution.report.provenance import describe_machine
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Paper(Command):
+class Paper(SeededCommand):
     """Run the paper's experiments, Tables I-III and Figs. 3-7, each beside the paper's own numbers, and a page.
 
     Each experiment is kept as it is finished: the same command goes on where it was stopped.

@@ -9,7 +9,7 @@ import numpy as np
 import tyro
 
 import reconstruction as rc
-from evolution.commands.command import Command, UsageError, require_file, require_writable_file
+from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from reconstruction.whole_file import write_whole
 from symbrion_gym.arenas.ready_made import SPACING
@@ -19,7 +19,7 @@ MINIMUM_UNITS = 4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reconstruct(Command):
+class Reconstruct(SeededCommand):
     """Reconstruct a surface from a scan log or a point cloud with a self-organising network.
 
     Example: symbrion reconstruct survey.npz --out pit.npz
@@ -28,8 +28,7 @@ class Reconstruct(Command):
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
-    """A scan log of `symbrion survey` (.npz), or points: .xyz .txt .csv .npy .npz .ply .pcd .vtk .obj .3d,
-    also as .gz and .bz2."""
+    """A scan log (.npz, .3d) or points (.xyz .txt .csv .dat .npy .npz .ply .pcd .vtk .obj), also as .gz or .bz2."""
     out: Path = Path("surface.npz")
     """Where the result goes: .npz keeps the network (it can learn on), .ply .obj .stl .off .glb the mesh."""
     method: Literal["gsrm", "gg"] = "gsrm"
@@ -41,8 +40,7 @@ class Reconstruct(Command):
     crop: tuple[float, float, float, float, float, float] | None = None
     """Keep the points in this box alone: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
     thin: float | None = None
-    """Keep one point in each cube of this edge [m]; scan logs are thinned to 0.015 unless told otherwise, since a
-    scanner sees the places near its turns very often."""
+    """Keep one point in each cube of this edge [m]; scan logs are thinned to 0.015 unless told otherwise."""
     raw: bool = False
     """Take the points as they are: no levelling, smoothing or filtering."""
 

@@ -9,7 +9,7 @@ import tyro
 
 import evolution as ev
 from evolution.commands.arguments import check_arena
-from evolution.commands.command import Command, UsageError, require_writable_file
+from evolution.commands.command import SeededCommand, UsageError, require_writable_file
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report import encode_video
@@ -17,7 +17,7 @@ from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Replay(Command):
+class Replay(SeededCommand):
     """Judge the champion of a run by randomised trials; film one trial, or watch it.
 
     Example: symbrion replay runs/a --arena truth --video champion.mp4

@@ -10,7 +10,7 @@ import tyro
 
 import symbrion_gym as sg
 from evolution.commands.arguments import check_arena
-from evolution.commands.command import Command, UsageError, require_file, require_writable_file
+from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey import SurveyRobot
@@ -19,12 +19,12 @@ PATH_ENDINGS = (".csv", ".txt", ".json")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Survey(Command):
+class Survey(SeededCommand):
     """Drive the virtual robot with its two SICK laser scanners through an arena and keep the scan log.
 
-    Examples: symbrion survey truth --out survey.npz
+    Example: symbrion survey truth --out survey.npz
 
-    symbrion survey pit.ply --path="-1,1.6 0.2,2.8 1.4,1.6" --speed 0.5 --noise 0.01
+    Example: symbrion survey pit.ply --path="-1,1.6 0.2,2.8 1.4,1.6" --speed 0.5 --noise 0.01
     """
 
     arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")] = "truth"
@@ -32,8 +32,7 @@ class Survey(Command):
     out: Path = Path("survey.npz")
     """Where the scan log goes (.npz)."""
     path: str | None = None
-    """Where the robot drives: "X,Y X,Y ..." [m], or a file with one waypoint a row (.csv .txt) or a list of
-    them (.json). Unless given: once around the arena, in zigzag."""
+    """Where the robot drives: "X,Y X,Y ..." [m], or a file of waypoints (.csv .txt .json). Else around, in zigzag."""
     speed: float = SurveyRobot.speed
     """Driving speed [m/s]; slower gives more scans."""
     rate: float = SurveyRobot.scan_rate

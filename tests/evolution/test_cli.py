@@ -1,6 +1,7 @@
 """The command line: it helps, it refuses in one line, and nothing is left half-written."""
 
 import json
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +35,8 @@ def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> s
 def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([name, "--help"]) == 0
     text = capsys.readouterr().out
-    assert "--seed" in text
     assert "--json" in text
+    assert ("--seed" in text) == (name not in ("resume", "compare"))
     assert "Example" in text
 
 
@@ -43,6 +44,11 @@ def test_help_lists_every_subcommand(capsys: pytest.CaptureFixture[str]) -> None
     assert run(["--help"]) == 0
     text = capsys.readouterr().out
     assert all(name in text for name in COMMANDS)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"symbrion-gym {version('symbrion-gym')}\n"
 
 
 @pytest.mark.parametrize(
@@ -62,6 +68,8 @@ def test_help_lists_every_subcommand(capsys: pytest.CaptureFixture[str]) -> None
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--workers", "0"], "--workers 0"),
         (["resume", "absent"], "holds no run"),
+        (["resume", "absent", "--seed", "1"], "--seed"),
+        (["resume", "absent", "--backend", "cluster"], "cluster"),
         (["replay", "absent"], "holds no run"),
         (["demo", "--seed", "-5"], "-5 is negative"),
     ],
