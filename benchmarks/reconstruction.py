@@ -2,7 +2,8 @@
 
 Run as `python -m benchmarks.reconstruction [--quick] [--c-reference PATH]`, PATH being the binary
 `gnn-gsrm` of danfis/gnn built outside this repository. Distances in millimetres (micrometres for clouds below a
-metre), times in seconds, medians of five runs with different seeds after one that is not counted.
+metre), times in seconds, medians of five runs with different seeds. Runs are warm: just before each, the same work is
+done once uncounted, ours and the authors' alike, as a core that has waited is slow at first.
 """
 
 import argparse
@@ -66,12 +67,13 @@ def measure_sizes(repeats: int, binary: Path | None) -> dict[str, dict]:
     print(_HEADER)
     rows = {}
     for name, (method, options) in SIZES.items():
-        reconstruct(cloud.points, method, seed=repeats, **options)
         seconds, c_seconds, qualities, c_mesh = [], [], [], None
         for seed in range(repeats):
             if binary and name in C_UNITS:
+                run_c_gsrm(binary, cloud.points, C_UNITS[name])
                 elapsed, c_mesh = run_c_gsrm(binary, cloud.points, C_UNITS[name])
                 c_seconds.append(elapsed)
+            reconstruct(cloud.points, method, seed=seed, **options)
             begin = time.perf_counter()
             result = reconstruct(cloud.points, method, seed=seed, **options)
             seconds.append(time.perf_counter() - begin)
@@ -95,9 +97,9 @@ def measure_clouds(repeats: int, names: tuple[str, ...]) -> dict[str, dict]:
             continue
         cloud = CLOUDS[name]()
         for method in ("gsrm", "gg") if cloud.is_sheet else ("gsrm",):
-            reconstruct(cloud.points, method, seed=repeats)
             seconds, qualities = [], []
             for seed in range(repeats):
+                reconstruct(cloud.points, method, seed=seed)
                 begin = time.perf_counter()
                 result = reconstruct(cloud.points, method, seed=seed)
                 seconds.append(time.perf_counter() - begin)

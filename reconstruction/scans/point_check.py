@@ -31,8 +31,8 @@ def check_points(points: ArrayLike) -> np.ndarray:
     if len(array) < 4:
         raise ReconstructionError(f"a surface needs at least 4 points, got {len(array)}")
     array = np.ascontiguousarray(array, dtype=np.float64)
-    is_finite = np.isfinite(array).all(axis=1)
-    if not is_finite.all():
+    if not np.isfinite(array).all():
+        is_finite = np.isfinite(array).all(axis=1)
         raise ReconstructionError(
             f"{int((~is_finite).sum())} of {len(array)} points hold NaN or infinity (the first at row "
             f"{int(np.argmin(is_finite))}); drop them: points[np.isfinite(points).all(axis=1)]"
@@ -62,13 +62,14 @@ def check_number(points: np.ndarray, units: int) -> None:
 
 
 def _check_extent(points: np.ndarray) -> None:
-    extent = np.ptp(points, axis=0).max()
-    magnitude = np.abs(points).max()
+    axes = np.ascontiguousarray(points.T)  # rows as long as the cloud: several times as fast
+    extent = np.ptp(axes, axis=1).max()
+    magnitude = np.abs(axes).max()
     if not np.isfinite(extent) or magnitude > 1e100:
         raise ReconstructionError(f"coordinates up to {magnitude:.3g} are too large; what is their unit?")
     if extent <= 1e-12 * magnitude or extent == 0:
         raise ReconstructionError(f"all {len(points)} points lie in one place, {points[0].tolist()}")
-    centered = (points - points.mean(axis=0)) / extent
-    values = np.sqrt(np.maximum(np.linalg.eigvalsh(centered.T @ centered), 0))
+    centered = (axes - axes.mean(axis=1, keepdims=True)) / extent
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(centered @ centered.T), 0))
     if values[1] <= FLATNESS * values[2]:
         raise ReconstructionError(f"all {len(points)} points lie on one line, they hold no surface")

@@ -85,13 +85,15 @@ def fit_surface(
     num_vertices = padded_length(len(vertices))
     num_samples = padded_length(len(samples), minimum=1024)
     ring = pad_rows(make_ring(faces, len(vertices)), num_vertices, -1)
+    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
     scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
     sample_weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
     moved = _fit(
         scaled,
         ring,
         pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples),
-        pad_rows(np.asarray(winners, dtype=np.int32), num_samples),
+        winners,
+        sort_by_degree(ring, winners),
         pad_rows(sample_weights, num_samples),
         np.float32(stiffness),
         np.float32(neighbor_share),
@@ -123,6 +125,12 @@ def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:
     return ring
 
 
+def sort_by_degree(ring: np.ndarray, winners: np.ndarray) -> np.ndarray:
+    """Return the order of samples in which the numbers of faces round their winners `[N]` rise: `[N]` int32."""
+    degree = (ring[..., 0] >= 0).sum(axis=1).astype(np.uint16)
+    return np.argsort(degree[winners], kind="stable").astype(np.int32)
+
+
 def find_chunk(num_samples: int) -> int:
     """Return how many samples to treat at once: what fits the cache of a core, or plenty for a GPU."""
     wanted = 4096 if jax.default_backend() == "cpu" else 2**20
@@ -137,6 +145,7 @@ def _fit(
     ring,
     samples,
     winners,
+    order,
     weights,
     stiffness,
     neighbor_share,
@@ -149,14 +158,14 @@ def _fit(
     """Repeat moments and step; all lengths in mean edge lengths."""
 
     def iterate(_, positions):
-        moments = sum_moments(positions, ring, samples, winners, weights, reach, chunk=chunk)
+        moments = sum_moments(positions, ring, samples, winners, weights, reach, order, chunk=chunk)
         moments = _share(moments, ring, neighbor_share)
         return positions + solve_moments(moments, stiffness, step_limit)
 
     return jax.lax.fori_loop(0, iterations, iterate, vertices)
 
 
-def sum_moments(vertices, ring, samples, winners, weights, reach, *, chunk: int) -> Moments:
+def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *, chunk: int) -> Moments:
     """Sum the samples' residuals to the surface at the vertices.
 
     Args:
@@ -166,6 +175,7 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, *, chunk: int)
         winners: `[N]` the vertex whose faces are tried.
         weights: `[N]`; 0 for padding.
         reach: distance at which a sample ceases to count.
+        order: `[N]` of `sort_by_degree`: where few faces are to be tried, a chunk is soon done; None: as they come.
         chunk: how many samples at once.
     """
     is_face = ring[..., 0] >= 0
@@ -173,12 +183,19 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, *, chunk: int)
     first = jnp.where(is_face[..., None], vertices[ring[..., 0]] - own, 0.0)
     second = jnp.where(is_face[..., None], vertices[ring[..., 1]] - own, 0.0)
     table = jnp.concatenate([first, second], axis=-1).transpose(1, 2, 0)  # [D, 6, V]
+    degree = is_face.sum(axis=1)
 
-    def closest(batch):
-        points, winner, weight = batch
+    def choose(batch):
+        points, winner = batch
         offset = (points - vertices[winner]).T  # [3, n]
-        best = _closest_on_ring(offset, table[:, :, winner])
-        _, slot, second_weight, third_weight = best
+        return _closest_on_ring(offset, winner, table, degree[winner].max())
+
+    def split(arrays):
+        return jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), arrays)
+
+    def describe(batch):
+        points, winner, weight, slot, second_weight, third_weight = batch
+        offset = (points - vertices[winner]).T  # [3, n]
         chosen = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
         side, other = chosen[:, :3], chosen[:, 3:]
         residual = offset.T - second_weight[:, None] * side - third_weight[:, None] * other
@@ -188,8 +205,13 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, *, chunk: int)
         is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < reach**2)
         return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
 
-    batches = jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), (samples, winners, weights))
-    residual, corner, barycentric, along, weight = jax.lax.map(closest, batches)
+    sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
+    found = [a.ravel() for a in jax.lax.map(choose, split(sorted_by_degree))]
+    if order is not None:
+        found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
+    residual, corner, barycentric, along, weight = jax.lax.map(
+        describe, split((samples, winners, weights, *found))
+    )
     typical = jnp.sum(weight * jnp.minimum(along, 0.5)) / jnp.maximum(jnp.sum(weight), 1e-9)
     weight = weight / (1 + (along / (6 * typical + 1e-6)) ** 2)
     num_vertices = vertices.shape[0]
@@ -227,16 +249,18 @@ def solve_moments(moments: Moments, stiffness, step_limit) -> jax.Array:
     return step * jnp.minimum(1.0, step_limit / jnp.maximum(length, 1e-12))
 
 
-def _closest_on_ring(offset, faces):
-    """Return squared distance, slot and the two barycentric weights of the closest point on a fan of faces.
+def _closest_on_ring(offset, winner, table, depth):
+    """Return slot and the two barycentric weights of the closest point on a fan of faces.
 
     Args:
         offset: `[3, n]` from the fan's own vertex to the sample.
-        faces: `[D, 6, n]` the two sides of every face that start at the fan's vertex.
+        winner: `[n]` the fan's own vertex.
+        table: `[D, 6, V]` the two sides of every face that start at each vertex.
+        depth: how many faces the largest of these fans has.
     """
 
-    def compare(best, indexed_face):
-        slot, face = indexed_face
+    def compare(slot, best):
+        face = table[slot][:, winner]
         side, other = face[:3], face[3:]
         d00, d01, d11 = (side * side).sum(0), (side * other).sum(0), (other * other).sum(0)
         d20, d21 = (offset * side).sum(0), (offset * other).sum(0)
@@ -259,12 +283,11 @@ def _closest_on_ring(offset, faces):
             distance = jnp.where(allowed, distance, jnp.inf)
             is_closer = distance < best[0]
             best = jax.tree.map(partial(jnp.where, is_closer), (distance, slot, cv, cw), best)
-        return best, None
+        return best
 
     nothing = jnp.zeros(offset.shape[1], offset.dtype)
     start = (nothing + jnp.inf, jnp.zeros(offset.shape[1], jnp.int32), nothing, nothing)
-    slots = jnp.broadcast_to(jnp.arange(faces.shape[0], dtype=jnp.int32)[:, None], (faces.shape[0], 1))
-    return jax.lax.scan(compare, start, (slots, faces))[0]
+    return jax.lax.fori_loop(0, depth, compare, start)[1:]
 
 
 def _along_normal(side, other, residual):
