@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from reconstruction.surfaces.rows import find_extent
+
 
 def find_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the points `[N, 3]` in the box between two corners `[3]`: ascending indices."""
@@ -15,4 +17,5 @@ def find_inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.nda
 
 def find_near_box(points: np.ndarray, others: np.ndarray, margin: float) -> np.ndarray:
     """Return the points `[N, 3]` in the box round others `[M, 3]`, widened by a margin: ascending indices."""
-    return find_inside(points, others.min(axis=0) - margin, others.max(axis=0) + margin)
+    low, high = find_extent(others)
+    return find_inside(points, low - margin, high + margin)

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from reconstruction.surfaces.rows import find_lengths, sum_rows
+
 NUM_PROBES = 512
 _NEAR = 10
 _WIDE = 32
@@ -168,7 +170,7 @@ def _find_off(samples: np.ndarray) -> np.ndarray:
     if len(is_far):
         is_off[is_far] |= _find_spread(samples[neighbors[is_far]])[:, 2] > _THICK
     spacing = np.median(distances[:, -1][others], axis=1) * np.sqrt(np.pi / _AROUND)
-    lateral = np.linalg.norm(samples - samples[others].mean(axis=1), axis=1)
+    lateral = find_lengths(samples - samples[others].mean(axis=1))
     # Only what is not in the middle of its neighbours can stand off their plane.
     todo = np.flatnonzero((lateral > _ALOFT * spacing) & ~is_off)
     around = reach[others[todo]]
@@ -176,8 +178,8 @@ def _find_off(samples: np.ndarray) -> np.ndarray:
     center = (share * samples[others[todo]]).sum(axis=1) / share.sum(axis=1)
     offset = samples[others[todo]] - center[:, None]
     normal = np.linalg.eigh(np.swapaxes(share * offset, 1, 2) @ offset)[1][:, :, 0]
-    scatter = np.median(np.abs((offset * normal[:, None]).sum(axis=2)), axis=1)
-    height = np.abs(((samples[todo] - center) * normal).sum(axis=1))
+    scatter = np.median(np.abs(sum_rows(offset * normal[:, None])), axis=1)
+    height = np.abs(sum_rows((samples[todo] - center) * normal))
     is_off[todo] |= height > np.maximum(_ALOFT * spacing[todo], _SCATTER * scatter)
     return is_off
 

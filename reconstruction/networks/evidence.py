@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from reconstruction.networks.boxes import find_inside, find_near_box
 from reconstruction.networks.passages import find_passed
 from reconstruction.surfaces.manifold import find_normals
+from reconstruction.surfaces.rows import all_corners, any_corner, find_extent, find_lengths, sum_rows
 
 TOLERANCE = 4.0
 """A reading farther from the surface than this many times the usual distance disagrees."""
@@ -132,12 +133,13 @@ def _crop(
     margin: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the faces that are near new readings, and old points `[P, 3]` to compare with."""
-    low, high = new_points.min(axis=0) - margin, new_points.max(axis=0) + margin
+    low, high = find_extent(new_points)
+    low, high = low - margin, high + margin
     is_inside = np.zeros(len(vertices), dtype=bool)
     is_inside[find_inside(vertices, low, high)] = True
     probes = old_points[:: max(1, len(old_points) // (8 * NUM_PROBES))]
     inner = find_inside(probes, low + margin / 2, high - margin / 2)
-    about = faces[is_inside[faces].any(axis=1)]
+    about = faces[any_corner(is_inside, faces)]
     if len(inner) < FEWEST_PROBES or len(about) == 0:
         return faces, _thin(probes, NUM_PROBES)
     probes = probes[inner]
@@ -215,16 +217,16 @@ def find_gone(
         return is_gone
     if is_read[is_used].mean() >= COMPLETE:
         return missing
-    low, high = new_points.min(axis=0), new_points.max(axis=0)
+    low, high = find_extent(new_points)
     margin = (high - low).max() / 2 + spacing
     low, high = low - margin, high + margin
     is_within = np.zeros(len(vertices), dtype=bool)
     is_within[find_inside(vertices, low, high)] = True
     if not (missing & is_within).any():
         return is_gone
-    near = faces[(missing & is_within)[faces].any(axis=1)]
+    near = faces[any_corner(missing & is_within, faces)]
     pairs = np.concatenate([near[:, :2], near[:, 1:], near[:, ::2]])
-    pairs = pairs[missing[pairs].all(axis=1)]
+    pairs = pairs[all_corners(missing, pairs)]
     used = np.unique(np.concatenate([pairs.ravel(), np.flatnonzero(missing & is_within)]))
     ends = np.searchsorted(used, pairs)
     graph = coo_array((np.ones(len(pairs)), (ends[:, 0], ends[:, 1])), shape=(len(used), len(used)))
@@ -253,7 +255,7 @@ def _is_surrounded(patch: np.ndarray, readings: np.ndarray, spacing: float) -> b
 def _to_polar(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return distance from the origin and number of the sector."""
     angle = np.arctan2(points[:, 1], points[:, 0]) / (2 * np.pi) % 1.0
-    return np.linalg.norm(points, axis=1), np.minimum((angle * NUM_SECTORS).astype(int), NUM_SECTORS - 1)
+    return find_lengths(points), np.minimum((angle * NUM_SECTORS).astype(int), NUM_SECTORS - 1)
 
 
 def _find_moved(
@@ -288,7 +290,7 @@ def find_crowded(winners: np.ndarray, points: np.ndarray, distance: float) -> np
 
 def _find_corners(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return of each point's nearest face `[M, 3]` the corner nearest to it: `[M]`."""
-    squared = ((vertices[faces] - points[:, None]) ** 2).sum(axis=2)
+    squared = sum_rows((vertices[faces] - points[:, None]) ** 2)
     return faces[np.arange(len(faces)), squared.argmin(axis=1)]
 
 

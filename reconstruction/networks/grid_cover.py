@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from reconstruction.surfaces.rows import find_lengths
+
 STRETCHED = 2.0
 """Only cells with a side so many times the median are looked at: where there are points, units are, too."""
 MAX_VOID = 0.5
@@ -17,8 +19,8 @@ def find_covered_cells(units: np.ndarray, points: np.ndarray) -> np.ndarray:
         units: `[R, C, 3]`.
         points: `[N, 3]` what they have learnt from.
     """
-    down = np.linalg.norm(np.diff(units, axis=0), axis=2)
-    across = np.linalg.norm(np.diff(units, axis=1), axis=2)
+    down = find_lengths(np.diff(units, axis=0))
+    across = find_lengths(np.diff(units, axis=1))
     sides = np.stack([down[:, :-1], down[:, 1:], across[:-1], across[1:]])
     longest, typical = sides.max(axis=0), float(np.median(sides))
     is_covered = longest <= STRETCHED * typical

@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from reconstruction.surfaces.rows import find_lengths
+
 Insertion = Literal["longest", "counter", "distant"]
 
 
@@ -40,8 +42,8 @@ def choose_lines(scores: np.ndarray, num_lines: int, rule: Insertion) -> np.ndar
 
 def score_gaps(units: np.ndarray, counts: np.ndarray, rule: Insertion) -> tuple[np.ndarray, np.ndarray]:
     """Return how much every gap between rows `[R - 1]` and between columns `[C - 1]` calls for a line."""
-    down = np.linalg.norm(np.diff(units, axis=0), axis=2)
-    across = np.linalg.norm(np.diff(units, axis=1), axis=2)
+    down = find_lengths(np.diff(units, axis=0))
+    across = find_lengths(np.diff(units, axis=1))
     if rule == "longest":
         return down.mean(axis=1), across.mean(axis=0)
     if rule == "counter":

@@ -15,6 +15,7 @@ from reconstruction.networks.winners import (
     find_candidates,
     search_tiles,
 )
+from reconstruction.surfaces.rows import find_lengths
 from reconstruction.surfaces.surface_fit import Moments, find_chunk, make_ring, solve_moments, sum_moments
 
 TAPS = 3
@@ -102,8 +103,8 @@ def fit_grid(
         units `[R, C, 3]` and counts `[R, C]`.
     """
     rows, columns = units.shape[:2]
-    spacing = float(np.linalg.norm(np.diff(units, axis=1), axis=2).mean())
-    spacing = (spacing + float(np.linalg.norm(np.diff(units, axis=0), axis=2).mean())) / 2
+    spacing = float(find_lengths(np.diff(units, axis=1)).mean())
+    spacing = (spacing + float(find_lengths(np.diff(units, axis=0)).mean())) / 2
     capacity = max(find_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
     padded, candidates = _pad(units, tiles, capacity)
     ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
@@ -144,7 +145,7 @@ def _pad(units: np.ndarray, tiles: Tiles, capacity: int) -> tuple[np.ndarray, np
         number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
         candidates, reach = find_candidates(tiles, flat, number)
         # Steep parts of a sheet put more units under a tile than the mean.
-        radius = np.linalg.norm(tiles.samples[:, ::4] - tiles.centers[:, None], axis=-1).max(axis=1)
+        radius = find_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
         if (reach < radius).mean() > MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
             candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
     return padded, candidates

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
+
 
 def triangulate(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
     """Split every cell into two triangles, across the diagonal that gives the better worse triangle.
@@ -28,11 +30,11 @@ def triangulate(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
 
 def cell_normals(units: np.ndarray) -> np.ndarray:
     """Return a unit normal for every cell, the mean over the 3 x 3 cells round it: `[R - 1, C - 1, 3]`."""
-    across = np.cross(units[1:, 1:] - units[:-1, :-1], units[:-1, 1:] - units[1:, :-1])
+    across = cross_rows(units[1:, 1:] - units[:-1, :-1], units[:-1, 1:] - units[1:, :-1])
     wide = np.pad(across, ((1, 1), (0, 0), (0, 0)))
     wide = np.pad(wide[:-2] + wide[1:-1] + wide[2:], ((0, 0), (1, 1), (0, 0)))
     total = wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]
-    return total / np.maximum(np.linalg.norm(total, axis=2, keepdims=True), 1e-30)
+    return total / np.maximum(find_lengths(total)[..., None], 1e-30)
 
 
 def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: int = 6) -> np.ndarray:
@@ -63,8 +65,8 @@ def find_folded(units: np.ndarray) -> np.ndarray:
     corners = ((0, 0), (1, 0), (1, 1), (0, 1))
     at = [units[i : rows - 1 + i, j : columns - 1 + j] for i, j in corners]
     for k, (i, j) in enumerate(corners):
-        corner = np.cross(at[(k + 1) % 4] - at[k], at[(k - 1) % 4] - at[k])
-        is_folded[i : rows - 1 + i, j : columns - 1 + j] |= (corner * normal).sum(axis=2) < 0
+        corner = cross_rows(at[(k + 1) % 4] - at[k], at[(k - 1) % 4] - at[k])
+        is_folded[i : rows - 1 + i, j : columns - 1 + j] |= sum_rows(corner * normal) < 0
     return is_folded
 
 
@@ -73,6 +75,6 @@ def _shape(
 ) -> np.ndarray:
     """Return twice the area over the longest side squared, negative where the triangle is turned over."""
     p, q, r = vertices[i], vertices[j], vertices[k]
-    area = (np.cross(q - p, r - p) * normal).sum(axis=-1)
+    area = sum_rows(cross_rows(q - p, r - p) * normal)
     longest = np.max([((q - p) ** 2).sum(-1), ((r - q) ** 2).sum(-1), ((p - r) ** 2).sum(-1)], axis=0)
     return area / np.maximum(longest, 1e-30)

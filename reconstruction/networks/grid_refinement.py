@@ -16,6 +16,7 @@ from reconstruction.networks.evidence import STRONG_RINGS, Evidence, find_supers
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
+from reconstruction.surfaces.rows import find_lengths
 
 SQUARE = np.ones((3, 3), dtype=bool)
 CLOSING = 2
@@ -284,7 +285,7 @@ def _measure_stretch(
 ) -> np.ndarray:
     """Return the median length of the edges across every gap, of those between samples that may move."""
     units, is_active, has_samples = (array.swapaxes(0, axis) for array in (units, is_active, has_samples))
-    length = np.linalg.norm(np.diff(units, axis=0), axis=2)
+    length = find_lengths(np.diff(units, axis=0))
     is_open = (is_active[:-1] | is_active[1:]) & has_samples[:-1] & has_samples[1:]
     median = np.ma.median(np.ma.masked_array(length, ~is_open), axis=1)
     return np.where(is_open.sum(axis=1) >= MIN_EDGES, np.ma.filled(median, 0.0), 0.0)
@@ -326,6 +327,6 @@ def open_pinches(has_face: np.ndarray) -> np.ndarray:
 
 
 def _mean_edge(units: np.ndarray) -> float:
-    down = np.linalg.norm(np.diff(units, axis=0), axis=2)
-    across = np.linalg.norm(np.diff(units, axis=1), axis=2)
+    down = find_lengths(np.diff(units, axis=0))
+    across = find_lengths(np.diff(units, axis=1))
     return float(np.median(np.concatenate([down.ravel(), across.ravel()])))

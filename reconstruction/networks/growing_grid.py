@@ -40,6 +40,7 @@ from reconstruction.networks.grid_learning import (
 from reconstruction.networks.grid_mesh import triangulate
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.progress import Progress, silent
+from reconstruction.surfaces.rows import sum_rows
 from reconstruction.surfaces.unfolding import unfold_faces
 
 MAX_FIT_SAMPLES = 200
@@ -148,7 +149,7 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
     """
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
-    scale = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean()))
+    scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
     if config.mode == "paper":
         units = grid_paper.train(

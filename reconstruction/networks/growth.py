@@ -20,6 +20,7 @@ import numpy as np
 from reconstruction.networks.density import Density
 from reconstruction.networks.padding import padded_length
 from reconstruction.networks.winners import Tiles, choose_num_candidates, find_candidates, search_tiles
+from reconstruction.surfaces.rows import find_lengths
 
 _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
@@ -202,6 +203,6 @@ def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int
     worst, neighbor = pairs[np.sort(first)].T
     offset = tally.means[neighbor] - tally.means[worst]
     radius = np.sqrt(tally.errors[worst] / tally.counts[worst])
-    share = np.minimum(0.5, radius / np.maximum(np.linalg.norm(offset, axis=1), 1e-30))
+    share = np.minimum(0.5, radius / np.maximum(find_lengths(offset), 1e-30))
     slots[free[: len(worst)]] = tally.means[worst] + share[:, None] * offset
     return num_units + min(len(worst), wanted - num_units)

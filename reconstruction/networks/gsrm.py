@@ -23,6 +23,7 @@ from reconstruction.networks.support import make_support
 from reconstruction.networks.winners import make_tiles, search_all
 from reconstruction.progress import Progress, silent
 from reconstruction.surfaces.edge_flips import turn_edges
+from reconstruction.surfaces.rows import sum_rows
 from reconstruction.surfaces.surface_fit import fit_surface
 from reconstruction.surfaces.topology import learn_faces
 from reconstruction.surfaces.unfolding import unfold_faces
@@ -99,7 +100,7 @@ def train(points: np.ndarray, config: GSRMConfig, seed: int = 0, progress: Progr
     """
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
-    scale = float(np.sqrt(((points - center) ** 2).sum(axis=1).mean()))
+    scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
     scaled = (points - center) / scale
     if config.mode == "paper":
         units, faces = gsrm_paper.train(scaled, config.units, rng, progress)

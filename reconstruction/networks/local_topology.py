@@ -3,9 +3,10 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from reconstruction.networks.boxes import find_inside
+from reconstruction.networks.boxes import find_near_box
 from reconstruction.networks.support import Support
 from reconstruction.surfaces.manifold import find_hinges, find_minor_fans, group_sides
+from reconstruction.surfaces.rows import all_corners, any_corner
 from reconstruction.surfaces.topology import finish_faces, propose_faces
 
 FEWEST = 16
@@ -41,17 +42,16 @@ def join_locally(
         return kept_faces
     is_near = is_cut.copy()
     for _ in range(rings):
-        is_near[kept_faces[is_near[kept_faces].any(axis=1)]] = True
-    low, high = units[is_cut].min(axis=0) - reach * edge, units[is_cut].max(axis=0) + reach * edge
-    in_box = find_inside(units, low, high)
+        is_near[kept_faces[any_corner(is_near, kept_faces)]] = True
+    in_box = find_near_box(units, units[is_cut], reach * edge)
     in_box = in_box[~is_near[in_box]]
     if len(in_box):
         distance, _ = cKDTree(units[is_cut]).query(units[in_box], distance_upper_bound=reach * edge)
         is_near[in_box[np.isfinite(distance)]] = True
         # Whoever gets a new face takes part with all the faces it has, or it could be pinched unnoticed.
-        is_near[kept_faces[is_near[kept_faces].any(axis=1)]] = True
+        is_near[kept_faces[any_corner(is_near, kept_faces)]] = True
     part = np.flatnonzero(is_near)
-    is_inside = is_near[kept_faces].all(axis=1)
+    is_inside = all_corners(is_near, kept_faces)
     place = np.full(len(units), -1)
     place[part] = np.arange(len(part))
     inside = place[kept_faces[is_inside]]
@@ -64,7 +64,7 @@ def join_locally(
     found = finish_faces(units[part], faces, quality, support)
     outside = kept_faces[~is_inside]
     is_border = _is_used(outside, len(units))[part]
-    lost = inside[~_is_among(inside, found, len(part)) & is_border[inside].any(axis=1)]
+    lost = inside[~_is_among(inside, found, len(part)) & any_corner(is_border, inside)]
     joined = np.concatenate([outside, part[found], part[lost]])
     if is_sound(joined, is_near):
         return joined
@@ -90,7 +90,7 @@ def is_sound(faces: np.ndarray, is_suspect: np.ndarray) -> bool:
     there = np.sort(tail * num_units + head)
     if (there[1:] == there[:-1]).any():
         return False
-    near = faces[is_suspect[faces].any(axis=1)]
+    near = faces[any_corner(is_suspect, faces)]
     hinges = find_hinges(near, group_sides(near, num_units))
     return len(find_minor_fans(near, hinges, np.ones(len(near)), is_suspect)) == 0
 
@@ -105,7 +105,7 @@ def _find_fitting(proposed: np.ndarray, faces: np.ndarray, is_new: np.ndarray) -
     others = np.roll(proposed, -1, axis=1)
     wanted = np.minimum(proposed, others) * number + np.maximum(proposed, others)
     is_blocked = np.asarray(np.isin(wanted, full).any(axis=1))
-    return np.asarray(is_new[proposed].any(axis=1)) & ~is_blocked
+    return any_corner(is_new, proposed) & ~is_blocked
 
 
 def _is_used(faces: np.ndarray, num_units: int) -> np.ndarray:

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 from reconstruction.networks.evidence import MIN_READINGS, Evidence
 from reconstruction.networks.local_fit import fit_turning
 from reconstruction.networks.local_topology import is_sound
+from reconstruction.surfaces.rows import any_corner, find_lengths
 
 FARTHEST = 1.5
 """A part moves where no few readings are farther from it than this, in mean edges; else it grows anew."""
@@ -69,11 +70,11 @@ def move_units(
     """
     if len(samples) == 0:
         return units, faces, np.zeros(len(units), dtype=bool)
-    is_inner = np.asarray(is_movable[faces].any(axis=1))
+    is_inner = any_corner(is_movable, faces)
     around = np.unique(faces[is_inner])
     is_beside = np.zeros(len(units), dtype=bool)
     is_beside[around] = True
-    is_near = np.asarray(is_beside[faces].any(axis=1))
+    is_near = any_corner(is_beside, faces)
     used, flat = np.unique(faces[is_near], return_inverse=True)
     near = flat.reshape(-1, 3)
     part = _settle(units[used], near, is_movable[used], samples)
@@ -121,4 +122,4 @@ def _find_won(units: np.ndarray, is_chosen: np.ndarray, samples: np.ndarray) -> 
 def _find_drawn(units: np.ndarray, faces: np.ndarray, longest: float) -> np.ndarray:
     """Return the faces `[F]` with a side longer than that."""
     corners = units[faces]
-    return np.asarray((np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2) > longest).any(axis=1))
+    return np.asarray((find_lengths(corners - np.roll(corners, 1, axis=1)) > longest).any(axis=1))

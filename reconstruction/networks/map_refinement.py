@@ -15,6 +15,7 @@ from reconstruction.networks.map_motion import find_movable, move_units
 from reconstruction.networks.map_regrowth import regrow, widen
 from reconstruction.surfaces.hole_patching import find_vertex_normals
 from reconstruction.surfaces.manifold import group_sides
+from reconstruction.surfaces.rows import any_corner, find_lengths, sum_rows
 from reconstruction.surfaces.surface_fit import mean_edge_length
 
 MARGIN = 1.5
@@ -95,7 +96,7 @@ def _find_left(
     units: np.ndarray, faces: np.ndarray, is_changed: np.ndarray, points: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """Return which points `[P]` beside the changed units the surface has left: they are no longer true."""
-    about = np.ascontiguousarray(faces[widen(faces, is_changed, 2)[faces].any(axis=1)])
+    about = np.ascontiguousarray(faces[any_corner(widen(faces, is_changed, 2), faces)])
     if len(about) == 0 or len(points) == 0:
         return np.zeros(len(points), dtype=bool)
     surface = igl.AABB()
@@ -144,9 +145,9 @@ def _find_extended(
     is_rim = np.zeros(len(units), dtype=bool)
     is_rim[faces.ravel()[slots]] = True
     normals = find_vertex_normals(units, faces)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
     offset = distant - units[winner]
-    rise = np.abs((offset * normals[winner]).sum(axis=1)) / np.maximum(np.linalg.norm(offset, axis=1), 1e-300)
+    rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(find_lengths(offset), 1e-300)
     count = np.bincount(winner, minlength=len(units))
     flat = np.bincount(winner, rise < STEEPNESS, minlength=len(units))
     return is_rim & (flat > count / 2)

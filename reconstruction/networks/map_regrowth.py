@@ -8,6 +8,7 @@ from reconstruction.networks.local_fit import fit_turning
 from reconstruction.networks.local_topology import is_sound, join_locally
 from reconstruction.surfaces.hole_patching import MAX_HOLE_EDGES, find_loops
 from reconstruction.surfaces.orientation import find_components
+from reconstruction.surfaces.rows import any_corner
 
 REACH = 2.0
 """Samples and units nearer to a new unit than this, in mean edges, take part in what happens there."""
@@ -52,7 +53,7 @@ def regrow(
     """
     kept = units[~is_refuted]
     place = np.where(is_refuted, -1, np.cumsum(~is_refuted) - 1)
-    kept_faces = place[faces[~is_refuted[faces].any(axis=1)]]
+    kept_faces = place[faces[~any_corner(is_refuted, faces)]]
     beside = place[widen(faces, is_refuted, 1) & ~is_refuted]
     merged, joined = _fill(samples, is_open, kept, kept_faces, beside, edge, rng)
     for _ in range(MAX_REPEATS):
@@ -137,7 +138,7 @@ def widen(faces: np.ndarray, is_chosen: np.ndarray, rings: int) -> np.ndarray:
     """Return the chosen units and so many rings of neighbours: `[U]`."""
     is_chosen = is_chosen.copy()
     for _ in range(rings):
-        is_chosen[faces[is_chosen[faces].any(axis=1)]] = True
+        is_chosen[faces[any_corner(is_chosen, faces)]] = True
     return is_chosen
 
 
@@ -196,8 +197,8 @@ def _fit_new(
     The kept units stay where they are.
     """
     is_new = np.arange(len(units)) >= num_kept
-    is_own = np.asarray(is_new[faces].any(axis=1))
-    is_near = widen(faces, is_new, 1)[faces].any(axis=1)
+    is_own = any_corner(is_new, faces)
+    is_near = any_corner(widen(faces, is_new, 1), faces)
     if not is_own.any() or len(samples) == 0:
         return units, faces
     used, flat = np.unique(faces[is_near], return_inverse=True)

@@ -5,6 +5,7 @@ import numpy as np
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks.boxes import find_near_box
+from reconstruction.surfaces.rows import any_corner, cross_rows, find_lengths, sum_rows
 
 MAX_SCALE = 30.0
 """New readings that reach so many times as far as the old ones are of another unit."""
@@ -100,9 +101,9 @@ def find_passed(
     ray, face, share, corner = _find_hits(vertices, faces, points, origins, margin)
     direction = (points - origins)[ray]
     a, b, c = vertices[faces[face]].swapaxes(0, 1)
-    normal = np.cross(b - a, c - a)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    steepness = np.abs((normal * direction).sum(axis=1))
+    normal = cross_rows(b - a, c - a)
+    normal /= np.maximum(find_lengths(normal)[..., None], 1e-300)
+    steepness = np.abs(sum_rows(normal * direction))
     # The hits of one ray follow one another; the last is followed by the ray's end.
     is_last = np.append(ray[1:] != ray[:-1], True) if len(ray) else np.zeros(0, dtype=bool)
     onward = np.where(is_last, 1.0, np.append(share[1:], 1.0)) - share
@@ -114,7 +115,7 @@ def find_passed(
     is_open = (votes > 0) & (agreeing == 0)
     while True:
         wider = is_passed.copy()
-        wider[faces[is_passed[faces].any(axis=1)]] = True
+        wider[faces[any_corner(is_passed, faces)]] = True
         wider = is_passed | wider & is_open
         if (wider == is_passed).all():
             return is_passed
@@ -132,7 +133,7 @@ def _find_crossed(
     for stretch in range(NUM_STRETCHES):
         box = np.concatenate([low[stretch : stretch + 2], high[stretch : stretch + 2]])
         is_about[find_near_box(vertices, box, reach)] = True
-    return np.ascontiguousarray(faces[is_about[faces].any(axis=1)])
+    return np.ascontiguousarray(faces[any_corner(is_about, faces)])
 
 
 def _find_hits(
@@ -149,7 +150,7 @@ def _find_hits(
     surface = igl.AABB()
     surface.init(vertices, faces)
     direction = points - origins
-    length = np.maximum(np.linalg.norm(direction, axis=1), 1e-300)
+    length = np.maximum(find_lengths(direction), 1e-300)
     stop = 1 - reach / length
     ray, start = np.arange(len(points)), np.zeros(len(points))
     found: list[tuple[np.ndarray, ...]] = []

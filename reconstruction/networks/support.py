@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from reconstruction.networks.growth import Level
+from reconstruction.surfaces.rows import cross_rows, find_lengths
 
 GAP = 2.0
 """A place farther than so many sample spacings from all samples is void: a hole wider than four of them."""
@@ -47,8 +48,8 @@ class Support:
         places = np.einsum("pk,fki->fpi", _PLACES, corners)
         distances, nearest = self._tree.query(places)
         is_void = distances > GAP * self._spacings[nearest]
-        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        expected = np.linalg.norm(cross, axis=1) / 2 / self._spacings[nearest].mean(axis=1) ** 2
+        cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        expected = find_lengths(cross) / 2 / self._spacings[nearest].mean(axis=1) ** 2
         void = expected * is_void.mean(axis=1)
         for face in np.flatnonzero(void):
             if self._count_over(corners[face]) >= max(1, min_cover * expected[face]):
@@ -63,7 +64,7 @@ class Support:
     def _count_over(self, corners: np.ndarray) -> int:
         """Count the samples within a face's reach whose foot lies in it."""
         middle = corners.mean(axis=0)
-        radius = np.linalg.norm(corners - middle, axis=1).max()
+        radius = find_lengths(corners - middle).max()
         offset = self._tree.data[self._tree.query_ball_point(middle, radius)] - corners[0]
         side, other = corners[1] - corners[0], corners[2] - corners[0]
         gram = np.array([[side @ side, side @ other], [side @ other, other @ other]])

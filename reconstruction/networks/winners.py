@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from reconstruction.errors import ReconstructionError
+from reconstruction.surfaces.rows import find_lengths
 
 TILE_SIZE = 64
 MAX_CANDIDATES = 128
@@ -133,7 +134,7 @@ def search_all(tiles: Tiles, units: np.ndarray, k: int) -> np.ndarray:
     candidates, reach = find_candidates(tiles, units, num_candidates)
     found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(units), jnp.asarray(candidates), k)
     winners = np.array(found)
-    offset = np.linalg.norm(tiles.samples - tiles.centers[:, None], axis=-1)
+    offset = find_lengths(tiles.samples - tiles.centers[:, None])
     is_doubtful = np.sqrt(np.asarray(squared)[..., -1]) * (1 + 1e-4) + offset > reach[:, None]
     if is_doubtful.any():
         _, exact = cKDTree(units).query(tiles.samples[is_doubtful], k=k)

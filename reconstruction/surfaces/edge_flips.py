@@ -11,6 +11,7 @@ References:
 import numpy as np
 
 from reconstruction.surfaces.manifold import Sides, find_hinges, find_normals, group_sides, is_in_sorted
+from reconstruction.surfaces.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
 
 MIN_TURN = np.deg2rad(30)
 """Only edges whose faces differ by more are looked at."""
@@ -33,10 +34,10 @@ def turn_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     faces = faces.copy()
     is_restless = np.ones(len(vertices), dtype=bool)
     for _ in range(MAX_ROUNDS):
-        is_open = np.asarray(is_restless[faces].any(axis=1))
+        is_open = any_corner(is_restless, faces)
         is_about = np.zeros(len(vertices), dtype=bool)
         is_about[faces[is_open]] = True
-        part = np.flatnonzero(is_about[faces].any(axis=1))
+        part = np.flatnonzero(any_corner(is_about, faces))
         changed, turned, restless = _turn_once(vertices, faces[part], is_open[part])
         if len(changed) == 0:
             break
@@ -62,7 +63,7 @@ def _turn_once(
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
     normals = find_normals(vertices, faces)
-    steep = np.flatnonzero(is_open[hinges.faces].all(axis=1))
+    steep = np.flatnonzero(all_corners(is_open, hinges.faces))
     steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > MIN_TURN]
     across = np.full((len(faces), 3), -1)
     across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
@@ -120,19 +121,19 @@ def _make_normals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the unit normals of faces and which of these have no sharp corner."""
     p, q, r = vertices[i], vertices[j], vertices[k]
-    cross = np.cross(q - p, r - p)
-    double = np.linalg.norm(cross, axis=1)
+    cross = cross_rows(q - p, r - p)
+    double = find_lengths(cross)
     squared = np.sort(np.stack([((q - p) ** 2).sum(1), ((r - q) ** 2).sum(1), ((p - r) ** 2).sum(1)]), axis=0)
     is_sound = double > MIN_ANGLE_SINE * np.sqrt(squared[1] * squared[2])
     return cross / np.maximum(double, 1e-300)[:, None], is_sound
 
 
 def _length(vertices: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(vertices[i] - vertices[j], axis=1)
+    return find_lengths(vertices[i] - vertices[j])
 
 
 def _angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.arccos(np.clip((first * second).sum(axis=1), -1, 1))
+    return np.arccos(np.clip(sum_rows(first * second), -1, 1))
 
 
 def _are_joined(pairs: np.ndarray, faces: np.ndarray, sides: Sides, num_vertices: int) -> np.ndarray:

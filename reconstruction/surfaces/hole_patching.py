@@ -13,6 +13,7 @@ import numpy as np
 
 from reconstruction.networks.support import MAX_VOID, WHOLE_COVER, Support
 from reconstruction.surfaces.manifold import find_folds, find_hinges, find_normals, group_sides
+from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
 
 MAX_HOLE_EDGES = 24
 """Longer loops are taken for the true rim."""
@@ -98,7 +99,7 @@ def close_tips(units: np.ndarray, faces: np.ndarray, support: Support) -> np.nda
     if not loops:
         return faces
     normals = find_vertex_normals(units, faces)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
     loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > _RIM_COSINE]
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     added = []
@@ -131,7 +132,7 @@ def _is_hole(positions: np.ndarray, normals: np.ndarray) -> bool:
 def _find_area(positions: np.ndarray) -> np.ndarray:
     """Return twice the area vector of a loop `[n, 3]`: `[3]`."""
     offset = positions - positions[0]
-    return np.cross(offset[1:-1], offset[2:]).sum(axis=0)
+    return cross_rows(offset[1:-1], offset[2:]).sum(axis=0)
 
 
 def _find_supported(units: np.ndarray, patches: list[np.ndarray], support: Support) -> np.ndarray:
@@ -239,7 +240,7 @@ def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarr
         cosine = (squared[1] + squared[2] - squared[0]) / np.maximum(
             2 * np.sqrt(squared[1] * squared[2]), 1e-300
         )
-        outlook = (np.cross(side, other) * (up[:, i] + up[:, j] + up[:, k])).sum(axis=-1)
+        outlook = sum_rows(cross_rows(side, other) * (up[:, i] + up[:, j] + up[:, k]))
         costs = np.zeros((len(chosen), size, size, size))
         costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + _AGAINST)
         for place, cost in zip(chosen, costs.tolist(), strict=True):

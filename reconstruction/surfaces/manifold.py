@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
+from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
+
 FOLD_COSINE = 0.5
 """Two faces at an edge enclose at least acos of this: 60 degrees."""
 
@@ -68,8 +70,8 @@ def find_hinges(faces: np.ndarray, sides: Sides) -> Hinges:
 def find_normals(units: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the faces' unit normals `[F, 3]`, zero for faces without area."""
     a = units[faces[:, 0]]
-    normals = np.cross(units[faces[:, 1]] - a, units[faces[:, 2]] - a)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = cross_rows(units[faces[:, 1]] - a, units[faces[:, 2]] - a)
+    return normals / np.maximum(find_lengths(normals)[..., None], 1e-300)
 
 
 def find_excess(sides: Sides, quality: np.ndarray) -> np.ndarray:
@@ -101,10 +103,10 @@ def find_folds(units: np.ndarray, faces: np.ndarray, hinges: Hinges, quality: np
     tail, head = units[left[row, right]], units[left[row, (right + 1) % 3]]
     apexes = [units[faces[hinges.faces[:, k], (hinges.sides[:, k] + 2) % 3]] - tail for k in range(2)]
     along = head - tail
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    along /= np.maximum(find_lengths(along)[..., None], 1e-300)
     first, second = (apex - (apex * along).sum(axis=1, keepdims=True) * along for apex in apexes)
-    cosine = (first * second).sum(axis=1)
-    cosine /= np.maximum(np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1), 1e-300)
+    cosine = sum_rows(first * second)
+    cosine /= np.maximum(find_lengths(first) * find_lengths(second), 1e-300)
     return _pick_worse(hinges.faces[cosine > FOLD_COSINE], quality)
 
 
@@ -184,7 +186,7 @@ def orient_faces(
         return faces, np.empty(0, dtype=np.int64)
     num_faces = len(faces)
     normals = find_normals(units, faces)
-    cosine = np.abs((normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]]).sum(axis=1))
+    cosine = np.abs(sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]]))
     graph = coo_array((1.001 - cosine, tuple(hinges.faces.T)), shape=(num_faces, num_faces)).tocsr()
     tree = minimum_spanning_tree(graph).tocoo()
     _, part = connected_components(tree, directed=False)

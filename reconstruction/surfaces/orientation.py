@@ -4,6 +4,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
+
 OPEN_SHARE = 0.2
 """A component whose normals sum to less than this share of its area is as good as closed."""
 
@@ -24,23 +26,23 @@ def orient_outwards(
     if len(faces) == 0:
         return faces
     corners = vertices[faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middle = corners.mean(axis=1)
     part = find_components(faces, len(vertices))
     count = part.max() + 1
     if viewpoint is not None:
         seen_from = np.atleast_2d(viewpoint)
         if len(seen_from) > 1:
-            squared = ((middle[:, None] - seen_from[None]) ** 2).sum(axis=2)
+            squared = sum_rows((middle[:, None] - seen_from[None]) ** 2)
             seen_from = seen_from[squared.argmin(axis=1)]
-        towards = np.bincount(part, ((seen_from - middle) * cross).sum(axis=1), count)
+        towards = np.bincount(part, sum_rows((seen_from - middle) * cross), count)
     else:
-        area = np.bincount(part, np.linalg.norm(cross, axis=1), count)
+        area = np.bincount(part, find_lengths(cross), count)
         total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
         center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
         center /= np.bincount(part, minlength=count)[:, None]
-        volume = np.bincount(part, ((middle - center[part]) * cross).sum(axis=1), count)
-        is_sheet = np.linalg.norm(total, axis=1) > OPEN_SHARE * area
+        volume = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
+        is_sheet = find_lengths(total) > OPEN_SHARE * area
         towards = np.where(is_sheet, total[:, 2], volume)
     is_turned = towards[part] < 0
     return np.where(is_turned[:, None], faces[:, ::-1], faces)

@@ -8,6 +8,7 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.unfolding import find_folded
 
 NUM_AREA_SAMPLES = 50_000
@@ -220,14 +221,14 @@ def _count_parts(edges: np.ndarray, num_vertices: int) -> int:
 
 def _find_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return find_lengths(cross_rows(b - a, c - a)) / 2
 
 
 def _find_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the angle at every corner `[F, 3]` [rad]."""
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    return np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), (ahead * behind).sum(axis=2))
+    return np.arctan2(find_lengths(cross_rows(ahead, behind)), sum_rows(ahead * behind))
 
 
 def _summarize(distances: np.ndarray) -> Distances:

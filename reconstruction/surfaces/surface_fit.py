@@ -14,6 +14,7 @@ import numpy as np
 
 from reconstruction.networks.padding import pad_rows, padded_length
 from reconstruction.networks.winners import find_winners
+from reconstruction.surfaces.rows import find_lengths
 
 STIFFNESS = 0.03
 """Share of the identity in every vertex's normal matrix: how unwillingly it slides within the surface."""
@@ -109,7 +110,7 @@ def fit_surface(
 def mean_edge_length(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Return the mean length of the faces' sides."""
     corners = vertices[faces]
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    return float(find_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
 def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:

@@ -17,6 +17,7 @@ from reconstruction.networks.support import MAX_VOID, NUM_NEIGHBORS, Support, fi
 from reconstruction.surfaces.hole_patching import close_tips, patch_holes
 from reconstruction.surfaces.manifold import group_sides, is_in_sorted, make_manifold
 from reconstruction.surfaces.orientation import find_components
+from reconstruction.surfaces.rows import find_lengths, sum_rows
 
 MIN_COMPONENT_FACES = 6
 DEBRIS_RATIO = 50
@@ -230,13 +231,13 @@ def find_circumcenters(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     offset = (d11 * (d00 - d01) / determinant)[:, None] * side + (d00 * (d11 - d01) / determinant)[
         :, None
     ] * other
-    return corners[:, 0] + offset, np.where(is_flat, np.inf, (offset * offset).sum(axis=1))
+    return corners[:, 0] + offset, np.where(is_flat, np.inf, sum_rows(offset * offset))
 
 
 def rate_faces(units: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return how good each face is, `[F]`: short perimeter first, relative to the mean."""
     corners = units[faces]
-    perimeter = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).sum(axis=1)
+    perimeter = find_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
     return perimeter.mean() / np.maximum(perimeter, 1e-300) if len(faces) else perimeter
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from reconstruction.surfaces.manifold import group_sides
+from reconstruction.surfaces.rows import cross_rows, sum_rows
 
 MAX_ROUNDS = 16
 STEP = 0.5
@@ -13,12 +14,12 @@ STEP = 0.5
 def find_folded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return which faces lie against the mean normal, by area, of those round their corners: `[F]`."""
     a = vertices[faces[:, 0]]
-    cross = np.cross(vertices[faces[:, 1]] - a, vertices[faces[:, 2]] - a)
+    cross = cross_rows(vertices[faces[:, 1]] - a, vertices[faces[:, 2]] - a)
     flat = faces.ravel()
     at_vertex = np.stack(
         [np.bincount(flat, np.repeat(cross[:, k], 3), minlength=len(vertices)) for k in range(3)], axis=1
     )
-    return (at_vertex[faces].sum(axis=1) * cross).sum(axis=1) < 0
+    return sum_rows(at_vertex[faces].sum(axis=1) * cross) < 0
 
 
 def unfold_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
