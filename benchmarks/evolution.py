@@ -38,7 +38,8 @@ MODELS: dict[str, tuple[str, int] | str] = {
     "gg 13860": "gg",
 }
 """Models to evolve on: a ready-made arena, or a network and its units (gsrm) or triangles (gg)."""
-COARSE, FINE = "gsrm 200", "gg 13860"
+COARSE, FINE = "gg 210", "gg 13860"
+"""A GSRM of 200 units makes three times as many pieces as either: there coarse is not cheap."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""

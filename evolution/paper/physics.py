@@ -45,8 +45,7 @@ def measure_physics(
     Returns:
         `rows`, one an arena: `physics_us` of a whole step and `collision_us` in it (mean, deviation and median
         over the runs), `contacts` a step, `crossed` runs, `pieces`; `interrupted`, the share of ticks left out since
-        something else had the processor; `ratios` of arenas to the hand-made
-        model, with 95 % intervals.
+        something else had the processor; `ratios` of arenas to the hand-made model, with 95 % intervals.
     """
     arenas = {name: load_arena(folder, name) for name in RECIPES}
     samples = time_crossings(champion, arenas, config, progress)

@@ -231,7 +231,7 @@ def tabulate_models(benchmark: Record) -> Table:
 
 def tabulate_stages(benchmark: Record) -> Table:
     """Return the evolution benchmark's comparison of coarse to fine with fine only."""
-    labels = {"fine_only": "GG 13,860 triangles only", "coarse_to_fine": "first GSRM 200 units, then that"}
+    labels = {"fine_only": "GG 13,860 triangles only", "coarse_to_fine": "first GG 210 triangles, then that"}
     rows = [[label, *_summarise_runs(benchmark["stages"][key])] for key, label in labels.items()]
     compared = benchmark["compared"]
     text = Markup("Coarse to fine (<code>python -m benchmarks.evolution</code>).")
