@@ -179,7 +179,8 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
 
     Args:
         name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
-            else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`.
+            else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
+            with one of these names is `./gsrm`.
         course: other sizes, for the arenas made in code; what was scanned, for a mesh file.
         options: of `make_arena`, for a mesh file.
 
@@ -188,9 +189,7 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
     """
     if name in ("truth", "simple", "stairs"):
         return _make_exact(str(name), course)
-    path = Path(name)
-    if str(name) in NAMED_ARENAS and not path.exists():
-        path = find_assets() / "arenas" / str(name)
+    path = find_assets() / "arenas" / str(name) if name in NAMED_ARENAS else Path(name)
     if path.is_dir():
         return Arena.load(path)
     if path.is_file():
