@@ -314,3 +314,11 @@ def test_a_million_faces_end_within_the_limit():
     arena = make_arena(grid, cache=False, time_limit=60.0, progress=lambda name, share: told.append(name))
     assert arena.quality.mean < 0.01
     assert len(told) >= 4
+
+
+def test_name_is_the_packages_own_beside_a_folder_of_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "gsrm").mkdir()
+    assert load_arena("gsrm").name == "gsrm"
+    with pytest.raises(ArenaError, match=r"holds no arena\.json"):
+        load_arena("./gsrm")
