@@ -13,6 +13,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
 import symbrion_gym as sg
+from symbrion_gym.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym.environment.config import DEFAULT_SENSORS
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
@@ -32,6 +33,26 @@ def test_every_id_passes_the_checker_without_warnings(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gym.make(name, modules=3, **_options(name))
+        check_env(env.unwrapped, skip_render_check=True)
+        env.close()
+
+
+@pytest.fixture(scope="module")
+def scanned():
+    return make_scanned_surface(sg.Course().profile(), num_vertices=800)
+
+
+@pytest.mark.parametrize("task", ["Pit", "Ramp", "Terrain", "Stairs"])
+@pytest.mark.parametrize(
+    "arena", ["truth", "simple", "gsrm", "gg", "convex", "hfield", "primitives", "prisms"]
+)
+def test_every_arena_kind_passes_the_checker_without_warnings(arena, task, scanned):
+    if arena in ("convex", "hfield", "primitives", "prisms"):
+        arena = sg.make_arena(scanned, kind=arena, course=sg.Course())
+    options = {"pit": None} if task == "Ramp" else {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(f"symbrion_gym/Snake{task}-v0", **({"arena": arena, "modules": 3} | options))
         check_env(env.unwrapped, skip_render_check=True)
         env.close()
 
