@@ -76,5 +76,5 @@ def _shape(
     """Return twice the area over the longest side squared, negative where the triangle is turned over."""
     p, q, r = vertices[i], vertices[j], vertices[k]
     area = sum_rows(cross_rows(q - p, r - p) * normal)
-    longest = np.max([((q - p) ** 2).sum(-1), ((r - q) ** 2).sum(-1), ((p - r) ** 2).sum(-1)], axis=0)
+    longest = np.maximum(np.maximum(sum_rows((q - p) ** 2), sum_rows((r - q) ** 2)), sum_rows((p - r) ** 2))
     return area / np.maximum(longest, 1e-30)

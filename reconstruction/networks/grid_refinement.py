@@ -16,7 +16,7 @@ from reconstruction.networks.evidence import STRONG_RINGS, Evidence, find_supers
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
-from reconstruction.surfaces.rows import find_lengths
+from reconstruction.surfaces.rows import find_lengths, sum_rows
 
 SQUARE = np.ones((3, 3), dtype=bool)
 CLOSING = 2
@@ -287,8 +287,11 @@ def _measure_stretch(
     units, is_active, has_samples = (array.swapaxes(0, axis) for array in (units, is_active, has_samples))
     length = find_lengths(np.diff(units, axis=0))
     is_open = (is_active[:-1] | is_active[1:]) & has_samples[:-1] & has_samples[1:]
-    median = np.ma.median(np.ma.masked_array(length, ~is_open), axis=1)
-    return np.where(is_open.sum(axis=1) >= MIN_EDGES, np.ma.filled(median, 0.0), 0.0)
+    number = is_open.sum(axis=1)
+    ascending = np.sort(np.where(is_open, length, np.inf), axis=1)
+    middle = np.stack([np.maximum(number - 1, 0) // 2, np.minimum(number // 2, length.shape[1] - 1)], axis=1)
+    median = sum_rows(np.take_along_axis(ascending, middle, axis=1)) / 2
+    return np.where(number >= MIN_EDGES, median, 0.0)
 
 
 def _find_supported(sheet: Sheet, points: np.ndarray, spacing: float) -> np.ndarray:

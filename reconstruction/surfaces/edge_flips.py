@@ -123,7 +123,9 @@ def _make_normals(
     p, q, r = vertices[i], vertices[j], vertices[k]
     cross = cross_rows(q - p, r - p)
     double = find_lengths(cross)
-    squared = np.sort(np.stack([((q - p) ** 2).sum(1), ((r - q) ** 2).sum(1), ((p - r) ** 2).sum(1)]), axis=0)
+    squared = np.sort(
+        np.stack([sum_rows((q - p) ** 2), sum_rows((r - q) ** 2), sum_rows((p - r) ** 2)]), axis=0
+    )
     is_sound = double > MIN_ANGLE_SINE * np.sqrt(squared[1] * squared[2])
     return cross / np.maximum(double, 1e-300)[:, None], is_sound
 

@@ -235,7 +235,7 @@ def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarr
         positions, up = units[corners], normals[corners]
         i, j, k = np.array(list(itertools.combinations(range(size), 3))).T
         side, other = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
-        squared = np.stack([(side**2).sum(-1), (other**2).sum(-1), ((other - side) ** 2).sum(-1)])
+        squared = np.stack([sum_rows(side**2), sum_rows(other**2), sum_rows((other - side) ** 2)])
         squared.sort(axis=0)
         cosine = (squared[1] + squared[2] - squared[0]) / np.maximum(
             2 * np.sqrt(squared[1] * squared[2]), 1e-300

@@ -224,7 +224,7 @@ def find_circumcenters(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The radius of a face without area is infinite.
     """
     side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    d00, d01, d11 = (side * side).sum(1), (side * other).sum(1), (other * other).sum(1)
+    d00, d01, d11 = sum_rows(side * side), sum_rows(side * other), sum_rows(other * other)
     determinant = 2 * (d00 * d11 - d01 * d01)
     is_flat = determinant <= 1e-10 * d00 * d11
     determinant = np.where(is_flat, 1, determinant)
