@@ -87,4 +87,5 @@ def _build_arena(folder: Path, name: str, recipe: Recipe, config: PaperConfig) -
     if recipe.kind == "exact":
         return simple
     mesh = simple.surface if recipe.method == "hand" else load_surface(folder, recipe.method, config).mesh
-    return sg.make_arena(mesh, kind=recipe.kind, name=name, course=sg.Course(), seed=config.seed)
+    # Pieces kept from before would tell how long they took then.
+    return sg.make_arena(mesh, kind=recipe.kind, name=name, course=sg.Course(), seed=config.seed, cache=False)
