@@ -3,6 +3,7 @@
 import importlib.util
 import logging
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,7 +51,8 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
     """Time scans of 361 beams from places along the course, from a robot that looks ahead and down.
 
     All ways take turns, a block of poses each. Processor time of the one thread that scans counts: other work on the
-    machine does not, nor does drawing the progress. No robot stands in the arena: what is timed is the arena alone.
+    machine does not, nor does drawing the progress. (The matrix products of brute force may use several threads: there
+    the whole process counts.) No robot stands in the arena: what is timed is the arena alone.
 
     Args:
         folder: holds surfaces and arenas.
@@ -78,7 +80,8 @@ def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.
         for way, times, apart in zip(ways, seconds, errors, strict=True):
             is_slow = way.method == "brute force"
             chosen = block[: -(-len(block) * config.brute_scans // config.scans)] if is_slow else block
-            ranges = _time_scans(way.caster, chosen, times)
+            clock = time.process_time if is_slow else time.thread_time
+            ranges = _time_scans(way.caster, chosen, times, clock)
             if way is ways[0]:
                 hits += [float(np.isfinite(one).mean()) for one in ranges]
             known = exact.setdefault(way.model if way.method == "tree" else way.reference, ranges)
@@ -134,13 +137,15 @@ def list_poses(arena: sg.Arena, count: int) -> np.ndarray:
     return poses
 
 
-def _time_scans(caster: Caster, poses: np.ndarray, times: list[float]) -> list[np.ndarray]:
-    """Return the ranges of scans from the poses, and add what each took [µs] to `times`."""
+def _time_scans(
+    caster: Caster, poses: np.ndarray, times: list[float], clock: Callable[[], float]
+) -> list[np.ndarray]:
+    """Return the ranges of scans from the poses, and add what each took by the clock [µs] to `times`."""
     ranges = []
     for pose in poses:
-        start = time.thread_time()
+        start = clock()
         ranges.append(caster(pose))
-        times.append(1e6 * (time.thread_time() - start))
+        times.append(1e6 * (clock() - start))
     return ranges
 
 
