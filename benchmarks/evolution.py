@@ -38,8 +38,8 @@ MODELS: dict[str, tuple[str, int] | str] = {
     "gg 13860": "gg",
 }
 """Models to evolve on: a ready-made arena, or a network and its units (gsrm) or triangles (gg)."""
-COARSE, FINE = "gg 210", "gg 13860"
-"""A GSRM of 200 units makes three times as many pieces as either: there coarse is not cheap."""
+COARSE, FINES = "gg 210", ("gsrm 2200", "gg 13860")
+"""A GSRM of 200 units makes three times as many pieces as these: there coarse is not cheap."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""
@@ -128,13 +128,21 @@ class Benchmark:
         with tempfile.TemporaryDirectory() as folder:
             method, units = MODELS[COARSE]
             coarse = make_model(str(method), int(units), Path(folder))
-            staged = self._run("stages", stages=(Stage(coarse, 15, "success"), Stage("gg")))
-        fine = self._results.find_runs(f"models/{FINE}")
-        if fine:
-            figures = {
-                f"times_less_{name}": _compare(fine, staged, name) for name in ("cpu_seconds", "genotypes")
-            }
-            self._put("stages_compared", {"coarse": COARSE, "fine": FINE, **figures})
+            for fine in FINES:
+                stages = (Stage(coarse, 15, "success"), Stage(str(MODELS[fine])))
+                self._run(f"stages/{fine}", stages=stages)
+                self._compare_stages(fine)
+
+    def _compare_stages(self, fine: str) -> None:
+        """Set the runs that began coarse beside those that did not, of the same seeds."""
+        staged = self._results.find_runs(f"stages/{fine}")
+        seeds = {row["seed"] for row in staged}
+        only = [row for row in self._results.find_runs(f"models/{fine}") if row["seed"] in seeds]
+        figures = {
+            f"times_less_{name}": _compare(only, staged, name) for name in ("cpu_seconds", "genotypes")
+        }
+        if only:
+            self._put(f"stages_compared/{fine}", {"coarse": COARSE, **figures})
 
     def body_length(self) -> None:
         """Evolution chooses the length of the body; then one module less gets as many genotypes."""

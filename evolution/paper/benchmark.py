@@ -8,8 +8,8 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "evolution.json
 """Where a checkout keeps it; an installed package has none."""
 MODELS = ("simple", "gsrm 200", "gsrm 800", "gsrm 2200", "gsrm 5000", "gg 210", "gg 13860")
 """The models that it trains on."""
-FINE = "gg 13860"
-"""The model that coarse to fine is compared with."""
+FINES = ("gsrm 2200", "gg 13860")
+"""The models that coarse to fine ends on and is compared with."""
 
 Part = dict[str, Any] | None
 """Figures over the seeds that are done; None where none is."""
@@ -22,9 +22,9 @@ def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
         path: of the benchmark's results; may be absent.
 
     Returns:
-        `models`: model -> part; `stages`: "fine_only" and "coarse_to_fine" -> part; `compared`: how many times
-        less genotypes and processor seconds coarse to fine needs, None where unknown; `date`, `machine` and
-        `versions`, None where nothing was measured.
+        `models`: model -> part; `stages`: fine model -> "fine_only" and "coarse_to_fine" -> part, and "compared":
+        how many times less genotypes and processor seconds coarse to fine needs, None where unknown; `date`,
+        `machine` and `versions`, None where nothing was measured.
     """
     try:
         record = json.loads(path.read_text())
@@ -35,7 +35,13 @@ def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
     models["gsrm 2200"] = models["gsrm 2200"] or results.get("champions")  # the same runs, under another name
     return {
         "models": models,
-        "stages": {"fine_only": models[FINE], "coarse_to_fine": results.get("stages")},
-        "compared": results.get("stages_compared"),
+        "stages": {
+            fine: {
+                "fine_only": models[fine],
+                "coarse_to_fine": results.get(f"stages/{fine}"),
+                "compared": results.get(f"stages_compared/{fine}"),
+            }
+            for fine in FINES
+        },
         **{key: record.get(key) for key in ("date", "machine", "versions")},
     }

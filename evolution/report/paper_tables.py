@@ -231,15 +231,18 @@ def tabulate_models(benchmark: Record) -> Table:
 
 def tabulate_stages(benchmark: Record) -> Table:
     """Return the evolution benchmark's comparison of coarse to fine with fine only."""
-    labels = {"fine_only": "GG 13,860 triangles only", "coarse_to_fine": "first GG 210 triangles, then that"}
-    rows = [[label, *_summarise_runs(benchmark["stages"][key])] for key, label in labels.items()]
-    compared = benchmark["compared"]
+    rows = []
     text = Markup("Coarse to fine (<code>python -m benchmarks.evolution</code>).")
-    if compared:
-        text += (
-            f" It needs {compared['times_less_cpu_seconds']} times less processor time and "
-            f"{compared['times_less_genotypes']} times less genotypes, by the medians of the runs that hold."
-        )
+    for fine, parts in benchmark["stages"].items():
+        name = name_network(fine.replace(" ", "_"))
+        rows.append([f"{name} only", *_summarise_runs(parts["fine_only"])])
+        rows.append([f"first GG 210 triangles, then {name}", *_summarise_runs(parts["coarse_to_fine"])])
+        compared = parts["compared"]
+        if compared:
+            text += (
+                f" Before {name} it takes the processor {compared['times_less_cpu_seconds']} times less and "
+                f"{compared['times_less_genotypes']} times less genotypes, by the medians of the runs that hold."
+            )
     return Table(["stages", *_SUMMARY], rows, text + f" {describe_benchmark(benchmark)}")
 
 

@@ -12,7 +12,7 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution.cli import run
 from evolution.paper.arenas import RECIPES
-from evolution.paper.benchmark import FINE, MODELS, find_benchmark
+from evolution.paper.benchmark import FINES, MODELS, find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import list_experiments
 from evolution.paper.folder import PaperFolder
@@ -182,13 +182,17 @@ def test_moments_tell_the_story() -> None:
 def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
     absent = find_benchmark(tmp_path / "evolution.json")
     assert absent["machine"] is None
-    assert not any([*absent["models"].values(), *absent["stages"].values(), absent["compared"]])
-    parts = {"models/gg 13860": {"of": 3}, "champions": {"of": 5}, "stages": {"of": 1}}
+    assert not any([*absent["models"].values(), *(any(part.values()) for part in absent["stages"].values())])
+    parts = {"models/gg 13860": {"of": 3}, "champions": {"of": 5}, "stages/gg 13860": {"of": 1}}
     path = tmp_path / "evolution.json"
     path.write_text(json.dumps({"results": parts, "date": "2026-01-01", "machine": {}, "versions": {}}))
     found = find_benchmark(path)
     assert {name for name, part in found["models"].items() if part} == {"gsrm 2200", "gg 13860"}
-    assert found["stages"] == {"fine_only": {"of": 3}, "coarse_to_fine": {"of": 1}}
+    assert found["stages"]["gg 13860"] == {
+        "fine_only": {"of": 3},
+        "coarse_to_fine": {"of": 1},
+        "compared": None,
+    }
     assert found["date"] == "2026-01-01"
 
 
@@ -196,7 +200,7 @@ def test_the_benchmark_keeps_what_is_looked_for() -> None:
     from benchmarks import evolution as benchmark
 
     assert list(benchmark.MODELS) == list(MODELS)
-    assert benchmark.FINE == FINE
+    assert benchmark.FINES == FINES
 
 
 def test_powers_of_growth() -> None:

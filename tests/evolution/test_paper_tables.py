@@ -102,8 +102,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     about = {"machine": {"processor": "a processor", "cores": 2}, "versions": {"mujoco": "4.0.0"}}
     benchmark = {
         "models": {"gsrm 2200": result, "gg 210": None},
-        "stages": {"fine_only": result, "coarse_to_fine": None},
-        "compared": None,
+        "stages": {"gsrm 2200": {"fine_only": result, "coarse_to_fine": None, "compared": None}},
         "date": "2026-11-21",
         **about,
     }
@@ -112,10 +111,14 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     assert table.rows[1] == ["GG 210 triangles", "not measured", "-", "-", "-"]
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
     table = tables.tabulate_stages(benchmark)
+    assert table.rows[0][0] == "GSRM 2,200 units only"
     assert [row[1] for row in table.rows] == ["4 of 5", "not measured"]
     assert "times" not in table.caption
-    compared = {"times_less_cpu_seconds": 1.4, "times_less_genotypes": 1.6}
-    assert "1.4 times" in tables.tabulate_stages(benchmark | {"compared": compared}).caption
+    benchmark["stages"]["gsrm 2200"]["compared"] = {
+        "times_less_cpu_seconds": 1.4,
+        "times_less_genotypes": 1.6,
+    }
+    assert "1.4 times" in tables.tabulate_stages(benchmark).caption
 
 
 def test_no_benchmark_is_told() -> None:
