@@ -21,7 +21,7 @@ from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
 from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.quality import ArenaQuality
 
-_FORMAT = 5
+_FORMAT = 6
 """Raised whenever the way pieces are made changes: old entries are then left alone."""
 _LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
@@ -58,7 +58,8 @@ def get_or_make(
     """Return the cached contact of a surface, or make it and keep it.
 
     Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
-    read is made again. A cache that cannot be written costs a warning, not the arena.
+    read is made again. A cache that cannot be written costs a warning, not the arena. What a busy machine has cut
+    short is not kept.
 
     Args:
         mesh: the repaired surface.
@@ -74,6 +75,8 @@ def get_or_make(
         if kept is not None:
             return kept
         contact = make()
+        if contact.notes.get("was_kept_waiting"):
+            return contact
         try:
             write_entry(path, contact)
         except OSError as error:

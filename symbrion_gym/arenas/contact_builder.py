@@ -129,12 +129,27 @@ class Contact:
 
 
 def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progress = silent) -> Contact:
-    """Make contact geometry of a repaired surface.
+    """Make contact geometry of a repaired surface; where other work on the machine cut it short, the notes tell.
 
     Raises:
         ArenaError: no geometry of this kind can be made of this surface in time.
     """
     watch = Watch(options.time_limit)
+    contact = _make_contact(mesh, options, watch, progress)
+    if not watch.was_kept_waiting:
+        return contact
+    _logger.warning(
+        "the machine was busy for %.0f of %.0f s: the pieces may be more, or looser, than they could be; "
+        "build the arena again when it is free",
+        watch.elapsed - watch.spent,
+        watch.elapsed,
+    )
+    return replace(contact, notes={**contact.notes, "was_kept_waiting": True})
+
+
+def _make_contact(
+    mesh: trimesh.Trimesh, options: ContactOptions, watch: Watch, progress: Progress
+) -> Contact:
     if options.kind == "prisms":
         return _measure(make_prisms(mesh), TerrainRuler(mesh), watch, {"way": "prisms"})
     if options.kind == "hfield":

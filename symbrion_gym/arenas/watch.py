@@ -7,6 +7,8 @@ import time
 
 _PATIENCE = 0.5
 """Share of the limit that may pass on the clock, beyond what was asked for, before work is late."""
+_LONG_WAIT = 0.25
+"""Who has waited for this share of the limit may have been cut short by others."""
 
 
 class Watch:
@@ -20,6 +22,7 @@ class Watch:
         """Start now; `limit` in seconds."""
         self._limit = limit
         self._start, self._spent = time.perf_counter(), _read_processor_time()
+        self._was_late_by_clock = False
 
     @property
     def elapsed(self) -> float:
@@ -37,8 +40,16 @@ class Watch:
 
     def is_late(self, share: float = 1.0) -> bool:
         """Whether this share of the limit is used up: as processor time, or somewhat more of it by the clock."""
-        by_clock = share + _PATIENCE * (1.0 - share)
-        return self.spent >= share * self._limit or self.elapsed >= by_clock * self._limit
+        if self.spent >= share * self._limit:
+            return True
+        is_late_by_clock = self.elapsed >= (share + _PATIENCE * (1.0 - share)) * self._limit
+        self._was_late_by_clock |= is_late_by_clock
+        return is_late_by_clock
+
+    @property
+    def was_kept_waiting(self) -> bool:
+        """Whether other work on the machine may have changed what came out."""
+        return self._was_late_by_clock or self.elapsed - self.spent > _LONG_WAIT * self._limit
 
 
 def _read_processor_time() -> float:

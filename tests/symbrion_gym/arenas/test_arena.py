@@ -16,6 +16,7 @@ from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.quality import measure_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP, find_box
+from symbrion_gym.arenas.watch import Watch
 from symbrion_gym.errors import ArenaError
 
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
@@ -302,6 +303,17 @@ def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
     assert about["quality"]["mean"] is None
     assert Arena.load(tmp_path / "walls").quality == arena.quality
     assert make_arena(walls, cache=tmp_path / "cache", kind="prisms").quality == arena.quality
+
+
+def test_what_a_busy_machine_cut_short_is_not_kept(tmp_path, monkeypatch):
+    walls = make_walls()
+    monkeypatch.setattr(Watch, "was_kept_waiting", property(lambda watch: True))
+    arena = make_arena(walls, cache=tmp_path, kind="prisms")
+    assert arena.provenance["was_kept_waiting"]
+    assert not list(tmp_path.glob("*.npz"))
+    monkeypatch.setattr(Watch, "was_kept_waiting", property(lambda watch: False))
+    assert "was_kept_waiting" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
+    assert len(list(tmp_path.glob("*.npz"))) == 1
 
 
 @pytest.mark.slow

@@ -25,3 +25,13 @@ def test_the_clock_guards():
     time.sleep(0.02)
     assert watch.is_late()
     assert watch.left() == 0.0
+    assert watch.was_kept_waiting
+
+
+def test_own_work_is_no_waiting(monkeypatch):
+    monkeypatch.setattr(Watch, "elapsed", property(lambda watch: watch.spent))
+    watch = Watch(0.1)
+    while watch.spent < 0.06:
+        sum(range(1000))
+    assert watch.is_late(0.5)
+    assert not watch.was_kept_waiting
