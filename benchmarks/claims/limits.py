@@ -51,7 +51,8 @@ LIMITS = (
     Claim(
         "coarse to fine",
         "Coarse to fine does not pay here: begun in a growing grid of 210 triangles, evolution is {0:.1f} times as "
-        "fast as in the GSRM of 2,200 units alone (wanted: 1.5); of {2} champions of the coarse grid {1} hold in the truth.",
+        "fast as in the GSRM of 2,200 units alone (wanted: 1.5); of {2} champions of the coarse grid {1} hold in the "
+        "truth.",
         (
             Value("evolution", "stages_compared/gsrm 2200/times_less_cpu_seconds"),
             Value("evolution", "models/gg 210/champions_that_hold"),
