@@ -62,7 +62,7 @@ EVOLUTION = (
     _claim_model("gg 13860", "a growing grid of 13,860 triangles"),
     *(
         Claim(
-            f"first in a growing grid of 210 triangles, then in {words}: times as fast as in it alone, by processor time",
+            f"first in a growing grid of 210 triangles, then in {words}: times as fast as in it alone",
             "{0:.1f} ({1} of {2} hold)",
             (
                 Value("evolution", f"stages_compared/{fine}/times_less_cpu_seconds"),

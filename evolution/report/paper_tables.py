@@ -241,8 +241,8 @@ def tabulate_stages(benchmark: Record) -> Table:
         if compared:
             text += (
                 f" Before {name} it takes {1 / compared['times_less_cpu_seconds']:.1f} times the processor time and "
-                f"{1 / compared['times_less_genotypes']:.1f} times the genotypes of the fine model alone, by the medians "
-                "of the runs that hold."
+                f"{1 / compared['times_less_genotypes']:.1f} times the genotypes of the fine model alone, by the "
+                "medians of the runs that hold."
             )
     return Table(["stages", *_SUMMARY], rows, text + f" {describe_benchmark(benchmark)}")
 
