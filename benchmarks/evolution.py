@@ -39,7 +39,7 @@ MODELS: dict[str, tuple[str, int] | str] = {
 }
 """Models to evolve on: a ready-made arena, or a network and its units (gsrm) or triangles (gg)."""
 COARSE, FINES = "gg 210", ("gsrm 2200", "gg 13860")
-"""A GSRM of 200 units makes three times as many pieces as these: there coarse is not cheap."""
+"""A GSRM of 200 units makes 18 contact pieces, the fine ones 6 to 8: there coarse is not cheap."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""

@@ -56,6 +56,8 @@ def _claim_all(size: str, words: str) -> tuple[Claim, ...]:
                 Value("refine", f"{size}, scanned anew/*/cpu_ratio"),
                 Value("refine", f"{size}, scanned anew/*/drift/max", scale=MM),
             ),
+            bar="<= 2 mm",
+            judged=1,
         ),
     )
 
