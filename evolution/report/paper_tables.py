@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
+from evolution.paper.benchmark import COARSE
 from evolution.report.paper_numbers import (
     NETWORK_SECONDS,
     PHYSICS,
@@ -231,12 +232,12 @@ def tabulate_models(benchmark: Record) -> Table:
 
 def tabulate_stages(benchmark: Record) -> Table:
     """Return the evolution benchmark's comparison of coarse to fine with fine only."""
-    rows = []
+    coarse, rows = name_network(COARSE.replace(" ", "_")), []
     text = Markup("Coarse to fine (<code>python -m benchmarks.evolution</code>).")
     for fine, parts in benchmark["stages"].items():
         name = name_network(fine.replace(" ", "_"))
         rows.append([f"{name} only", *_summarise_runs(parts["fine_only"])])
-        rows.append([f"first GG 210 triangles, then {name}", *_summarise_runs(parts["coarse_to_fine"])])
+        rows.append([f"first {coarse}, then {name}", *_summarise_runs(parts["coarse_to_fine"])])
         compared = parts["compared"]
         if compared:
             text += (

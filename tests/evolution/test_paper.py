@@ -12,7 +12,7 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution.cli import run
 from evolution.paper.arenas import RECIPES
-from evolution.paper.benchmark import FINES, MODELS, find_benchmark
+from evolution.paper.benchmark import COARSE, FINES, MODELS, find_benchmark
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.paper.experiments import list_experiments
 from evolution.paper.folder import PaperFolder
@@ -200,7 +200,7 @@ def test_the_benchmark_keeps_what_is_looked_for() -> None:
     from benchmarks import evolution as benchmark
 
     assert list(benchmark.MODELS) == list(MODELS)
-    assert benchmark.FINES == FINES
+    assert (benchmark.COARSE, benchmark.FINES) == (COARSE, FINES)
 
 
 def test_powers_of_growth() -> None:
