@@ -142,8 +142,8 @@ class _Evolution:
     """One run in progress."""
 
     def __init__(self, config: EvolutionConfig, past: Record, backend: Backend | None) -> None:
-        longest = config.body_lengths[1] if config.body_lengths else config.modules
-        self._controller = make_controller(config.controller, longest)
+        self._longest = config.body_lengths[1] if config.body_lengths else config.modules
+        self._controller = make_controller(config.controller, self._longest)
         self._space = _make_space(config, self._controller)
         self._strategy = Strategy(
             self._space, config.sigma, config.population_size, config.seed, handle_noise=config.handle_noise
@@ -182,14 +182,14 @@ class _Evolution:
         began = time.perf_counter()
         generation, stage = self._record.num_generations, len(self._stage_began) - 1
         population_size, restarts = self._strategy.population_size, self._strategy.restarts
-        genotypes = self._strategy.ask()
+        genotypes, centre = self._strategy.ask(), self._strategy.mean
         count = round(self._config.trials * self._strategy.trials_factor)
         samples = self._try(SAMPLE, list(enumerate(genotypes)), count)
         fitness = np.array([entry.fitness for entry in samples])
         chosen = self._strategy.find_reevaluations(fitness)
         repeated = self._try(AGAIN, [(int(index), genotypes[index]) for index in chosen], count)
         self._strategy.tell(genotypes, fitness, {entry.index: entry.fitness for entry in repeated})
-        validated = self._validate(samples, fitness)
+        validated = self._validate(samples, centre)
         entries = samples + repeated + validated
         self._wall_seconds += time.perf_counter() - began
         before = self._record.history[-1] if generation else np.zeros(1, dtype=HISTORY)[0]
@@ -214,6 +214,7 @@ class _Evolution:
         champion = self._find_champion(stage)
         if champion is not None:
             self._record.set_champion(champion.successes, champion.trials)
+            self._shorten(champion)
         self._promote(stage)
 
     def make_run(self, folder: Path | None) -> Run:
@@ -276,13 +277,15 @@ class _Evolution:
             raise self._mismatch(self._record.num_generations)
         return taken
 
-    def _validate(self, samples: Sequence[Entry], fitness: np.ndarray) -> list[Entry]:
+    def _validate(self, samples: Sequence[Entry], centre: np.ndarray) -> list[Entry]:
         """Try the candidates of the last stage under fresh conditions, while they hold."""
         if len(self._stage_began) < len(self._config.all_stages):
             return []
         validation = self._config.validation
+        fitness = np.array([entry.fitness for entry in samples])
         chosen = validation.choose(fitness, [entry.outcome for entry in samples])
-        remaining = [(index, samples[index].genotype) for index in chosen]
+        genotypes = [*(entry.genotype for entry in samples), centre]
+        remaining = [(index, genotypes[index]) for index in chosen]
         tried: list[Entry] = []
         for block, count in enumerate(validation.rounds):
             tried += self._try(VALIDATION, remaining, count, block)
@@ -300,6 +303,15 @@ class _Evolution:
             self._stage_began.append(self._record.num_generations)
             self._strategy.widen(self._config.stage_sigma)
             log.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
+
+    def _shorten(self, champion: Champion) -> None:
+        """Let no body be as long as one that is confirmed, so that the search is for shorter ones."""
+        if self._config.body_lengths is None or champion.modules > self._longest:
+            return
+        if self._config.validation.is_solved(champion.successes, champion.trials):
+            self._longest = max(champion.modules - 1, self._config.body_lengths[0])
+            self._strategy.widen(self._config.stage_sigma)
+            log.info("%d modules hold; bodies of at most %d from now on", champion.modules, self._longest)
 
     def _find_champion(self, stage: int) -> Champion | None:
         is_in_stage = list(self._record.history["stage"] == stage)
@@ -336,7 +348,7 @@ class _Evolution:
     def _count_modules(self, genotype: np.ndarray) -> int:
         if self._config.body_lengths is None:
             return self._config.modules
-        return int(np.clip(round(genotype[-1]), *self._config.body_lengths))
+        return int(np.clip(round(genotype[-1]), self._config.body_lengths[0], self._longest))
 
     def _strip(self, genotype: np.ndarray) -> np.ndarray:
         """Return the genes of the controller alone."""

@@ -14,7 +14,7 @@ import numpy as np
 from evolution.errors import RunError
 from evolution.trials import Outcome
 
-FORMAT = "symbrion run 1"
+FORMAT = "symbrion run 2"
 SAMPLE, AGAIN, VALIDATION = 0, 1, 2
 """Kinds of an evaluation: a genotype of a generation, the same once more, a candidate's fresh trials."""
 
@@ -51,7 +51,7 @@ class Entry(NamedTuple):
     Attributes:
         generation: in which it was tried.
         kind: SAMPLE, AGAIN or VALIDATION.
-        index: of the genotype in its generation.
+        index: of the genotype in its generation; one more than the last is the centre of the search.
         modules: length of its body.
         genotype: `[G]`.
         fitness: higher is better.

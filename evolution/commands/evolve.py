@@ -31,6 +31,8 @@ class Evolve(SeededCommand):
     """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file."""
     modules: int = 8
     """Modules in the snake."""
+    body_lengths: tuple[int, int] | None = None
+    """Shortest and longest body that evolution may choose; replaces --modules."""
     generations: int = 50
     """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
     workers: int = os.cpu_count() or 1
@@ -60,7 +62,8 @@ class Evolve(SeededCommand):
         super().__post_init__()
         for arena in self.stages or (self.arena,):
             check_arena(arena)
-        check_modules(self.modules)
+        for modules in self.body_lengths or (self.modules,):
+            check_modules(modules)
         for option in ("generations", "workers", "population", "trials"):
             if getattr(self, option) < 1:
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
@@ -70,6 +73,7 @@ class Evolve(SeededCommand):
         config = ev.EvolutionConfig(
             arena=self.arena,
             modules=self.modules,
+            body_lengths=self.body_lengths,
             seed=self.seed,
             generations=self.generations,
             folder=str(self.folder),
@@ -85,7 +89,9 @@ class Evolve(SeededCommand):
             stages=tuple(ev.Stage(arena) for arena in self.stages),
         )
         with (
-            console.track(f"Evolution, {self.modules} modules") as step,
+            console.track(
+                f"Evolution, {' to '.join(map(str, self.body_lengths or (self.modules,)))} modules"
+            ) as step,
             _watch(self.folder, self.tensorboard) as watch,
         ):
             run = ev.evolve(config, on_generation=watch, progress=step.progress)
@@ -155,7 +161,8 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
     console.say(f"{summary['generations']} generations, {summary['evaluations']} genotypes in {run.folder}")
     if run.champion and run.champion.trials:
         rate = f"{run.champion.successes} of {run.champion.trials}"
-        console.say(f"champion: crossed in {rate} fresh trials in {run.champion.arena}")
+        body = f"{run.champion.modules} modules"
+        console.say(f"champion, {body}: crossed in {rate} fresh trials in {run.champion.arena}")
         console.say(f"next: symbrion replay {run.folder} --arena truth --video champion.mp4")
     else:
         console.say("no genotype held in all its trials yet; `symbrion resume` with more --generations")

@@ -111,6 +111,18 @@ def test_the_shortest_body_that_holds_is_found():
         assert run.champion.successes > 0.85 * run.champion.trials
 
 
+def test_no_body_is_as_long_as_one_that_is_confirmed():
+    run = evolve(replace(TOY, body_lengths=(4, 10), generations=40), simulate=toys.shortest)
+    longest = 10
+    for entries, row in run.record.generations():
+        samples = [entry for entry in entries if entry.kind == SAMPLE]
+        assert max(entry.modules for entry in samples) <= longest
+        if run.config.validation.is_solved(int(row["champion_successes"]), int(row["champion_trials"])):
+            confirmed = [entry.modules for entry in entries if entry.kind == VALIDATION]
+            longest = min([longest, *(modules - 1 for modules in confirmed)])
+    assert longest == 5
+
+
 @pytest.mark.parametrize(("backend", "workers"), [("batch", 4), ("processes", 2)])
 def test_who_works_changes_nothing(backend, workers, tmp_path):
     alone = evolve(replace(TOY, generations=8, folder=str(tmp_path / "alone")), simulate=toys.bowl)

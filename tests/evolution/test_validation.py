@@ -54,7 +54,7 @@ def test_without_fresh_trials_the_fittest_sample_stands_in():
 def test_the_shortest_body_that_holds_is_preferred():
     entries = [
         make_entry(0, VALIDATION, "1" * 30, modules=8),
-        make_entry(1, VALIDATION, "1" * 27 + "000", modules=6),
+        make_entry(1, VALIDATION, "1" * 29 + "0", modules=6),
         make_entry(2, VALIDATION, "1" * 8 + "0" * 8, modules=5),
     ]
     record = make_record(*entries)
@@ -63,7 +63,16 @@ def test_the_shortest_body_that_holds_is_preferred():
 
 def test_candidates_are_those_that_held_in_all_trials():
     outcomes = [Outcome(0.0, 0.0, held) for held in ((True, True), (True, False), (True, True), (True, True))]
-    assert Validation(candidates=2).choose(np.array([1.0, 9.0, 3.0, 2.0]), outcomes) == [2, 3]
+    fitness = np.array([1.0, 9.0, 3.0, 2.0])
+    assert Validation(candidates=2, centre=2).choose(fitness, outcomes) == [2, 3]
+
+
+def test_the_centre_of_the_search_is_a_candidate_where_enough_genotypes_hold():
+    outcomes = [Outcome(0.0, 0.0, (held,)) for held in (True, False, False, False)]
+    fitness = np.arange(4.0)
+    assert Validation(centre=0.25).choose(fitness, outcomes) == [4, 0]
+    assert Validation(centre=0.5).choose(fitness, outcomes) == [0]
+    assert Validation().choose(fitness, outcomes[1:]) == []
 
 
 def test_validation_refuses():
@@ -73,6 +82,7 @@ def test_validation_refuses():
         {"rounds": (8, 0)},
         {"go_on": 1.5},
         {"solved": -0.1},
+        {"centre": 0.0},
     ):
         with pytest.raises(RunError):
             Validation(**arguments)
