@@ -183,7 +183,7 @@ class _Evolution:
         generation, stage = self._record.num_generations, len(self._stage_began) - 1
         population_size, restarts = self._strategy.population_size, self._strategy.restarts
         genotypes, centre = self._strategy.ask(), self._strategy.mean
-        count = round(self._config.trials * self._strategy.trials_factor)
+        count = round((self._stage.trials or self._config.trials) * self._strategy.trials_factor)
         samples = self._try(SAMPLE, list(enumerate(genotypes)), count)
         fitness = np.array([entry.fitness for entry in samples])
         chosen = self._strategy.find_reevaluations(fitness)

@@ -22,6 +22,8 @@ class Stage:
             no longer improves), "either", or "budget" (nothing).
         success_share: share of a generation's genotypes that must hold in all their trials.
         patience: generations without improvement that count as stagnation.
+        trials: of each genotype in this stage; None means as many as the run says. One is enough to tell in a
+            coarse model where to search.
     """
 
     arena: str
@@ -29,6 +31,7 @@ class Stage:
     promotion: Promotion = "either"
     success_share: float = 0.25
     patience: int = 10
+    trials: int | None = None
 
     def __post_init__(self) -> None:
         if self.promotion not in PROMOTIONS:
@@ -39,6 +42,8 @@ class Stage:
             raise RunError(
                 f"patience {self.patience} must be >= 1, success_share {self.success_share} in (0, 1]"
             )
+        if self.trials is not None and self.trials < 1:
+            raise RunError(f"a stage of {self.trials} trials a genotype; at least 1, or None for the run's")
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")
 

@@ -68,7 +68,11 @@ VARIANTS = {
     "plain": {},
     "noise": {"handle_noise": True},
     "stages": {
-        "stages": (Stage("simple", 5), Stage("truth", promotion="stagnation", patience=3), Stage("gsrm"))
+        "stages": (
+            Stage("simple", 5, trials=1),
+            Stage("truth", promotion="stagnation", patience=3),
+            Stage("gsrm"),
+        )
     },
     "body": {"body_lengths": (4, 9)},
     "restarts": {"population_size": 4, "generations": 12},
@@ -96,6 +100,8 @@ def test_variants_do_what_they_say():
     assert (noise.record.columns()["kind"] == AGAIN).any()
     staged = evolve(replace(TOY, **VARIANTS["stages"]), simulate=toys.bowl)
     assert sorted(set(staged.history["stage"])) == [0, 1, 2]
+    trials = {int(staged.history["stage"][e.generation]): e.outcome.trials for e in staged.record.entries}
+    assert (trials[0], trials[1]) == (1, TOY.trials)
     assert [champion.arena for champion in staged.stage_champions] == ["simple", "truth", "gsrm"]
     assert staged.champion == staged.stage_champions[-1]
     restarted = evolve(replace(TOY, **VARIANTS["restarts"]), simulate=toys.plain)

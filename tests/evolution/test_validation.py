@@ -112,6 +112,7 @@ def test_stages_refuse():
         {"generations": 0},
         {"patience": 0},
         {"promotion": "budget"},
+        {"trials": 0},
     )
     for arguments in wrong:
         with pytest.raises(RunError):
