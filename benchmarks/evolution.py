@@ -41,6 +41,7 @@ MODELS: dict[str, tuple[str, int] | str] = {
 COARSE, FINES = "gg 210", ("gsrm 2200", "gg 13860")
 """A GSRM of 200 units makes 18 contact pieces, the fine ones 6 to 8: there coarse is not cheap."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
+BODIES = (3, 9)
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""
 
@@ -146,12 +147,8 @@ class Benchmark:
             self._put(f"stages_compared/{fine}", {"coarse": COARSE, **figures})
 
     def body_length(self) -> None:
-        """Evolution chooses the length of the body; then one module less gets as many genotypes."""
-        seeds = self._seeds[:3]
-        rows = self._run("body_length", seeds, **TRAVELLING, body_lengths=(4, 9), stop_when_solved=False)
-        shortest = min((row["modules"] for row in rows if row["held_in_truth"] >= PASS), default=None)
-        if shortest is not None:
-            self._run("body_one_shorter", seeds, **TRAVELLING, modules=shortest - 1)
+        """Evolution chooses the length of the body, and once one holds goes on among shorter ones."""
+        self._run("body_length", self._seeds[:3], **TRAVELLING, body_lengths=BODIES, generations=100)
 
     def from_zero(self) -> None:
         """The search begins with no knowledge and a larger step."""

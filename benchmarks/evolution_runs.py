@@ -14,7 +14,9 @@ from benchmarks.report import RESULTS, write_results
 from evolution.cmaes import evolve
 from evolution.config import EvolutionConfig
 from evolution.playback import judge
+from evolution.record import SAMPLE
 from evolution.run import Run
+from evolution.validation import find_candidates
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import load_arena, make_arena
@@ -102,7 +104,17 @@ def measure_run(config: EvolutionConfig, course: Course | None = None) -> Row:
         "modules": run.champion.modules,
         "validated": [run.champion.successes, run.champion.trials],
         "gap_of_20": _find_gap(run, held),
+        **(_describe_shorter(run, run.champion.modules) if config.body_lengths else {}),
     }
+
+
+def _describe_shorter(run: Run, modules: int) -> Row:
+    """Return how many genotypes of bodies shorter than the champion's were tried, and how well the best did."""
+    shorter = [entry for entry in run.record.entries if entry.modules < modules]
+    samples = [entry for entry in shorter if entry.kind == SAMPLE]
+    counts = [(entry.outcome.successes, entry.outcome.trials) for entry in find_candidates(shorter)]
+    best = max(counts, key=lambda count: (count[0] + 1) / (count[1] + 2), default=None)
+    return {"shorter_genotypes": len(samples), "best_shorter": list(best) if best else None}
 
 
 def _find_gap(run: Run, held: int) -> float | None:

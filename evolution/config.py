@@ -41,8 +41,8 @@ class EvolutionConfig:
         start: where the trials begin, "pit" (close before it) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
         stage_sigma: the step size is raised to this when a stage begins, or bodies become shorter.
-        body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body is
-            confirmed, the search goes on among shorter ones.
+        body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
+            holds, the search goes on among shorter ones.
         handle_noise: more trials when re-evaluation changes the order of the genotypes.
         stop_when_solved: end when a champion is confirmed.
         randomisation: what the conditions of a trial are drawn from.

@@ -10,7 +10,7 @@ References:
     optimum, not the best genotype drawn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from evolution.record import SAMPLE, VALIDATION, Entry, Record
 from evolution.trials import Outcome
 
 HOLDS = 0.93
-"""Expected success rate above which a shorter body is preferred to a surer one."""
+"""Expected success rate from which a body is long enough: a shorter one is preferred to a surer one."""
 
 
 @dataclass(frozen=True)
@@ -135,26 +135,31 @@ def select(record: Record, is_in_stage: Sequence[bool], shortest: bool = False) 
     Args:
         record: of the run.
         is_in_stage: `[generation]`, which generations count.
-        shortest: among those that hold nearly always, prefer the shortest body.
+        shortest: among those that hold, prefer the shortest body.
 
     Returns:
         A pooled VALIDATION entry of the candidate with the best fresh trials; of equal ones the later
         generation. Without validated candidates the SAMPLE entry of highest fitness.
     """
     counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
-    pooled: dict[tuple[int, int], Entry] = {}
-    for entry in counted:
-        if entry.kind == VALIDATION:
-            key = (entry.generation, entry.index)
-            pooled[key] = pool(pooled[key], entry) if key in pooled else entry
-    if pooled:
-        return max(pooled.values(), key=lambda entry: _rank(entry, shortest))
+    candidates = find_candidates(counted)
+    if candidates:
+        return max(candidates, key=lambda entry: _rank(entry, shortest))
     samples = [entry for entry in counted if entry.kind == SAMPLE]
     return max(samples, key=lambda entry: entry.fitness, default=None)
 
 
-def pool(first: Entry, second: Entry) -> Entry:
-    """Return one entry for two sets of trials of the same genotype."""
+def find_candidates(entries: Iterable[Entry]) -> list[Entry]:
+    """Return one entry for each candidate, with all its fresh trials."""
+    pooled: dict[tuple[int, int], Entry] = {}
+    for entry in entries:
+        if entry.kind == VALIDATION:
+            key = (entry.generation, entry.index)
+            pooled[key] = _pool(pooled[key], entry) if key in pooled else entry
+    return list(pooled.values())
+
+
+def _pool(first: Entry, second: Entry) -> Entry:
     one, two = first.outcome, second.outcome
     share = one.trials / max(one.trials + two.trials, 1)
     outcome = Outcome(
