@@ -8,7 +8,7 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "evolution.json
 """Where a checkout keeps it; an installed package has none."""
 MODELS = ("simple", "gsrm 200", "gsrm 800", "gsrm 2200", "gsrm 5000", "gg 210", "gg 13860")
 """The models that it trains on."""
-COARSE = "gg 210"
+COARSE = "gsrm 800"
 """The model that coarse to fine begins on."""
 FINES = ("gsrm 2200", "gg 13860")
 """The models that coarse to fine ends on and is compared with."""
