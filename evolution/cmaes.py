@@ -22,7 +22,7 @@ from evolution.record import AGAIN, HISTORY, SAMPLE, TIMES, VALIDATION, Entry, R
 from evolution.run import Run, RunFolder
 from evolution.strategy import Space, Strategy
 from evolution.trials import Job, Trials
-from evolution.validation import Champion, select
+from evolution.validation import HOLDS, Champion, select
 from reconstruction.progress import Progress, silent
 
 OnGeneration = Callable[[Run], None]
@@ -308,7 +308,7 @@ class _Evolution:
         """Let no body be as long as one that holds, so that the search is for shorter ones."""
         if self._config.body_lengths is None or champion.modules > self._longest:
             return
-        if self._config.validation.is_solved(champion.successes, champion.trials):
+        if champion.trials >= self._config.validation.trials and champion.score >= HOLDS:
             self._longest = max(champion.modules - 1, self._config.body_lengths[0])
             self._strategy.widen(self._config.stage_sigma)
             log.info("%d modules hold; bodies of at most %d from now on", champion.modules, self._longest)
