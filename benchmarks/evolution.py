@@ -149,7 +149,7 @@ class Benchmark:
 
     def body_length(self) -> None:
         """Evolution chooses the length of the body, and once one holds goes on among shorter ones."""
-        self._run("body_length", self._seeds[:3], **TRAVELLING, body_lengths=BODIES, generations=100)
+        self._run("body_length", self._seeds[:3], **TRAVELLING, body_lengths=BODIES, generations=150)
 
     def from_zero(self) -> None:
         """The search begins with no knowledge and a larger step."""
