@@ -158,7 +158,10 @@ class Record:
         try:
             with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
                 if str(arrays["format"]) != FORMAT:
-                    raise RunError(f"{source} has format {str(arrays['format'])!r}, not {FORMAT!r}")
+                    raise RunError(
+                        f"{source} has format {str(arrays['format'])!r}, not {FORMAT!r}: go on with the release "
+                        "that began it, or start anew in another folder"
+                    )
                 digest, history = str(arrays["digest"]), arrays["history"]
                 columns = {
                     name.removeprefix("entry_"): arrays[name] for name in arrays if name.startswith("entry_")

@@ -112,7 +112,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
     table = tables.tabulate_stages(benchmark)
     assert table.rows[0][0] == "GSRM 2,200 units only"
-    assert table.rows[1][0] == "first GG 210 triangles, then GSRM 2,200 units"
+    assert table.rows[1][0] == "first GSRM 800 units, then GSRM 2,200 units"
     assert [row[1] for row in table.rows] == ["4 of 5", "not measured"]
     assert "times" not in table.caption
     benchmark["stages"]["gsrm 2200"]["compared"] = {
