@@ -112,6 +112,12 @@ EVOLUTION = (
         bar=">= 1.7 on an idle machine",
     ),
     Claim(
+        "histories on 1, 2 and 4 threads and on 2 processes that are equal to the bit (Ray: by a test)",
+        "{0} of {1}",
+        (Value("evolution", "backends/equal"), Value("evolution", "backends/of")),
+        bar=">= 4 of 4",
+    ),
+    Claim(
         "runs killed by signal 9 at random moments that end, resumed, as if they had not been",
         "{0} of {1}",
         (Value("evolution", "kills/same_champion_and_history"), Value("evolution", "kills/kills")),
