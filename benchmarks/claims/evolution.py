@@ -25,16 +25,6 @@ EVOLUTION = (
         is_headline=True,
     ),
     Claim(
-        "wall time of these five runs on 2 cores, median / longest",
-        "{0:.0f} / {1:.0f} s",
-        (
-            Value("evolution", "champions/median_wall_seconds"),
-            Value("evolution", "champions/runs/*/wall_seconds", "max"),
-        ),
-        bar="<= 300 s",
-        judged=1,
-    ),
-    Claim(
         "likewise with 6 modules (a posture that travels along the body)",
         "{0} of {1}; {2:.0f}",
         _count_champions("six_modules"),
@@ -50,6 +40,16 @@ EVOLUTION = (
         "likewise from zero instead of from a genotype set by hand",
         "{0} of {1}; {2:.0f}",
         _count_champions("from_zero"),
+    ),
+    Claim(
+        "wall time of the five runs with 8 modules on 2 cores, median / longest",
+        "{0:.0f} / {1:.0f} s",
+        (
+            Value("evolution", "champions/median_wall_seconds"),
+            Value("evolution", "champions/runs/*/wall_seconds", "max"),
+        ),
+        bar="<= 300 s",
+        judged=1,
     ),
     Claim(
         "crossings of 20 by a body without control / by the genotype that the search begins with",
@@ -95,8 +95,8 @@ EVOLUTION = (
         is_headline=True,
     ),
     Claim(
-        "genotypes of bodies shorter than those that were tried in these runs; of them held",
-        "{0:,}; none",
+        "genotypes of still shorter bodies that these runs tried in vain",
+        "{0:,}",
         (Value("evolution", "body_length/runs/*/shorter_genotypes", "sum"),),
     ),
     Claim(

@@ -62,8 +62,13 @@ class Evolve(SeededCommand):
         super().__post_init__()
         for arena in self.stages or (self.arena,):
             check_arena(arena)
-        for modules in self.body_lengths or (self.modules,):
-            check_modules(modules)
+        if self.body_lengths is None:
+            check_modules(self.modules)
+        elif not 2 <= self.body_lengths[0] < self.body_lengths[1]:
+            given = " ".join(map(str, self.body_lengths))
+            raise UsageError(
+                f"--body-lengths {given} is no range; give the shortest, from 2, then a longer one"
+            )
         for option in ("generations", "workers", "population", "trials"):
             if getattr(self, option) < 1:
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")

@@ -64,6 +64,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["reconstruct", "absent.ply", "--method", "poisson"], "poisson"),
         (["arena", "absent.ply"], "no such file"),
         (["evolve", "--modules", "0"], "--modules 0"),
+        (["evolve", "--body-lengths", "8", "4"], "--body-lengths 8 4"),
+        (["evolve", "--body-lengths", "1", "4"], "--body-lengths 1 4"),
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--workers", "0"], "--workers 0"),
@@ -150,3 +152,11 @@ def test_evolve_then_resume_then_replay(tmp_path: Path, capsys: pytest.CaptureFi
     assert json.loads(capsys.readouterr().out)["generations"] == 3
     assert run(["replay", str(folder), "--trials", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["trials"] == 2
+
+
+def test_evolution_may_choose_the_length_of_the_body(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["evolve", "--arena", "truth", "--body-lengths", "3", "4", "--population", "4", "--trials", "1"]
+    assert run([*words, "--generations", "1", "--folder", str(tmp_path / "run"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["champion"]["modules"] in (3, 4)
