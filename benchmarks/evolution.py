@@ -42,7 +42,7 @@ COARSE, FINES = "gsrm 800", ("gsrm 2200", "gg 13860")
 """Coarser ones lead astray: what crosses in a grid of 210 triangles does not in truth; a GSRM of 200 units makes 18
 contact pieces, the fine ones 6 to 8, and so is dearer than they are."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
-BODIES = (3, 9)
+BODIES: dict[str, Any] = {"body_lengths": (3, 9), "restart_after": 20, "generations": 200}
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""
 
@@ -143,13 +143,15 @@ class Benchmark:
         only, staged = ([row for row in rows if row["held_in_truth"] >= PASS] for rows in (only, staged))
         if only and staged:
             figures = {
-                f"times_less_{name}": _compare(only, staged, name) for name in ("cpu_seconds", "genotypes")
+                f"times_less_{moment}{name}": _compare(only, staged, f"{moment}{name}")
+                for name in ("cpu_seconds", "genotypes")
+                for moment in ("holds_from_", "")
             }
             self._put(f"stages_compared/{fine}", {"coarse": COARSE, **figures})
 
     def body_length(self) -> None:
         """Evolution chooses the length of the body, and once one holds goes on among shorter ones."""
-        self._run("body_length", self._seeds[:3], **TRAVELLING, body_lengths=BODIES, generations=150)
+        self._run("body_length", self._seeds[:3], **TRAVELLING, **BODIES)
 
     def from_zero(self) -> None:
         """The search begins with no knowledge and a larger step."""

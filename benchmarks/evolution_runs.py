@@ -16,10 +16,10 @@ from evolution.config import EvolutionConfig
 from evolution.playback import judge
 from evolution.record import SAMPLE
 from evolution.run import Run
-from evolution.validation import find_candidates
+from evolution.validation import Champion, find_candidates
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import load_arena, make_arena
+from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.ready_made import SPACING
 from symbrion_gym.sensing.survey import survey
@@ -86,9 +86,10 @@ def measure_run(config: EvolutionConfig, course: Course | None = None) -> Row:
         config: of the run.
         course: the true one, where it is not the usual one.
     """
-    began, cpu_began, load = time.perf_counter(), time.process_time(), os.getloadavg()[0]
-    run = evolve(config)
-    seconds, cpu_seconds = time.perf_counter() - began, time.process_time() - cpu_began
+    clock = _ChampionClock()
+    load = os.getloadavg()[0]
+    run = evolve(config, on_generation=clock)
+    seconds, cpu_seconds = clock.read()
     assert run.champion is not None
     truth = load_arena("truth", course)
     held = judge(run.champion, truth, TRIALS, 10_000 + config.seed, workers=config.workers).successes
@@ -104,8 +105,47 @@ def measure_run(config: EvolutionConfig, course: Course | None = None) -> Row:
         "modules": run.champion.modules,
         "validated": [run.champion.successes, run.champion.trials],
         "gap_of_20": _find_gap(run, held),
+        **clock.find_first_to_hold(truth, 10_000 + config.seed, config.workers),
         **(_describe_shorter(run, run.champion.modules) if config.body_lengths else {}),
     }
+
+
+class _ChampionClock:
+    """What had been spent when a run found each of its champions."""
+
+    def __init__(self) -> None:
+        self._began, self._cpu_began = time.perf_counter(), time.process_time()
+        self._found: list[tuple[Champion, Row]] = []
+
+    def read(self) -> tuple[float, float]:
+        """Return wall and processor seconds so far."""
+        return time.perf_counter() - self._began, time.process_time() - self._cpu_began
+
+    def __call__(self, run: Run) -> None:
+        """Note the champion after a generation, if it is a new one."""
+        if run.champion is None or (self._found and self._found[-1][0].genotype == run.champion.genotype):
+            return
+        wall_seconds, cpu_seconds = self.read()
+        spent = {
+            "holds_from_genotypes": int(run.history["evaluations"][-1]),
+            "holds_from_wall_seconds": round(wall_seconds, 1),
+            "holds_from_cpu_seconds": round(cpu_seconds, 1),
+        }
+        self._found.append((run.champion, spent))
+
+    def find_first_to_hold(self, truth: Arena, seed: int, workers: int) -> Row:
+        """Return what had been spent when the champion was found from which on every one holds in truth.
+
+        The run itself cannot know: it goes on until fresh trials in its own arena confirm a champion.
+        """
+        first: Row = dict.fromkeys(
+            ("holds_from_genotypes", "holds_from_wall_seconds", "holds_from_cpu_seconds")
+        )
+        for champion, spent in reversed(self._found):
+            if judge(champion, truth, TRIALS, seed, workers=workers).successes < PASS:
+                break
+            first = spent
+        return first
 
 
 def _describe_shorter(run: Run, modules: int) -> Row:
@@ -132,6 +172,11 @@ def summarise(rows: list[Row]) -> dict[str, Any]:
         f"median_{name}": float(np.median([row[name] for row in rows]))
         for name in ("genotypes", "wall_seconds", "cpu_seconds", "held_in_truth")
     }
+    holding = [row for row in rows if row.get("holds_from_genotypes") is not None]
+    for name in ("genotypes", "cpu_seconds") if holding else ():
+        medians[f"median_holds_from_{name}"] = float(
+            np.median([row[f"holds_from_{name}"] for row in holding])
+        )
     return {
         "champions_that_hold": sum(row["held_in_truth"] >= PASS for row in rows),
         "of": len(rows),

@@ -15,14 +15,13 @@ import numpy as np
 
 from evolution.backends.simulation import Simulate
 from evolution.config import EvolutionConfig
-from evolution.controller import Controller, make_controller
 from evolution.errors import RunError
 from evolution.evaluation import Backend, make_backend
 from evolution.record import AGAIN, HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.run import Run, RunFolder
-from evolution.strategy import Space, Strategy
+from evolution.search import Search
 from evolution.trials import Job, Trials
-from evolution.validation import HOLDS, Champion, select
+from evolution.validation import Champion, select
 from reconstruction.progress import Progress, silent
 
 OnGeneration = Callable[[Run], None]
@@ -142,12 +141,8 @@ class _Evolution:
     """One run in progress."""
 
     def __init__(self, config: EvolutionConfig, past: Record, backend: Backend | None) -> None:
-        self._longest = config.body_lengths[1] if config.body_lengths else config.modules
-        self._controller = make_controller(config.controller, self._longest)
-        self._space = _make_space(config, self._controller)
-        self._strategy = Strategy(
-            self._space, config.sigma, config.population_size, config.seed, handle_noise=config.handle_noise
-        )
+        self._search = Search(config)
+        self._strategy = self._search.strategy
         self._config, self._past, self._backend = config, past, backend
         self._record = Record()
         self._stage_began = [0]
@@ -214,8 +209,9 @@ class _Evolution:
         champion = self._find_champion(stage)
         if champion is not None:
             self._record.set_champion(champion.successes, champion.trials)
-            self._shorten(champion)
+            self._search.shorten(champion, generation + 1)
         self._promote(stage)
+        self._search.restart_if_stuck(samples, self._record.entries, generation + 1)
 
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""
@@ -240,7 +236,7 @@ class _Evolution:
             own = (index + 1, block) if kind == VALIDATION else ()
             trials = Trials(
                 arena=self._stage.arena,
-                modules=self._count_modules(genotype),
+                modules=self._search.count_modules(genotype),
                 controller=config.controller,
                 start=config.validation.start if kind == VALIDATION else config.start,
                 count=count,
@@ -248,7 +244,7 @@ class _Evolution:
                 randomisation=config.randomisation,
                 environment=config.environment,
             )
-            jobs.append(Job(self._strip(genotype), trials))
+            jobs.append(Job(self._search.strip(genotype), trials))
         if self._replayed is not None:
             return self._take_recorded(kind, numbered)
         if self._backend is None:
@@ -301,17 +297,8 @@ class _Evolution:
         history = self._record.history[self._stage_began[-1] :]
         if stage + 1 < len(stages) and stages[stage].is_done(history):
             self._stage_began.append(self._record.num_generations)
-            self._strategy.widen(self._config.stage_sigma)
+            self._search.begin_task(self._record.num_generations)
             log.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
-
-    def _shorten(self, champion: Champion) -> None:
-        """Let no body be as long as one that holds, so that the search is for shorter ones."""
-        if self._config.body_lengths is None or champion.modules > self._longest:
-            return
-        if champion.trials >= self._config.validation.trials and champion.score >= HOLDS:
-            self._longest = max(champion.modules - 1, self._config.body_lengths[0])
-            self._strategy.widen(self._config.stage_sigma)
-            log.info("%d modules hold; bodies of at most %d from now on", champion.modules, self._longest)
 
     def _find_champion(self, stage: int) -> Champion | None:
         is_in_stage = list(self._record.history["stage"] == stage)
@@ -320,8 +307,8 @@ class _Evolution:
             return None
         is_validated = entry.kind == VALIDATION
         return Champion(
-            genotype=tuple(self._strip(entry.genotype).tolist()),
-            names=self._controller.parameters,
+            genotype=tuple(self._search.strip(entry.genotype).tolist()),
+            names=self._search.controller.parameters,
             controller=self._config.controller,
             modules=entry.modules,
             arena=self._config.all_stages[stage].arena,
@@ -345,15 +332,6 @@ class _Evolution:
     def _stage(self) -> Any:
         return self._config.all_stages[len(self._stage_began) - 1]
 
-    def _count_modules(self, genotype: np.ndarray) -> int:
-        if self._config.body_lengths is None:
-            return self._config.modules
-        return int(np.clip(round(genotype[-1]), self._config.body_lengths[0], self._longest))
-
-    def _strip(self, genotype: np.ndarray) -> np.ndarray:
-        """Return the genes of the controller alone."""
-        return genotype[: len(self._controller.parameters)]
-
     def _mismatch(self, generation: int) -> RunError:
         return RunError(
             f"generation {generation} of {self._config.folder or 'this run'} does not come out as recorded: "
@@ -365,20 +343,3 @@ class _Evolution:
 def _share_of_successes(entries: Sequence[Entry], index: int) -> float:
     flags = [held for entry in entries if entry.index == index for held in entry.outcome.succeeded]
     return sum(flags) / len(flags)
-
-
-def _make_space(config: EvolutionConfig, controller: Controller) -> Space:
-    count = len(controller.parameters)
-    initial = controller.initial if config.origin == "hint" else (0.0,) * count
-    space = Space(controller.parameters, controller.lower, controller.upper, initial, (1.0,) * count)
-    if config.body_lengths is None:
-        return space
-    shortest, longest = config.body_lengths
-    return Space(
-        names=(*space.names, "modules"),
-        lower=(*space.lower, shortest - 0.49),
-        upper=(*space.upper, longest + 0.49),
-        initial=(*space.initial, (shortest + longest) / 2),
-        spread=(*space.spread, (longest - shortest) / (4 * config.sigma)),
-        integers=(count,),
-    )

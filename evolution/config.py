@@ -43,6 +43,8 @@ class EvolutionConfig:
         stage_sigma: the step size is raised to this when a stage begins, or bodies become shorter.
         body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
             holds, the search goes on among shorter ones.
+        restart_after: so many generations in a row without a genotype that holds in all its trials begin the search
+            anew, around the fittest one of the stage and the length of body; None means never.
         handle_noise: more trials when re-evaluation changes the order of the genotypes.
         stop_when_solved: end when a champion is confirmed.
         randomisation: what the conditions of a trial are drawn from.
@@ -68,6 +70,7 @@ class EvolutionConfig:
     stages: tuple[Stage, ...] = ()
     stage_sigma: float = 0.15
     body_lengths: tuple[int, int] | None = None
+    restart_after: int | None = None
     handle_noise: bool = False
     stop_when_solved: bool = True
     randomisation: Randomisation = field(default_factory=Randomisation)
@@ -99,6 +102,8 @@ class EvolutionConfig:
                 raise RunError(f"{name} is {value!r}; a whole number of at least {smallest} is needed")
         if not (math.isfinite(self.sigma) and self.sigma > 0):
             raise RunError(f"sigma is {self.sigma}; it must be above 0")
+        if self.restart_after is not None and self.restart_after < 1:
+            raise RunError(f"restart_after is {self.restart_after}; at least 1 generation, or None for never")
         choices_by_name = {"backend": BACKENDS, "start": ("pit", "floor"), "origin": ("hint", "zero")}
         for name, choices in choices_by_name.items():
             if getattr(self, name) not in choices:
@@ -114,8 +119,14 @@ class EvolutionConfig:
         return self.stages or (Stage(self.arena),)
 
     def digest(self) -> str:
-        """Return a fingerprint of all that decides what comes out."""
-        content = {name: value for name, value in asdict(self).items() if name not in HOW}
+        """Return a fingerprint of all that decides what comes out.
+
+        What is None says nothing: a run from before an option existed keeps its fingerprint.
+        """
+        said = asdict(
+            self, dict_factory=lambda pairs: {name: value for name, value in pairs if value is not None}
+        )
+        content = {name: value for name, value in said.items() if name not in HOW}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def differences(self, other: "EvolutionConfig") -> list[str]:

@@ -62,7 +62,7 @@ class Strategy:
         self, space: Space, sigma: float, population_size: int, seed: int, *, handle_noise: bool = False
     ) -> None:
         self.space = space
-        self.restarts = 0
+        self.restarts = self._doublings = 0
         self._first_sigma = sigma
         self._first_population_size = population_size
         self._random_state = np.random.RandomState(seed).get_state()
@@ -76,7 +76,7 @@ class Strategy:
     @property
     def population_size(self) -> int:
         """Genotypes in the next generation."""
-        return self._first_population_size * 2 ** min(self.restarts, LARGEST_DOUBLING)
+        return self._first_population_size * 2 ** min(self._doublings, LARGEST_DOUBLING)
 
     @property
     def sigma(self) -> float:
@@ -125,6 +125,7 @@ class Strategy:
                 self._strategy.sigma *= self._noise.treat()
             if self._strategy.stop():
                 self.restarts += 1
+                self._doublings += 1
                 lower, upper = np.asarray(self.space.lower), np.asarray(self.space.upper)
                 middle = np.random.uniform(0.25, 0.75, len(lower))  # noqa: NPY002
                 self._begin(lower + (upper - lower) * middle)
@@ -132,6 +133,11 @@ class Strategy:
     def widen(self, sigma: float) -> None:
         """Raise the step size to at least `sigma`, for a landscape that has changed."""
         self._strategy.sigma = max(self._strategy.sigma, sigma)
+
+    def restart(self, start: np.ndarray) -> None:
+        """Begin anew around a genotype, with the first step size and no directions learnt; as many genotypes."""
+        self.restarts += 1
+        self._begin(start)
 
     def _begin(self, start: np.ndarray) -> None:
         options = {

@@ -33,6 +33,8 @@ class Evolve(SeededCommand):
     """Modules in the snake."""
     body_lengths: tuple[int, int] | None = None
     """Shortest and longest body that evolution may choose; replaces --modules."""
+    restart_after: int | None = None
+    """Begin anew around the fittest genotype when none has held for so many generations; 20 suits --body-lengths."""
     generations: int = 50
     """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
     workers: int = os.cpu_count() or 1
@@ -72,6 +74,10 @@ class Evolve(SeededCommand):
         for option in ("generations", "workers", "population", "trials"):
             if getattr(self, option) < 1:
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
+        if self.restart_after is not None and self.restart_after < 1:
+            raise UsageError(
+                f"--restart-after {self.restart_after} is too few; give 1 or more, or leave it out"
+            )
         require_writable_folder(self.folder, "--folder")
 
     def run(self, console: Console) -> dict[str, Any]:
@@ -79,6 +85,7 @@ class Evolve(SeededCommand):
             arena=self.arena,
             modules=self.modules,
             body_lengths=self.body_lengths,
+            restart_after=self.restart_after,
             seed=self.seed,
             generations=self.generations,
             folder=str(self.folder),

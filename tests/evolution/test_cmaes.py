@@ -16,7 +16,8 @@ from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX
 from evolution.errors import RunError
-from evolution.record import AGAIN, SAMPLE, TIMES, VALIDATION
+from evolution.record import AGAIN, SAMPLE, TIMES, VALIDATION, Entry
+from evolution.run import Run
 from evolution.stages import Stage
 from evolution.validation import Validation
 
@@ -76,13 +77,14 @@ VARIANTS = {
     },
     "body": {"body_lengths": (4, 9)},
     "restarts": {"population_size": 4, "generations": 12},
+    "restart_after": {"body_lengths": (4, 9), "restart_after": 3},
 }
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_two_halves_are_one_run(variant, tmp_path):
     config = replace(TOY, **VARIANTS[variant])
-    toy = toys.plain if variant == "restarts" else toys.bowl
+    toy = {"restarts": toys.plain, "restart_after": toys.shortest}.get(variant, toys.bowl)
     whole = evolve(replace(config, folder=str(tmp_path / "whole")), simulate=toy)
     part = config.generations // 3
     evolve(replace(config, generations=part, folder=str(tmp_path / "parts")), simulate=toy)
@@ -126,6 +128,45 @@ def test_no_body_is_as_long_as_one_that_holds():
         if row["champion_trials"] == run.config.validation.trials and row["champion_successes"] >= 46:
             longest = min([longest, *(entry.modules - 1 for entry in entries if entry.kind == VALIDATION)])
     assert longest == 5
+
+
+def find_samples(run: Run, generations: range) -> list[Entry]:
+    return [entry for entry in run.record.entries if entry.kind == SAMPLE and entry.generation in generations]
+
+
+def test_a_search_in_which_nothing_holds_begins_anew_around_its_fittest():
+    run = evolve(replace(TOY, generations=11, restart_after=5), simulate=toys.hopeless)
+    assert run.history["restarts"].tolist() == 5 * [0] + 5 * [1] + [2]
+    assert set(run.history["population_size"]) == {TOY.population_size}
+    fittest = max(find_samples(run, range(5)), key=lambda entry: entry.fitness)
+    drawn = np.array([entry.genotype for entry in find_samples(run, range(5, 6))])
+    assert np.abs(drawn.mean(axis=0) - fittest.genotype).max() < 4 * TOY.sigma / np.sqrt(len(drawn))
+    assert run.history["sigma"][4] != run.history["sigma"][5]
+
+
+def test_a_search_in_which_something_holds_goes_on():
+    plain = evolve(TOY, simulate=toys.bowl)
+    dry = "".join("-" if count else "0" for count in plain.history["successes"]).split("-")
+    longest = max(map(len, dry))
+    patient = evolve(replace(TOY, restart_after=longest + 1), simulate=toys.bowl)
+    assert without_times(patient.history) == without_times(plain.history)
+    impatient = evolve(replace(TOY, restart_after=longest), simulate=toys.bowl)
+    assert impatient.history["restarts"][-1] >= 1
+
+
+def test_among_shorter_bodies_it_begins_anew_around_one_of_them():
+    config = replace(TOY, body_lengths=(4, 10), generations=40, restart_after=10)
+    run = evolve(config, simulate=toys.shortest)
+    too_long = [entry.generation for entry in find_samples(run, range(40)) if entry.modules > 5]
+    began = max(too_long) + 1
+    restarts = run.history["restarts"]
+    anew = began + int(np.flatnonzero(restarts[began:] > restarts[began])[0])
+    assert anew == began + 10
+    fittest = max(find_samples(run, range(began, anew)), key=lambda entry: entry.fitness)
+    genes = np.array([entry.genotype[:-1] for entry in find_samples(run, range(anew, anew + 1))])
+    assert np.abs(genes.mean(axis=0) - fittest.genotype[:-1]).max() < 4 * TOY.sigma / np.sqrt(len(genes))
+    assert run.champion is not None
+    assert run.champion.modules == 6
 
 
 @pytest.mark.parametrize(("backend", "workers"), [("batch", 4), ("processes", 2)])

@@ -25,6 +25,14 @@ def plain(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     return [Outcome(0.0, 0.0, (False,) * job.trials.count, seconds=1.0) for job in jobs]
 
 
+def hopeless(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """The bowl, in which nothing holds."""
+    return [
+        Outcome(outcome.progress, outcome.effort, (False,) * outcome.trials, outcome.seconds)
+        for outcome in bowl(jobs, threads)
+    ]
+
+
 def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """The same, a few milliseconds a job."""
     time.sleep(0.002 * len(jobs))
@@ -33,13 +41,7 @@ def slow_bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:
 
 def shortest(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """Bodies of at least six modules succeed once their genes are near 0.5."""
-    outcomes = bowl(jobs, threads)
-    return [
-        outcome
-        if job.trials.modules >= 6
-        else Outcome(outcome.progress, outcome.effort, (False,) * outcome.trials, outcome.seconds)
-        for job, outcome in zip(jobs, outcomes, strict=True)
-    ]
+    return [(bowl if job.trials.modules >= 6 else hopeless)([job], threads)[0] for job in jobs]
 
 
 def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:
