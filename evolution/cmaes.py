@@ -211,7 +211,7 @@ class _Evolution:
             self._record.set_champion(champion.successes, champion.trials)
             self._search.shorten(champion, generation + 1)
         self._promote(stage)
-        self._search.restart_if_stuck(samples, self._record.entries, generation + 1)
+        self._search.restart_if_stuck(self._record.entries, generation + 1)
 
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""

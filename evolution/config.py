@@ -43,8 +43,8 @@ class EvolutionConfig:
         stage_sigma: the step size is raised to this when a stage begins, or bodies become shorter.
         body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
             holds, the search goes on among shorter ones.
-        restart_after: so many generations in a row without a genotype that holds in all its trials begin the search
-            anew, around the fittest one of the stage and the length of body; None means never.
+        restart_after: where in so many generations no more trials succeeded than in the best one before, the search
+            begins anew around the fittest genotype of the stage and the length of body; None means never.
         handle_noise: more trials when re-evaluation changes the order of the genotypes.
         stop_when_solved: end when a champion is confirmed.
         randomisation: what the conditions of a trial are drawn from.

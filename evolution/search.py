@@ -1,7 +1,7 @@
 """Where the search of a run stands: which genotypes it draws, which bodies it may still try, when it begins anew."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class Search:
             config.seed,
             handle_noise=config.handle_noise,
         )
-        self._task_began = self._last_held = 0
+        self._task_began = self._improved = self._most_held = 0
 
     def count_modules(self, genotype: np.ndarray) -> int:
         """Return how long a body the genotype asks for, as far as it is allowed."""
@@ -47,7 +47,8 @@ class Search:
     def begin_task(self, generation: int) -> None:
         """Search with a wider step: the arena is another one, or bodies are shorter."""
         self.strategy.widen(self._config.stage_sigma)
-        self._task_began = self._last_held = generation
+        self._task_began = self._improved = generation
+        self._most_held = 0
 
     def shorten(self, champion: Champion, generation: int) -> None:
         """Let no body be as long as one that holds, so that the search is for shorter ones."""
@@ -58,27 +59,29 @@ class Search:
             self.begin_task(generation)
             log.info("%d modules hold; bodies of at most %d from now on", champion.modules, self._longest)
 
-    def restart_if_stuck(self, samples: Sequence[Entry], entries: Iterable[Entry], generation: int) -> None:
-        """Begin anew around the fittest genotype of this task, when nothing has held for long.
+    def restart_if_stuck(self, entries: Iterable[Entry], generation: int) -> None:
+        """Begin anew around the fittest genotype of this task, when successes have not become more for long.
 
         A body that leans halfway out of the pit is a local optimum that a settled search does not leave; a
         genotype that crossed once, by luck, lies elsewhere.
 
         Args:
-            samples: of the generation that has just ended.
             entries: all of the run.
             generation: the next one.
         """
-        if any(all(entry.outcome.succeeded) for entry in samples):
-            self._last_held = generation
+        known = [entry for entry in entries if entry.kind == SAMPLE and entry.generation >= self._task_began]
+        held = sum(entry.outcome.successes for entry in known if entry.generation == generation - 1)
+        if held > self._most_held:
+            self._most_held, self._improved = held, generation
         patience = self._config.restart_after
-        if patience is None or generation - self._last_held < patience:
+        if patience is None or generation - self._improved < patience:
             return
-        known = (entry for entry in entries if entry.kind == SAMPLE and entry.generation >= self._task_began)
         fittest = max(known, key=lambda entry: entry.fitness)
         self.strategy.restart(fittest.genotype)
-        self._last_held = generation
-        log.info("nothing holds; anew around genotype %d of generation %d", fittest.index, fittest.generation)
+        self._most_held, self._improved = 0, generation
+        log.info(
+            "no more succeed; anew around genotype %d of generation %d", fittest.index, fittest.generation
+        )
 
 
 def _make_space(config: EvolutionConfig, controller: Controller) -> Space:

@@ -34,7 +34,7 @@ class Evolve(SeededCommand):
     body_lengths: tuple[int, int] | None = None
     """Shortest and longest body that evolution may choose; replaces --modules."""
     restart_after: int | None = None
-    """Begin anew around the fittest genotype when none has held for so many generations; 20 suits --body-lengths."""
+    """Begin anew around the fittest genotype when successes have not become more for so many generations."""
     generations: int = 50
     """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
     workers: int = os.cpu_count() or 1

@@ -134,7 +134,7 @@ def find_samples(run: Run, generations: range) -> list[Entry]:
     return [entry for entry in run.record.entries if entry.kind == SAMPLE and entry.generation in generations]
 
 
-def test_a_search_in_which_nothing_holds_begins_anew_around_its_fittest():
+def test_a_search_in_which_nothing_succeeds_begins_anew_around_its_fittest():
     run = evolve(replace(TOY, generations=11, restart_after=5), simulate=toys.hopeless)
     assert run.history["restarts"].tolist() == 5 * [0] + 5 * [1] + [2]
     assert set(run.history["population_size"]) == {TOY.population_size}
@@ -144,13 +144,16 @@ def test_a_search_in_which_nothing_holds_begins_anew_around_its_fittest():
     assert run.history["sigma"][4] != run.history["sigma"][5]
 
 
-def test_a_search_in_which_something_holds_goes_on():
+def test_a_search_in_which_ever_more_succeed_goes_on():
     plain = evolve(TOY, simulate=toys.bowl)
-    dry = "".join("-" if count else "0" for count in plain.history["successes"]).split("-")
-    longest = max(map(len, dry))
+    held = np.zeros(TOY.generations, dtype=int)
+    for entry in find_samples(plain, range(TOY.generations)):
+        held[entry.generation] += entry.outcome.successes
+    records = [-1, *(g for g in range(TOY.generations) if held[g] > held[:g].max(initial=0)), TOY.generations]
+    longest = max(np.diff(records)) - 1  # generations in a row without a record
     patient = evolve(replace(TOY, restart_after=longest + 1), simulate=toys.bowl)
     assert without_times(patient.history) == without_times(plain.history)
-    impatient = evolve(replace(TOY, restart_after=longest), simulate=toys.bowl)
+    impatient = evolve(replace(TOY, restart_after=longest // 2), simulate=toys.bowl)
     assert impatient.history["restarts"][-1] >= 1
 
 
