@@ -42,7 +42,7 @@ COARSE, FINES = "gsrm 800", ("gsrm 2200", "gg 13860")
 """Coarser ones lead astray: what crosses in a grid of 210 triangles does not in truth; a GSRM of 200 units makes 18
 contact pieces, the fine ones 6 to 8, and so is dearer than they are."""
 TRAVELLING: dict[str, Any] = {"controller": "travelling", "sigma": 0.3}
-BODIES: dict[str, Any] = {"body_lengths": (3, 9), "restart_after": 20, "generations": 200}
+BODIES: dict[str, Any] = {"body_lengths": (3, 9), "restart_after": 20, "generations": 300}
 CANTILEVER = Course(pit=0.35)
 """About as far as a hinge can hold the body out."""
 

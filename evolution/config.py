@@ -40,7 +40,8 @@ class EvolutionConfig:
         trials: of each genotype, under the same conditions within a generation; as many as there are stretches.
         start: where the trials begin, "pit" (close before it) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
-        stage_sigma: the step size is raised to this when a stage begins, or bodies become shorter.
+        stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and is this when
+            the search begins anew by `restart_after`.
         body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
             holds, the search goes on among shorter ones.
         restart_after: where in so many generations no more trials succeeded than in the best one before, the search

@@ -77,7 +77,7 @@ class Search:
         if patience is None or generation - self._improved < patience:
             return
         fittest = max(known, key=lambda entry: entry.fitness)
-        self.strategy.restart(fittest.genotype)
+        self.strategy.restart(fittest.genotype, self._config.stage_sigma)
         self._most_held, self._improved = 0, generation
         log.info(
             "no more succeed; anew around genotype %d of generation %d", fittest.index, fittest.generation

@@ -67,7 +67,7 @@ class Strategy:
         self._first_population_size = population_size
         self._random_state = np.random.RandomState(seed).get_state()
         self._noise = None
-        self._begin(np.asarray(space.initial))
+        self._begin(np.asarray(space.initial), sigma)
         if handle_noise:
             import cma  # takes a second: worker processes do without
 
@@ -128,18 +128,18 @@ class Strategy:
                 self._doublings += 1
                 lower, upper = np.asarray(self.space.lower), np.asarray(self.space.upper)
                 middle = np.random.uniform(0.25, 0.75, len(lower))  # noqa: NPY002
-                self._begin(lower + (upper - lower) * middle)
+                self._begin(lower + (upper - lower) * middle, self._first_sigma)
 
     def widen(self, sigma: float) -> None:
         """Raise the step size to at least `sigma`, for a landscape that has changed."""
         self._strategy.sigma = max(self._strategy.sigma, sigma)
 
-    def restart(self, start: np.ndarray) -> None:
-        """Begin anew around a genotype, with the first step size and no directions learnt; as many genotypes."""
+    def restart(self, start: np.ndarray, sigma: float) -> None:
+        """Begin anew around a genotype, with another step size and no directions learnt; as many genotypes."""
         self.restarts += 1
-        self._begin(start)
+        self._begin(start, sigma)
 
-    def _begin(self, start: np.ndarray) -> None:
+    def _begin(self, start: np.ndarray, sigma: float) -> None:
         options = {
             "bounds": [list(self.space.lower), list(self.space.upper)],
             "CMA_stds": list(self.space.spread),
@@ -152,7 +152,7 @@ class Strategy:
         }
         import cma
 
-        self._strategy = cma.CMAEvolutionStrategy(start, self._first_sigma, options)
+        self._strategy = cma.CMAEvolutionStrategy(start, sigma, options)
 
     @contextmanager
     def _own_randomness(self) -> Iterator[None]:
