@@ -69,12 +69,14 @@ class Search:
             entries: all of the run.
             generation: the next one.
         """
+        patience = self._config.restart_after
+        if patience is None:
+            return
         known = [entry for entry in entries if entry.kind == SAMPLE and entry.generation >= self._task_began]
         held = sum(entry.outcome.successes for entry in known if entry.generation == generation - 1)
         if held > self._most_held:
             self._most_held, self._improved = held, generation
-        patience = self._config.restart_after
-        if patience is None or generation - self._improved < patience:
+        if generation - self._improved < patience:
             return
         fittest = max(known, key=lambda entry: entry.fitness)
         self.strategy.restart(fittest.genotype, self._config.stage_sigma)
