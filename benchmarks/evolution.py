@@ -142,11 +142,13 @@ class Benchmark:
         only = [row for row in self._results.find_runs(f"models/{fine}") if row["seed"] in seeds]
         only, staged = ([row for row in rows if row["held_in_truth"] >= PASS] for rows in (only, staged))
         if only and staged:
-            figures = {
-                f"times_less_{moment}{name}": _compare(only, staged, f"{moment}{name}")
-                for name in ("cpu_seconds", "genotypes")
-                for moment in ("holds_from_", "")
-            }
+            names = [
+                f"{moment}{name}" for name in ("cpu_seconds", "genotypes") for moment in ("holds_from_", "")
+            ]
+            known = [
+                name for name in names if all(name in row for row in (*only, *staged))
+            ]  # older rows lack some
+            figures = {f"times_less_{name}": _compare(only, staged, name) for name in known}
             self._put(f"stages_compared/{fine}", {"coarse": COARSE, **figures})
 
     def body_length(self) -> None:

@@ -144,6 +144,14 @@ def test_a_search_in_which_nothing_succeeds_begins_anew_around_its_fittest():
     assert run.history["sigma"][5] == pytest.approx(TOY.stage_sigma, rel=0.3)
 
 
+def test_an_option_that_is_not_set_says_nothing_in_the_fingerprint():
+    digest = TOY.digest()
+    assert replace(TOY, restart_after=None, body_lengths=None).digest() == digest
+    assert len({digest, *(replace(TOY, restart_after=count).digest() for count in (5, 6))}) == 3
+    content = {name: value for name, value in TOY.to_json().items() if name != "restart_after"}
+    assert EvolutionConfig.from_json(content).digest() == digest
+
+
 def test_a_search_in_which_ever_more_succeed_goes_on():
     plain = evolve(TOY, simulate=toys.bowl)
     held = np.zeros(TOY.generations, dtype=int)

@@ -227,6 +227,7 @@ def test_configs_go_through_json():
         {"backend": "cloud"},
         {"start": "sky"},
         {"body_lengths": (8, 4)},
+        {"restart_after": 0},
         {"arena": object()},
         {"seed": -1},
         {"generations": 1.5},
