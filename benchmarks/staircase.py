@@ -230,7 +230,7 @@ def drive(
     state, is_over, track, highest = None, False, [], -math.inf
     picture: Any = None
     while not is_over:
-        action, state = policy.predict(observation, state, position=info["x_position"])
+        action, state = policy.predict(observation, state)
         observation, _, terminated, truncated, info = env.step(action)
         is_over = terminated or truncated
         track.append(snake.physics.position[0].copy())

@@ -33,8 +33,9 @@ class EvolutionConfig:
         workers: threads, processes or actors.
         backend: "batch", "processes" or "ray"; the results are equal.
         address: of an existing Ray cluster; None starts a local one.
-        controller: "reactive", "travelling", "posture" or "network".
-        origin: where the search begins, "hint" (the controller's own, set by hand) or "zero" (no knowledge).
+        controller: "path", "reactive", "travelling", "posture" or "network".
+        origin: where the search begins, "zero" (no knowledge) or "hint" (the controller's own, set by hand; then a
+            sigma of 0.15 fits better).
         population_size: genotypes a generation; doubles at a restart.
         sigma: first step size.
         trials: of each genotype, under the same conditions within a generation; as many as there are stretches.
@@ -62,10 +63,10 @@ class EvolutionConfig:
     workers: int = 1
     backend: str = "batch"
     address: str | None = None
-    controller: str = "reactive"
-    origin: str = "hint"
+    controller: str = "path"
+    origin: str = "zero"
     population_size: int = 12
-    sigma: float = 0.15
+    sigma: float = 0.5
     trials: int = 3
     start: str = "pit"
     stages: tuple[Stage, ...] = ()

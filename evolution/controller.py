@@ -19,12 +19,12 @@ Structure = Mapping[str, slice]
 Sensed = Mapping[str, np.ndarray]
 """Quantities by name, each `[P, n]`, columns from head to tail.
 
-Besides what the environment senses: "airborne" and "rested" (1 or 0), "position" of the head, `[P, 1]`."""
+Besides what the environment senses: "airborne" and "rested" (1 or 0)."""
 Law = Callable[[Sensed, np.ndarray], np.ndarray]
 """From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
 
 SENSORS = ("hinge_angle", "pitch", "contact")
-"""What the laws read of an observation."""
+"""What every law reads of an observation."""
 PATIENCE = 15
 """Ticks without touch after which a module counts as airborne (0.3 s)."""
 STAMINA = 175
@@ -33,7 +33,7 @@ once raised would never come down again."""
 HINGE_RANGE = np.pi / 2
 BOUND = 1.5
 KNOTS = np.linspace(-0.55, 0.55, 12)
-"""Where the travelling posture has its knots, along the course from the middle of the pit [m]."""
+"""Where the travelling posture has its knots, along the way from the middle of the pit [m]."""
 MODULE_PITCH = 0.1254
 """Distance between the modules of a snake [m] (Scout robots, docked)."""
 HIDDEN = 4
@@ -69,10 +69,10 @@ class Controller:
         name: of the law.
         modules: length of the longest body it is for.
         parameters: name of each gene.
-
         law: the function.
-        initial: where a search begins.
+        initial: where a search with a hint begins.
         bound: largest absolute value of a gene.
+        sensors: the parts of an observation that the law reads.
     """
 
     name: str
@@ -81,6 +81,7 @@ class Controller:
     law: Law
     initial: tuple[float, ...]
     bound: float = BOUND
+    sensors: tuple[str, ...] = SENSORS
 
     @property
     def lower(self) -> tuple[float, ...]:
@@ -102,7 +103,6 @@ class Controller:
         genotype: np.ndarray,
         structure: Structure,
         state: State,
-        position: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, State]:
         """Return actions in [-1, 1], hinge targets as a share of the hinge's range, and the new state.
 
@@ -111,15 +111,13 @@ class Controller:
             genotype: `[P, G]`, or `[G]` for all.
             structure: where each quantity lies in an observation.
             state: as `begin` or the call before returned it.
-            position: of the head along the course, `[P]` or a number [m]; only "travelling" reads it.
         """
         count = len(observation)
         genes = genotype if genotype.ndim == 2 else np.broadcast_to(genotype, (count, len(self.parameters)))
-        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in SENSORS}
+        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in self.sensors}
         silence = (state.silence + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (silence > PATIENCE).astype(float)
         sensed["rested"] = (silence <= STAMINA).astype(float)
-        sensed["position"] = np.reshape(position, (-1, 1))
         target = self.law(sensed, genes) / HINGE_RANGE
         return np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target), State(silence)
 
@@ -160,12 +158,32 @@ def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
 
 
 def travelling(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Hold a posture fixed to the course: each hinge takes the angle of the place it passes.
+    """Hold a posture fixed to the ground: each hinge takes the angle of the place it passes.
 
     What the head does at a place, every hinge behind it does there later (follow the leader). Twelve
-    knots along the course, joined by straight lines, 0 beyond them.
+    knots along the way, joined by straight lines, 0 beyond them. Where the head is, its tracks tell (dead
+    reckoning from the start on the map), and where the hinges are, the pitch of the modules.
     """
-    places = sensed["position"] - np.cumsum(MODULE_PITCH * np.cos(sensed["pitch"][:, :-1]), axis=1)
+    places = sensed["track_odometry"] - np.cumsum(MODULE_PITCH * np.cos(sensed["pitch"][:, :-1]), axis=1)
+    return _interpolate(genotype, places)
+
+
+def path(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
+    """Follow a path drawn over the ground: each module takes the slope that the path has at its place.
+
+    Twelve slopes along the way, joined by straight lines, 0 beyond them; a hinge takes the difference between the
+    slopes of the modules that it joins. Unlike the angles of `travelling`, a slope bends the body where it stands
+    and turns nothing far from there, so that genes act apart. Where the modules are, tracks and pitch tell.
+    """
+    half = 0.5 * MODULE_PITCH * np.cos(sensed["pitch"])
+    behind = np.cumsum(half[:, :-1] + half[:, 1:], axis=1)
+    places = sensed["track_odometry"] - np.pad(behind, ((0, 0), (1, 0)))
+    slopes = _interpolate(genotype, places)
+    return slopes[:, :-1] - slopes[:, 1:]
+
+
+def _interpolate(genotype: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the values `[P, n]` of lines through knots `[P, G]` at places [m]; 0 beyond them."""
     position = (places - KNOTS[0]) / (KNOTS[1] - KNOTS[0])
     padded = np.pad(genotype, ((0, 0), (1, 1)))
     left = np.clip(np.floor(position), -1, len(KNOTS) - 1).astype(int)
@@ -205,7 +223,7 @@ def make_controller(name: str, modules: int) -> Controller:
     """Return a controller.
 
     Args:
-        name: "reactive", "travelling", "posture" or "network".
+        name: "path", "reactive", "travelling", "posture" or "network".
         modules: length of the longest body it is for.
 
     Raises:
@@ -217,7 +235,11 @@ def make_controller(name: str, modules: int) -> Controller:
         return Controller(name, modules, REACTIVE, reactive, REFLEX)
     if name == "travelling":
         knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        return Controller(name, modules, knots, travelling, U_SHAPE)
+        return Controller(name, modules, knots, travelling, U_SHAPE, sensors=(*SENSORS, "track_odometry"))
+    if name == "path":
+        slopes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
+        sensors = (*SENSORS, "track_odometry")
+        return Controller(name, modules, slopes, path, (0.0,) * len(slopes), sensors=sensors)
     if name == "posture":
         hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
         return Controller(name, modules, hinges, posture, (0.0,) * (modules - 1))
@@ -228,4 +250,4 @@ def make_controller(name: str, modules: int) -> Controller:
     raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
 
 
-CONTROLLERS = ("reactive", "travelling", "posture", "network")
+CONTROLLERS = ("path", "reactive", "travelling", "posture", "network")

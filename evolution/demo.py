@@ -52,7 +52,7 @@ class DemoConfig:
     modules: int = 8
     gsrm_units: int = 2200
     gg_units: int = 7000
-    generations: int = 12
+    generations: int = 30
     workers: int = os.cpu_count() or 1
 
 

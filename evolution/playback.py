@@ -146,9 +146,7 @@ def _run(
             time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
         if film and len(positions) % ticks_per_frame == 0:
             film = _shoot(environment, frames)
-        actions, state = controller.act(
-            observation[None], genotype, environment.observation_structure, state, info["x_position"]
-        )
+        actions, state = controller.act(observation[None], genotype, environment.observation_structure, state)
         observation, _, terminated, truncated, info = environment.step(actions[0])
         physics = environment.physics
         positions.append(physics.position[0].copy())

@@ -2,11 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from evolution.controller import SENSORS, State, make_controller
+from evolution.controller import State, make_controller
 from evolution.errors import RunError
 from evolution.run import load_champion
 from evolution.validation import Champion
@@ -29,7 +28,7 @@ class ChampionPolicy:
         self._genotype = np.array(self.champion.genotype)
         self._controller.check(self._genotype)
         self._structure = structure
-        missing = [name for name in SENSORS if name not in structure]
+        missing = [name for name in self._controller.sensors if name not in structure]
         if missing:
             raise RunError(
                 f"the observation lacks {', '.join(missing)}; make the environment with these sensors"
@@ -46,7 +45,6 @@ class ChampionPolicy:
         state: State | None = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-        position: Any = 0.0,
     ) -> tuple[np.ndarray, State]:
         """Return the actions and the state to hand in at the next call.
 
@@ -55,12 +53,11 @@ class ChampionPolicy:
             state: what the call before returned; None at the start.
             episode_start: `[N]`, True where an episode has just begun.
             deterministic: there is nothing random in it; kept for the signature.
-            position: of the head along the course [m], `info["x_position"]`; only "travelling" reads it.
         """
         rows = np.atleast_2d(observation)
         if state is None:
             state = self._controller.begin(len(rows))
         elif episode_start is not None:
             state = State(np.where(np.reshape(episode_start, (-1, 1)), 0, state.silence))
-        action, state = self._controller.act(rows, self._genotype, self._structure, state, position)
+        action, state = self._controller.act(rows, self._genotype, self._structure, state)
         return (action if np.ndim(observation) == 2 else action[0]), state

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from evolution.controller import SENSORS, Controller, make_controller
+from evolution.controller import Controller, make_controller
 from evolution.errors import RunError
 from evolution.trials import FAILED_PROGRESS, Job, Outcome, Trials
 from symbrion_gym.environment.models import LayoutError
@@ -92,7 +92,8 @@ def find_environment_key(trials: Trials) -> Any:
 
 def make_environment_options(trials: Trials) -> dict[str, Any]:
     """Return the options of the environment in which trials take place."""
-    options = {"sensors": SENSORS, "stuck_time": STUCK_TIME} | dict(trials.environment)
+    sensors = make_controller(trials.controller, trials.modules).sensors
+    options = {"sensors": sensors, "stuck_time": STUCK_TIME} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
 
 
@@ -172,11 +173,10 @@ def _run_lanes(
     effort = np.zeros(lanes)
     state = controller.begin(lanes)
     endings: dict[tuple[int, int], Ending] = {}
-    observation, position = _take_up(environment, waiting, running, genotypes, effort, range(lanes))
+    observation = _take_up(environment, waiting, running, genotypes, effort, range(lanes))
     while len(endings) < len(trials):
-        actions, state = controller.act(observation, genotypes, structure, state, position)
+        actions, state = controller.act(observation, genotypes, structure, state)
         observation, _, terminated, truncated, info = environment.step(actions)
-        position = info["x_position"]
         effort -= info["reward_effort"]
         ended = (terminated | truncated).nonzero()[0].tolist()
         for lane in ended:
@@ -192,7 +192,7 @@ def _run_lanes(
                 running[lane] = None
         if ended and waiting:
             state.silence[ended] = 0
-            observation, position = _take_up(environment, waiting, running, genotypes, effort, ended)
+            observation = _take_up(environment, waiting, running, genotypes, effort, ended)
     return endings
 
 
@@ -203,8 +203,8 @@ def _take_up(
     genotypes: np.ndarray,
     effort: np.ndarray,
     free: Any,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Begin waiting trials in free lanes; return observations and positions of all."""
+) -> np.ndarray:
+    """Begin waiting trials in free lanes; return the observations of all."""
     mask = np.zeros(environment.num_envs, dtype=bool)
     names = ("friction", "torque_scale", "start_offset", "yaw")
     options: dict[str, Any] = {name: [None] * environment.num_envs for name in names}
@@ -219,10 +219,10 @@ def _take_up(
         stretches[lane] = trial.stretch
         for name in names:
             options[name][lane] = trial.conditions[name]
-    observation, info = environment.reset(
+    observation, _ = environment.reset(
         seed=seeds, options={**options, "stretch": stretches, "reset_mask": mask}
     )
-    return observation, info["x_position"]
+    return observation
 
 
 def _summarise(endings: Sequence[Ending]) -> Outcome:

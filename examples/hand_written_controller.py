@@ -22,7 +22,7 @@ def act(head: float) -> np.ndarray:
 
 def main(render_mode: str | None = None, seed: int = 0) -> bool:
     """Let the body try once; return whether it crossed."""
-    env = gym.make("symbrion_gym/SnakePit-v0", arena="truth", modules=8, render_mode=render_mode)
+    env = gym.make("symbrion_gym/SnakePit-v1", arena="truth", modules=8, render_mode=render_mode)
     _, info = env.reset(seed=seed)
     done = False
     while not done:

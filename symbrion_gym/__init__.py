@@ -1,6 +1,6 @@
 """Robots and worlds in MuJoCo: arenas from scans, Scout modules, and Gymnasium environments.
 
-Importing this package registers the environments `symbrion_gym/SnakePit-v0` and its siblings.
+Importing this package registers the environments `symbrion_gym/SnakePit-v1` and its siblings.
 """
 
 import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)

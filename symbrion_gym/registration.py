@@ -7,10 +7,16 @@ from typing import Any
 import gymnasium as gym
 
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "symbrion_gym/SnakePit-v0": {},
+    "symbrion_gym/SnakePit-v0": {"default_pit": 0.40},
+    "symbrion_gym/SnakePit-v1": {},
     "symbrion_gym/SnakeRamp-v0": {"arena": "truth", "pit": 0.0},
     "symbrion_gym/SnakeStairs-v0": {"arena": "stairs"},
-    "symbrion_gym/SnakeTerrain-v0": {"arena": "gsrm", "start": (-1.9, -0.4), "goal": (-0.35, 0.3)},
+    "symbrion_gym/SnakeTerrain-v0": {
+        "arena": "gsrm",
+        "default_pit": 0.40,
+        "start": (-1.9, -0.4),
+        "goal": (-0.35, 0.3),
+    },
 }
 """Id -> options that differ from those of `SnakePitEnv`."""
 

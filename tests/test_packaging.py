@@ -116,7 +116,7 @@ def test_gym_make_works_from_another_folder(site: Path, tmp_path: Path) -> None:
 import gymnasium as gym, symbrion_gym
 assert symbrion_gym.__file__.startswith({site!r}), symbrion_gym.__file__
 for arena in ("truth", "simple", "gsrm", "gg"):
-    env = gym.make("symbrion_gym/SnakePit-v0", arena=arena, modules=4)
+    env = gym.make("symbrion_gym/SnakePit-v1", arena=arena, modules=4)
     env.reset(seed=0)
     env.step(env.action_space.sample())
     print(arena)

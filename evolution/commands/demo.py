@@ -23,7 +23,7 @@ class Demo(SeededCommand):
     """Everything goes here; report.html is the page to open. An earlier demo there is replaced."""
     modules: int = 8
     """Modules in the snake."""
-    generations: int = 12
+    generations: int = 30
     """Generations of the evolution, at most."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""

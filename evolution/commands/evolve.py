@@ -43,14 +43,14 @@ class Evolve(SeededCommand):
     """Who simulates: threads, processes, or a Ray cluster."""
     address: str | None = None
     """Address of an existing Ray cluster."""
-    controller: Literal["reactive", "travelling", "posture", "network"] = "reactive"
+    controller: Literal["path", "reactive", "travelling", "posture", "network"] = "path"
     """The law that turns a genotype into hinge angles."""
     population: int = 12
     """Genotypes in a generation."""
-    sigma: float = 0.15
+    sigma: float = 0.5
     """First step size of CMA-ES."""
-    origin: Literal["hint", "zero"] = "hint"
-    """Where the search begins: near numbers set by hand, or with no knowledge (then give --sigma 0.5)."""
+    origin: Literal["zero", "hint"] = "zero"
+    """Where the search begins: with no knowledge, or near numbers set by hand (then give --sigma 0.15)."""
     trials: int = 3
     """Randomised trials of each genotype."""
     start: Literal["pit", "floor"] = "pit"

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from evolution.errors import RunError
+from symbrion_gym.arenas.course import Course
 
-PIT = 0.40
+PIT = Course().pit
 """Width of the pit of the true arena [m]."""
 
 
@@ -37,15 +38,15 @@ class PaperConfig:
     gg_triangles: tuple[int, ...] = (210, 1500, 13860)
     cold_starts: bool = True
     modules: int = 8
-    generations: int = 20
+    generations: int = 40
     trials: int = 20
     runs: int = 100
     steps: int = 3500
     scans: int = 1000
     brute_scans: int = 20
     widened: float = 0.05
-    widened_generations: int = 16
-    model_generations: int = 8
+    widened_generations: int = 40
+    model_generations: int = 30
     film_rate: int = 20
     seed: int = 0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.controller import SENSORS
+from evolution.controller import make_controller
 from evolution.paper.arenas import RECIPES, load_arena
 from evolution.paper.config import PaperConfig
 from evolution.paper.statistics import find_ratio, summarise
@@ -84,9 +84,10 @@ def time_crossings(
     progress: rc.Progress = rc.silent,
 ) -> dict[str, dict[str, list[float]]]:
     """Return arena -> cost -> one value a run: `physics_us`, `collision_us`, `contacts`, `crossed`, `interrupted`."""
+    sensors = make_controller(champion.controller, champion.modules).sensors
     environments = {
         name: sg.SnakePitEnv(
-            arena=arena, modules=champion.modules, sensors=SENSORS, start="pit", timers=True, stuck_time=1e3
+            arena=arena, modules=champion.modules, sensors=sensors, start="pit", timers=True, stuck_time=1e3
         )
         for name, arena in arenas.items()
     }
@@ -113,7 +114,7 @@ def _time_crossing(
     waits: list[float] = []
     ticks = max(1, steps // environment.config.frame_skip)
     for tick in range(LEAD + ticks + REST):
-        action, state = policy.predict(observation, state, position=info["x_position"])
+        action, state = policy.predict(observation, state)
         began = time.perf_counter() - time.thread_time()
         observation, _, _, _, info = environment.step(action)
         wait = time.perf_counter() - time.thread_time() - began

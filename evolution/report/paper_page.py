@@ -13,7 +13,7 @@ from evolution.report.paper_road import add_arenas, add_cloud, add_networks, add
 
 BAR_PHYSICS, BAR_LASER = 1.3, 1.5
 DEVIATIONS = (
-    "The arena is made up. The paper's is known from its pictures alone; its sizes (pit of 0.40 m) and friction (0.7) "
+    "The arena is made up. The paper's is known from its pictures alone; its sizes (pit of 0.45 m) and friction (0.7) "
     "were chosen by trial so that a body without control fails and an evolved one can cross.",
     "The survey is simulated: a virtual robot with two SICK LMS 200, whose noise, mixed pixels, shaking and "
     "localisation errors follow measurements of real ones. No public copy of the paper's scans exists.",

@@ -24,7 +24,9 @@ from symbrion_gym.assets import find_assets
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.pieces.mesh_repair import load_surface, repair_mesh
 
-NAMED_ARENAS = ("truth", "simple", "stairs", "gsrm", "gg")
+SCANNED_PITS = {"gsrm": (0.45, 0.40), "gg": (0.45, 0.40)}
+"""Widths of the pit [m] with which each scanned arena comes with the package, the default first."""
+NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
 
 
 @dataclass(frozen=True)
@@ -181,7 +183,8 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
         name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
             else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
             with one of these names is `./gsrm`.
-        course: other sizes, for the arenas made in code; what was scanned, for a mesh file.
+        course: other sizes, for the arenas made in code; which of the scans, by its pit, for those that come with
+            the package; what was scanned, for a mesh file.
         options: of `make_arena`, for a mesh file.
 
     Raises:
@@ -189,7 +192,7 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
     """
     if name in ("truth", "simple", "stairs"):
         return _make_exact(str(name), course)
-    path = find_assets() / "arenas" / str(name) if name in NAMED_ARENAS else Path(name)
+    path = _find_scanned(str(name), course) if name in NAMED_ARENAS else Path(name)
     if path.is_dir():
         return Arena.load(path)
     if path.is_file():
@@ -201,6 +204,22 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
     raise ArenaError(
         f"no arena {str(name)!r}: neither a folder nor a mesh file, nor one of {', '.join(NAMED_ARENAS)}"
     )
+
+
+def name_scanned(name: str, pit: float) -> str:
+    """Return the folder of a scanned arena that comes with the package: "gsrm", or "gsrm-0.40" for a pit of 0.40 m."""
+    return name if pit == SCANNED_PITS[name][0] else f"{name}-{pit:.2f}"
+
+
+def _find_scanned(name: str, course: Course | StairsCourse | None) -> Path:
+    pits = SCANNED_PITS[name]
+    pit = pits[0] if course is None else getattr(course, "pit", None)
+    if pit not in pits:
+        widths = " and ".join(f"{width:.2f}" for width in pits)
+        raise ArenaError(
+            f"arena {name!r} comes with pits of {widths} m, got {pit}; scan a course of your own"
+        )
+    return find_assets() / "arenas" / name_scanned(name, pit)
 
 
 def _make_exact(name: str, course: Course | StairsCourse | None) -> Arena:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.arena import SCANNED_PITS, Arena, load_arena, make_arena, name_scanned
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.sensing.survey import survey
 
@@ -27,6 +27,8 @@ class Recipe(NamedTuple):
 RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
 SPACING = 0.015
 """One point in each cube of this edge [m]: the scanner sees the places near its turns very often."""
+TIME_LIMIT = 3600.0
+"""Far more than the pieces need [s], so that a busy machine makes the same ones."""
 EXACT = ("truth", "simple")
 """Arenas that need no scan."""
 
@@ -43,14 +45,18 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
         Name -> arena, as saved.
     """
     arenas = {name: load_arena(name) for name in EXACT}
-    progress("survey", 0.0)
-    points = thin(preprocess(survey("truth", seed=seed)), SPACING)
-    for index, (name, recipe) in enumerate(RECIPES.items()):
-        progress(f"{name}: network and pieces", 0.5 + 0.25 * index)
-        mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
-        made = make_arena(mesh, name=name, course=Course(), seed=seed)
-        # Equal seeds make equal files: the time it took is nobody's.
-        arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
+    pits = dict.fromkeys(pit for pits in SCANNED_PITS.values() for pit in pits)
+    for index, pit in enumerate(pits):
+        progress(f"survey of a pit of {pit:.2f} m", index / len(pits))
+        course = Course(pit=pit)
+        points = thin(preprocess(survey(load_arena("truth", course), seed=seed)), SPACING)
+        for method, recipe in RECIPES.items():
+            name = name_scanned(method, pit)
+            progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
+            mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
+            made = make_arena(mesh, name=name, course=course, seed=seed, time_limit=TIME_LIMIT)
+            # Equal seeds make equal files: the time it took is nobody's.
+            arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():
         arena.save(folder / name)
     progress("done", 1.0)

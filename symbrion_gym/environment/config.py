@@ -22,6 +22,7 @@ SENSORS = (
     "hinge_target",
     "dock_force",
     "odometry",
+    "track_odometry",
     "laser",
 )
 DEFAULT_SENSORS = SENSORS[:8]
@@ -43,6 +44,7 @@ class SnakePitConfig:
     arena: Any = "truth"
     modules: Any = 8
     pit: float | None = None
+    default_pit: float | None = None
     stretch: float = 1.0
     friction: float | None = None
     track_speed: float = 0.10
@@ -69,9 +71,9 @@ class SnakePitConfig:
             _check(self, name, 0.0, True)
         for name in ("stretch", "hinge_torque", "timestep", "duration", "stuck_time"):
             _check(self, name, 0.0, False)
-        for name in ("pit", "friction"):
+        for name in ("pit", "default_pit", "friction"):
             if getattr(self, name) is not None:
-                _check(self, name, 0.0, name == "pit")
+                _check(self, name, 0.0, name != "friction")
         if isinstance(self.modules, bool) or (
             isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= 50
         ):

@@ -86,6 +86,7 @@ class Episodes:
         self._bodies: list[Body | None] = [None] * num
         self._episodes = [Episode() for _ in range(num)]
         self._start_head = np.zeros(num)
+        self._has_driven = np.zeros(num, dtype=bool)
         self._speed = np.zeros((num, 1))
         self._highest_action = np.ones((num, self.num_actions))
         self._lowest_action = -self._highest_action
@@ -129,6 +130,8 @@ class Episodes:
             self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
             self._speed[row] = speed
+            self._has_driven[row] = False
+            self.observer.track_odometry[row] = self.judge.start
 
     def command(
         self, actions: np.ndarray, listens: np.ndarray | None = None
@@ -160,14 +163,27 @@ class Episodes:
             np.add(target, turn, target)
         else:
             np.add(target, turn, out=target, where=listens[:, None])
-        return target, self._speed * used[:, -self.num_tracks :] if self.num_tracks else self._speed
+        self._has_driven[:] = True if listens is None else listens
+        return target, self._find_track_speed()
+
+    def _find_track_speed(self) -> np.ndarray:
+        return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
 
     def observe(self, physics: Physics) -> np.ndarray:
         """Return noiseless observations `[N, O]`, within their bounds."""
         if self.observer.has_odometry:
             way = self.judge.find_distance(physics.position)[:, 0] - self._start_head
             self.observer.odometry[:, 0] = way
+        if self.observer.has_track_odometry:
+            self._integrate_track_odometry(physics)
         return self.observer.read(physics)
+
+    def _integrate_track_odometry(self, physics: Physics) -> None:
+        """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
+        level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
+        way = self._dt * self._find_track_speed()[:, 0] * level
+        self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
+        self._has_driven[:] = False
 
     def describe_start(self, physics: Physics, row: int) -> dict[str, float | bool]:
         """Return the `info` of a reset in one row."""

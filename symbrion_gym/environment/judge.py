@@ -90,6 +90,7 @@ class Judge:
 
     Attributes:
         finish: how far along the route the goal is [m].
+        start: where the robot takes itself to start, from the middle of the pit on its map, where there is one [m].
         is_plain: whether the route runs along x, in the middle.
         share: of one module in a mean.
         hold_ticks: for how many ticks the body must have arrived.
@@ -103,6 +104,8 @@ class Judge:
         self._direction = world.route.direction
         self._strips, self._ceiling = find_ceiling(world.arena.surface)
         self.finish = world.route.finish
+        near, far, _ = world.map_route.pit or (0.0, 0.0, 0.0)
+        self.start = world.map_route.start - (near + far) / 2
         self._edge = self.finish - world.organism.scout.pitch / 2
         self.is_plain = world.route.heading == 0.0 and world.route.lateral == 0.0
         self._half = world.organism.scout.size[2] / 2

@@ -23,6 +23,7 @@ _NOISE = {
     "ir": 0.003,
     "contact": 0.5,
     "odometry": 0.01,
+    "track_odometry": 0.01,
     "laser": 0.006,
 }
 """Standard deviation at `noise=1` [unit of the part] (estimates)."""
@@ -59,6 +60,8 @@ class Observer:
         high: `[size]` largest values.
         has_odometry: whether the observation tells it.
         odometry: `[N, 1]` way of the head since the start [m], to be kept up to date.
+        has_track_odometry: whether the observation tells it.
+        track_odometry: `[N, 1]` place of the head by its tracks [m], to be kept up to date.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 
@@ -76,6 +79,7 @@ class Observer:
             "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
             "dock_force": (3 * h, -5 * scout.dock_force, 5 * scout.dock_force),
             "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+            "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
             "laser": (NUM_LASER_BEAMS, 0.0, scout.laser_range),
         }
         self.structure: dict[str, slice] = {}
@@ -93,13 +97,19 @@ class Observer:
         self.noise = world.config.noise * np.concatenate(
             [np.full(size, _NOISE.get(name, 0.0)) for name, size, _, _ in chosen]
         )
-        self.odometry = np.zeros((len(action), 1))
-        self._told = {"previous_action": action, "hinge_target": target, "odometry": self.odometry}
+        self.odometry, self.track_odometry = np.zeros((2, len(action), 1))
+        self._told = {
+            "previous_action": action,
+            "hinge_target": target,
+            "odometry": self.odometry,
+            "track_odometry": self.track_odometry,
+        }
         self._raw_low, self._raw_high = (np.tile(bound, (len(action), 1)) for bound in (self.low, self.high))
         if "pitch" in self.structure:
             pitch = self.structure["pitch"]
             self._raw_low[:, pitch], self._raw_high[:, pitch] = -1.0, 1.0  # its sine
         self.has_odometry = "odometry" in self.structure
+        self.has_track_odometry = "track_odometry" in self.structure
         self._rays = [
             (self.structure[name], reach < _NOTHING_HIT)
             for name, reach in (("ir", scout.ir_range), ("laser", scout.laser_range))

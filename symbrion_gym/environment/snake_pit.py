@@ -55,10 +55,16 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `previous_action` | A      | as it was used                                             | ±1         |
     | `hinge_target`*   | h      | where the servo is told to go [rad]                        | ±π/2       |
     | `dock_force`*     | 3h     | force between neighbours [N]                               | ±500       |
-    | `odometry`*       | 1      | way of the head along the route since the start [m]        | ±100       |
+    | `odometry`*       | 1      | exact way of the head along the route since the start [m]  | ±100       |
+    | `track_odometry`* | 1      | place of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | range of the head's upright fan, -60° to 30° [m]           | 0 ... 4    |
 
     * only where asked for.
+
+    `odometry` is what an external localization would tell. `track_odometry` is what the robot knows by itself: it
+    begins at the start as the map has it (without a pit, from the origin of the map) and adds what the head's
+    tracks run in a tick, times the cosine of its pitch. It knows neither slip nor `start_offset`, `yaw` and
+    `stretch`.
 
     ## Reward
 
@@ -82,7 +88,8 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     |-----------------------|-----------|-----------------------------------------------------------------|
     | `arena`               | "truth"   | a name, a folder, a mesh file or an `Arena`                     |
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
-    | `pit`                 | None      | width of the pit [m], of arenas made in code; 0.40 by default   |
+    | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
+    | `default_pit`         | None      | None: 0.45 m, as in SnakePit-v1; 0.40 in SnakePit-v0            |
     | `stretch`             | 1.0       | all lengths along x times this: what a scan may be wrong by     |
     | `friction`            | None      | of tracks and bodies on everything; the arena's own by default  |
     | `track_speed`         | 0.10      | [m/s]                                                           |

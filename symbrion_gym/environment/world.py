@@ -9,7 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from symbrion_gym.arenas.arena import Arena, load_arena
+from symbrion_gym.arenas.arena import SCANNED_PITS, Arena, load_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
@@ -56,6 +56,7 @@ class World:
         arena: where.
         organism: who.
         route: the way to go.
+        map_route: the way as the map has it, without `stretch`.
         model: the compiled model; whoever changes it takes a copy.
         friction: sliding friction of the robot on everything.
         modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
@@ -73,9 +74,11 @@ class World:
     def __init__(self, config: SnakePitConfig, picture_size: tuple[int, int] = (640, 400)) -> None:
         self._picture_size = picture_size
         self.config = config
-        self.arena = find_arena(config)
+        on_map = _find_arena(config)
+        self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
+        self.map_route = find_route(on_map, self.organism, config)
         self.route = find_route(self.arena, self.organism, config)
         self._poses = self.organism.find_poses()
         self._is_snake = self.organism == snake(self.organism.num_modules, self.organism.scout)
@@ -226,16 +229,12 @@ class World:
         return np.interp(np.arange(len(heights)), known, heights[known])
 
 
-def find_arena(config: SnakePitConfig) -> Arena:
+def _find_arena(config: SnakePitConfig) -> Arena:
     """Return the arena of the options; `pit` resizes the arenas made in code.
 
     Raises:
         ArenaError: there is no such arena, or its pit cannot be resized.
     """
-    return stretch_arena(_find_arena(config), config.stretch)
-
-
-def _find_arena(config: SnakePitConfig) -> Arena:
     arena = config.arena
     if isinstance(arena, Arena):
         if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
@@ -243,14 +242,16 @@ def _find_arena(config: SnakePitConfig) -> Arena:
         return arena
     if not isinstance(arena, str | Path):
         raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
-    if config.pit is None:
+    is_named = arena in ("truth", "simple", *SCANNED_PITS)
+    pit = config.default_pit if is_named and config.pit is None else config.pit
+    if pit is None:
         return load_arena(arena)
-    if arena in ("truth", "simple"):
-        return load_arena(arena, course=Course(pit=config.pit))
+    if is_named:
+        return load_arena(arena, course=Course(pit=pit))
     loaded = load_arena(arena)
     if getattr(loaded.course, "pit", None) != config.pit:
         raise ArenaError(
-            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with 'truth' and 'simple' only"
+            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with named courses only"
         )
     return loaded
 

@@ -21,7 +21,9 @@ from evolution.run import Run
 from evolution.stages import Stage
 from evolution.validation import Validation
 
-TOY = EvolutionConfig(arena="truth", generations=24, sigma=0.3, stop_when_solved=False)
+TOY = EvolutionConfig(
+    arena="truth", controller="reactive", origin="hint", generations=24, sigma=0.3, stop_when_solved=False
+)
 
 
 def without_times(history: np.ndarray) -> list:
@@ -243,7 +245,8 @@ folder = sys.argv[1]
 if Path(folder, "config.json").exists():
     resume(folder, simulate=toys.slow_bowl)
 else:
-    evolve(EvolutionConfig(arena="truth", generations=24, sigma=0.3, stop_when_solved=False, folder=folder),
+    evolve(EvolutionConfig(arena="truth", controller="reactive", origin="hint", generations=24, sigma=0.3,
+                       stop_when_solved=False, folder=folder),
            simulate=toys.slow_bowl)
 """
 

@@ -15,23 +15,29 @@ from evolution.controller import (
 from evolution.errors import RunError
 
 MODULES = 6
-STRUCTURE = {"hinge_angle": slice(0, 5), "pitch": slice(5, 11), "contact": slice(11, 17)}
+STRUCTURE = {
+    "hinge_angle": slice(0, 5),
+    "pitch": slice(5, 11),
+    "contact": slice(11, 17),
+    "track_odometry": slice(17, 18),
+}
+SIZE = 18
 
 
 def make_observations(count: int, seed: int = 0) -> np.ndarray:
-    observation = np.random.default_rng(seed).normal(0, 0.5, (count, 17))
+    observation = np.random.default_rng(seed).normal(0, 0.5, (count, SIZE))
     observation[:, STRUCTURE["contact"]] = np.maximum(observation[:, STRUCTURE["contact"]], 0)
     return observation
 
 
-def act(name: str, genotype, observation=None, *, ticks: int = 1, position=0.0) -> np.ndarray:
+def act(name: str, genotype, observation=None, *, ticks: int = 1) -> np.ndarray:
     """Return hinge targets [rad] after so many equal observations."""
     controller = make_controller(name, MODULES)
-    observation = np.zeros((1, 17)) if observation is None else observation
+    observation = np.zeros((1, SIZE)) if observation is None else observation
     state = controller.begin(len(observation))
     action = np.zeros(0)
     for _ in range(ticks):
-        action, state = controller.act(observation, np.asarray(genotype, float), STRUCTURE, state, position)
+        action, state = controller.act(observation, np.asarray(genotype, float), STRUCTURE, state)
     return action * HINGE_RANGE
 
 
@@ -44,16 +50,15 @@ def test_a_population_acts_as_each_alone(name):
     controller = make_controller(name, MODULES)
     generator = np.random.default_rng(1)
     genotypes = generator.uniform(-1, 1, (37, len(controller.parameters)))
-    positions = generator.uniform(-0.6, 0.6, 37)
     together, alone = controller.begin(37), [controller.begin(1) for _ in range(37)]
     for tick in range(2 * PATIENCE):
         observation = make_observations(37, tick)
-        actions, together = controller.act(observation, genotypes, STRUCTURE, together, positions)
+        actions, together = controller.act(observation, genotypes, STRUCTURE, together)
         assert actions.shape == (37, MODULES - 1)
         assert np.abs(actions).max() <= 1.0
         for row in range(37):
             action, alone[row] = controller.act(
-                observation[row : row + 1], genotypes[row], STRUCTURE, alone[row], positions[row]
+                observation[row : row + 1], genotypes[row], STRUCTURE, alone[row]
             )
             assert np.array_equal(action[0], actions[row])
 
@@ -64,7 +69,7 @@ def test_reactive_biases():
 
 
 def test_reactive_follows_the_pitch_ahead_and_behind():
-    observation = np.zeros((1, 17))
+    observation = np.zeros((1, SIZE))
     observation[0, STRUCTURE["pitch"]] = [0.6, 0.1, 0.2, 0.3, 0.4, 0.5]
     assert act("reactive", make_reactive(pitch_ahead=1.0), observation)[0] == pytest.approx(
         [0.6, 0.1, 0.2, 0.3, 0.4]
@@ -76,7 +81,7 @@ def test_reactive_follows_the_pitch_ahead_and_behind():
 
 
 def test_reactive_lifts_the_ends_that_hang_in_the_air_for_a_while():
-    observation = np.zeros((1, 17))
+    observation = np.zeros((1, SIZE))
     observation[0, STRUCTURE["contact"]] = [0, 0, 5, 0, 9, 0]
     genes = make_reactive(front_air=0.8, rear_air=-0.4)
     assert not act("reactive", genes, observation, ticks=PATIENCE).any()
@@ -84,16 +89,51 @@ def test_reactive_lifts_the_ends_that_hang_in_the_air_for_a_while():
     assert not act("reactive", genes, observation, ticks=STAMINA + 1).any()
 
 
-def test_travelling_holds_a_posture_fixed_to_the_course():
+def place_head(odometry: float) -> np.ndarray:
+    """An observation that tells nothing but where the tracks have brought the head [m]."""
+    observation = np.zeros((1, SIZE))
+    observation[0, STRUCTURE["track_odometry"]] = odometry
+    return observation
+
+
+def test_travelling_holds_a_posture_fixed_to_the_ground():
     genotype = np.zeros(12)
     genotype[6] = 1.2
     place = KNOTS[6]
     spacing = 0.1254
     for hinge in range(5):
-        target = act("travelling", genotype, position=place + (hinge + 1) * spacing)[0]
+        target = act("travelling", genotype, place_head(place + (hinge + 1) * spacing))[0]
         assert np.argmax(target) == hinge
         assert target[hinge] == pytest.approx(1.2)
-    assert not act("travelling", np.ones(12), position=-5.0).any()
+    assert not act("travelling", np.ones(12), place_head(-5.0)).any()
+
+
+def test_path_gives_each_module_the_slope_of_its_place():
+    slopes = np.sin(np.arange(12))
+    head = 0.52
+    places = head - 0.1254 * np.arange(MODULES)
+    wanted = np.interp(places, KNOTS, slopes, left=0.0, right=0.0)
+    target = act("path", slopes, place_head(head))[0]
+    assert target == pytest.approx(wanted[:-1] - wanted[1:])
+    assert not act("path", np.ones(12), place_head(-5.0)).any()
+
+
+def test_path_of_one_slope_is_straight():
+    assert act("path", np.full(12, 0.7), place_head(0.5))[0] == pytest.approx(np.zeros(5), abs=1e-12)
+
+
+def test_path_finds_steep_modules_close_together():
+    observation = place_head(0.5)
+    observation[0, STRUCTURE["pitch"]] = np.pi / 3
+    slopes = np.linspace(-0.5, 0.6, 12)
+    wanted = np.interp(0.5 - 0.5 * 0.1254 * np.arange(MODULES), KNOTS, slopes)
+    assert act("path", slopes, observation)[0] == pytest.approx(wanted[:-1] - wanted[1:])
+
+
+def test_no_law_reads_what_a_robot_cannot_sense():
+    sensed = {"hinge_angle", "pitch", "contact", "track_odometry"}
+    for name in CONTROLLERS:
+        assert set(make_controller(name, MODULES).sensors) <= sensed
 
 
 def test_posture_holds_one_angle_a_hinge():
@@ -122,7 +162,7 @@ def test_a_search_can_begin_anywhere(name, modules):
 
 
 def test_refusals():
-    with pytest.raises(RunError, match="there are reactive, travelling"):
+    with pytest.raises(RunError, match="there are path, reactive, travelling"):
         make_controller("psychic", 8)
     with pytest.raises(RunError, match="at least 2"):
         make_controller("reactive", 1)

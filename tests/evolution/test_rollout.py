@@ -44,9 +44,10 @@ def test_a_mixed_batch_is_sorted_out():
     assert simulate(jobs, 1) == [simulate([job], 1)[0] for job in jobs]
 
 
-def test_the_single_environment_agrees_to_the_bit():
-    (job,) = make_jobs(count=1)
-    controller = make_controller("reactive", 4)
+@pytest.mark.parametrize("law", ["reactive", "travelling"])
+def test_the_single_environment_agrees_to_the_bit(law):
+    controller = make_controller(law, 4)
+    job = Job(np.array(controller.initial), replace(SHORT, controller=law))
     progress, seconds = [], 0.0
     for trial in split_job(0, job):
         environment = SnakePitEnv(**make_environment_options(job.trials), stretch=trial.stretch)

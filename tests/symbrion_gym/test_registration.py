@@ -6,7 +6,10 @@ import pytest
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import StairsCourse
+from symbrion_gym.errors import ArenaError
 from symbrion_gym.registration import ENVIRONMENTS, register
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*out of date")  # Gymnasium says so of every v0 that has a v1
 
 
 def test_registering_twice_changes_nothing():
@@ -14,6 +17,21 @@ def test_registering_twice_changes_nothing():
     register()
     assert {name: spec for name, spec in gym.registry.items() if name in before} == before
     assert set(ENVIRONMENTS) <= set(gym.registry)
+
+
+@pytest.mark.parametrize(("version", "pit"), [("v0", 0.40), ("v1", 0.45)])
+@pytest.mark.parametrize("arena", ["truth", "simple", "gsrm", "gg"])
+def test_each_version_has_its_pit(version, pit, arena):
+    env = gym.make(f"symbrion_gym/SnakePit-{version}", arena=arena, modules=2)
+    near, far, _ = env.unwrapped.world.route.pit
+    assert far - near == pytest.approx(pit)
+    narrower = gym.make(f"symbrion_gym/SnakePit-{version}", arena="truth", pit=0.3, modules=2)
+    assert narrower.unwrapped.world.arena.course.pit == 0.3
+
+
+def test_a_pit_that_no_scan_has_is_refused():
+    with pytest.raises(ArenaError, match=r"0\.45 and 0\.40 m, got 0\.3"):
+        gym.make("symbrion_gym/SnakePit-v1", arena="gsrm", pit=0.3)
 
 
 def test_stairs_can_be_climbed_and_the_ramp_crossed():

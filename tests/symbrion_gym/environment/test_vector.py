@@ -78,7 +78,7 @@ def test_automatic_resets_agree_with_those_of_gymnasium(mode):
 
 def test_gymnasium_makes_it_by_the_vector_entry_point():
     envs = gym.make_vec(
-        "symbrion_gym/SnakePit-v0", num_envs=2, vectorization_mode="vector_entry_point", modules=3
+        "symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="vector_entry_point", modules=3
     )
     assert isinstance(envs, SnakePitVectorEnv)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
@@ -90,7 +90,7 @@ def test_gymnasium_makes_it_by_the_vector_entry_point():
 
 
 def test_async_vector_environments_work():
-    envs = gym.make_vec("symbrion_gym/SnakePit-v0", num_envs=2, vectorization_mode="async", modules=2)
+    envs = gym.make_vec("symbrion_gym/SnakePit-v1", num_envs=2, vectorization_mode="async", modules=2)
     envs.reset(seed=0)
     observation, *_ = envs.step(np.zeros((2, 1)))
     assert np.isfinite(observation).all()

@@ -1,0 +1,140 @@
+"""What doing nothing and a random choice score on the course: the map by which the default pit was chosen.
+
+    python -m benchmarks.baselines [--quick] [--only NAME ...]
+
+Every trial is a randomised one from the floor in the true course, which no evolution sees, judged strictly.
+`python docs/pictures.py baselines` draws the map.
+"""
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.evolution_runs import Results
+from evolution.controller import REFLEX, U_SHAPE, make_controller
+from evolution.evaluation import evaluate
+from evolution.trials import Randomisation
+from symbrion_gym.arenas.course import Course
+
+SEED = 5
+PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(12))
+"""Widths of the pit [m]."""
+MODULES = (6, 7, 8)
+FRICTIONS = (0.55, 0.65, 0.75, 0.85)
+"""Sliding friction of the map over friction; else it is drawn from the range of all trials."""
+AS_IT_IS = Randomisation(stretch=(1.0,))
+DEFAULT_TRIALS = 200
+"""Trials of what is said of the default course."""
+RANDOM_GENOTYPES = 50
+RANDOM_STEP = 0.5
+"""Standard deviation of random genotypes [rad]: the first step of a search from zero."""
+
+
+def count_crossings(
+    genotype: np.ndarray,
+    pit: float,
+    modules: int,
+    trials: int,
+    controller: str = "reactive",
+    randomisation: Randomisation = AS_IT_IS,
+) -> int:
+    """Return how many of so many randomised trials from the floor succeed."""
+    conditions: dict[str, Any] = {"start": "floor", "seed": SEED, "workers": 2, "pit": pit}
+    _, (outcome,) = evaluate(
+        genotype,
+        "truth",
+        modules,
+        trials=trials,
+        controller=controller,
+        randomisation=randomisation,
+        **conditions,
+    )
+    return outcome.successes
+
+
+class Baselines:
+    """The parts, each a method of its name.
+
+    Args:
+        results: where they write.
+        quick: few trials.
+        say: told each figure.
+    """
+
+    def __init__(self, results: Results, quick: bool, say: Callable[[str], None]) -> None:
+        self._results, self._say = results, say
+        self._trials = 4 if quick else 60
+        self._friction_trials = 4 if quick else 20
+        self._default_trials = 8 if quick else DEFAULT_TRIALS
+        self._genotypes = 4 if quick else RANDOM_GENOTYPES
+
+    def _put(self, part: str, figures: dict[str, Any]) -> None:
+        self._results.put(part, figures)
+        self._say(f"{part}: {figures}")
+
+    def default_course(self) -> None:
+        """The default course: all genes zero, the hints set by hand, and random genotypes, with 8 modules."""
+        pit, count = Course().pit, self._default_trials
+        figures: dict[str, Any] = {"pit": pit, "trials": count}
+        figures["zero"] = count_crossings(np.zeros(len(REFLEX)), pit, 8, count)
+        for law, hint in (("reactive", REFLEX), ("travelling", U_SHAPE)):
+            figures[f"hint of {law}"] = count_crossings(np.array(hint), pit, 8, count, law)
+        rng = np.random.default_rng(SEED)
+        for law in ("reactive", "travelling"):
+            genes = len(make_controller(law, 8).parameters)
+            draws = RANDOM_STEP * rng.standard_normal((self._genotypes, genes))
+            found = [count_crossings(draw, pit, 8, max(count // len(draws), 1), law) for draw in draws]
+            figures[f"random of {law}"] = {"successes": sum(found), "robust": sum(n == 4 for n in found)}
+        self._put("default_course", figures)
+
+    def widths(self) -> None:
+        """Crossings by doing nothing, by the width of the pit and the number of modules."""
+        zero = np.zeros(len(REFLEX))
+        for modules in MODULES:
+            row = {f"{pit:.2f}": count_crossings(zero, pit, modules, self._trials) for pit in PITS}
+            self._put(f"widths/{modules}", {"trials": self._trials, "successes": row})
+
+    def frictions(self) -> None:
+        """Crossings by doing nothing with 8 modules, by the width of the pit and the friction."""
+        zero = np.zeros(len(REFLEX))
+        for friction in FRICTIONS:
+            fixed = Randomisation(friction=(friction, friction), stretch=(1.0,))
+            count = self._friction_trials
+            row = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, "reactive", fixed) for pit in PITS}
+            self._put(f"frictions/{friction:.2f}", {"trials": count, "successes": row})
+
+
+PARTS = tuple(name for name in vars(Baselines) if not name.startswith("_"))
+
+
+def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Measure, print, keep and return the figures.
+
+    Args:
+        quick: few trials.
+        only: names of the parts to measure; all by default.
+    """
+    results = Results("baselines")
+    baselines = Baselines(results, quick, lambda text: print(text, flush=True))
+    for name in only or PARTS:
+        getattr(baselines, name)()
+    return results.content
+
+
+def main() -> None:
+    """Read the command line and run."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.baselines",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="few trials")
+    parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to measure")
+    options = parser.parse_args()
+    run(options.quick, tuple(options.only))
+
+
+if __name__ == "__main__":
+    main()
