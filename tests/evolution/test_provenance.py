@@ -82,9 +82,7 @@ def test_an_ignored_copy_at_the_root_is_not_the_commit(tmp_path: Path) -> None:
     assert find_revision(file) is None
 
 
-def test_a_hook_of_another_repository_does_not_count(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hook_of_another_repository_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     file = write_project(ours)
     commit = commit_all(ours, "ours")
