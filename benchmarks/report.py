@@ -50,13 +50,19 @@ def describe_versions() -> dict[str, str]:
 
 def load_records() -> dict[str, dict[str, Any]]:
     """Return what every benchmark wrote last, by its name."""
-    return {path.stem: json.loads(path.read_text()) for path in sorted(RESULTS.glob("*.json"))}
+    return {path.stem: load_record(path.stem) for path in sorted(RESULTS.glob("*.json"))}
 
 
 def load_record(name: str) -> dict[str, Any]:
-    """Return what a benchmark wrote last; empty `origins` and `results` where it never did."""
+    """Return what a benchmark wrote last; empty `origins` and `results` where it never did.
+
+    Figures without an origin, from before there were any, do not count.
+    """
     path = RESULTS / f"{name}.json"
-    return json.loads(path.read_text()) if path.exists() else {"origins": {}, "results": {}}
+    record = json.loads(path.read_text()) if path.exists() else {"results": {}}
+    origins = record.get("origins", {})
+    results = {part: figures for part, figures in record["results"].items() if part in origins}
+    return record | {"origins": origins, "results": results}
 
 
 def describe_moment() -> dict[str, Any]:

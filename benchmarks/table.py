@@ -50,7 +50,8 @@ def main() -> None:
         return
     if ages is None and not options.check:
         sys.exit(
-            "which figures are old is told by git, and its history is not whole; `git fetch --unshallow`"
+            "git tells which figures are old: write tables in a checkout with its whole history; "
+            "`git fetch --unshallow` completes a shallow one"
         )
     try:
         wanted = {

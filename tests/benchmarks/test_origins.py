@@ -90,6 +90,8 @@ def test_parts_keep_their_own_origin(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [record["origins"][part]["commit"][0] for part in ("phases", "tides")] == ["a", "b"]
     assert [record["origins"][part]["dirty"] for part in ("phases", "tides")] == [False, True]
     assert record["origins"]["tides"]["machine"]["cores"]
+    (tmp_path / "venus.json").write_text(json.dumps({"date": "2026-01-01", "results": {"phases": 1}}))
+    assert report.load_records()["venus"]["results"] == {}, "nobody knows when or on what it was measured"
     assert report.load_record("mars") == {"origins": {}, "results": {}}
 
 
