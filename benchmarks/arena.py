@@ -6,7 +6,6 @@ python -m benchmarks.arena [--quick] [--only NAME ...]
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,7 +26,7 @@ from benchmarks.material.arena_surfaces import (
 )
 from benchmarks.material.ray_casts import compare_with_embree, measure_scans
 from benchmarks.material.sleds import compare_drawn
-from benchmarks.report import RESULTS, write_results
+from benchmarks.report import load_record, write_results
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.quality import ArenaQuality, measure_arena
@@ -49,17 +48,14 @@ def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict:
         quick: fewer controllers, rounds and rows.
         only: names of parts; all by default.
     """
-    results = _load_last()
     for name, part in PARTS.items():
         if only and name not in only:
             continue
         begin = time.perf_counter()
         print(f"{name} ...", flush=True)
-        found = part(quick)
-        results = {**_load_last(), **found}
-        write_results("arena", results)
+        write_results("arena", part(quick))
         print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
-    return results
+    return load_record("arena")["results"]
 
 
 def measure_accuracy(quick: bool) -> dict:
@@ -136,7 +132,7 @@ def measure_behaviour(quick: bool) -> dict:
         label = name if kind == "convex" else f"{name}, {kind}"
         rows[label] = behaviour.compare(arena)
         _show({label: rows[label]})
-        write_results("arena", {**_load_last(), "behaviour": rows})
+        write_results("arena", {"behaviour": rows})
     waves: Rows = {}
     if not quick:
         behaviour = Behaviour(truth, 30, drive_waves)
@@ -201,11 +197,6 @@ def _show(rows: Rows) -> None:
 def _show_one(row: dict) -> dict:
     _show({"": row})
     return row
-
-
-def _load_last() -> dict:
-    path = RESULTS / "arena.json"
-    return json.loads(path.read_text())["results"] if path.exists() else {}
 
 
 if __name__ == "__main__":

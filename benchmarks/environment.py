@@ -8,7 +8,6 @@ found before instead of beginning again.
 
 import argparse
 import gc
-import json
 import resource
 import time
 from collections import Counter
@@ -22,7 +21,7 @@ import numpy as np
 from benchmarks.material.cheats import try_evolved, try_random
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
 from benchmarks.material.robustness import torment
-from benchmarks.report import RESULTS, write_results
+from benchmarks.report import load_record, write_results
 from symbrion_gym import ArenaError, load_arena
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -49,14 +48,14 @@ def run(
     for name, part in PARTS.items():
         if not only or name in only:
             start = time.perf_counter()
-            last = _load_last().get(name, {}) if more else {}
+            last = load_record("environment")["results"].get(name, {}) if more else {}
             options = {"minutes": minutes, "last": last} if name in ROUNDS else {}
-            result = {**part(quick, **options), "is_quick": quick}
+            result = part(quick, **options)
             print(f"{name} ({time.perf_counter() - start:.0f} s)")
             for key, value in result.items():
                 print(f"  {key:32s} {value}")
-            write_results("environment", {**_load_last(), name: result})
-    return _load_last()
+            write_results("environment", {name: result})
+    return load_record("environment")["results"]
 
 
 def measure_task(quick: bool) -> dict:
@@ -229,11 +228,6 @@ PARTS: dict[str, Callable[..., dict]] = {
     "robustness": measure_robustness,
     "memory": measure_memory,
 }
-
-
-def _load_last() -> dict:
-    path = RESULTS / "environment.json"
-    return json.loads(path.read_text())["results"] if path.exists() else {}
 
 
 def _cross_with(count: int, options: dict) -> list[bool]:

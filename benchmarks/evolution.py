@@ -1,9 +1,11 @@
 """Does evolution find champions that hold in the true arena, at what price, and is its bookkeeping honest?
 
     python -m benchmarks.evolution [--quick] [--only champions stages ...] [--seeds 0 1 ...]
+    python -m benchmarks.evolution --judge-again [--only champions ...]
 
 Every champion is judged by 20 fresh randomised trials from the floor in the true arena, which the search
-never saw. Each run is written as soon as it is known; a part that is measured again replaces its own rows.
+never saw; their seed is drawn then and kept with the row. Only champions that their run has confirmed count as
+ones that hold. Each run is written as soon as it is known; a part that is measured again replaces its own rows.
 Wall seconds mean something on an idle machine only (`load` tells); genotypes, trials and processor seconds
 always do.
 """
@@ -12,13 +14,16 @@ import argparse
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.evolution_judging import TRIALS, judge_again
 from benchmarks.evolution_machine import measure_backends, measure_kills, measure_overhead, measure_workers
-from benchmarks.evolution_runs import PASS, TRIALS, Results, make_model, measure_runs
+from benchmarks.evolution_runs import Results, make_model, measure_runs
+from benchmarks.evolution_summary import find_gaps, holds
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX
 from evolution.evaluation import evaluate
@@ -135,12 +140,17 @@ class Benchmark:
                 self._run(f"stages/{fine}", stages=stages)
                 self._compare_stages(fine)
 
+    def stages_compared(self) -> None:
+        """Coarse to fine against fine only once more, from the rows that there are."""
+        for fine in FINES:
+            self._compare_stages(fine)
+
     def _compare_stages(self, fine: str) -> None:
         """Set the runs that began coarse beside those that did not, of the same seeds, as far as champions hold."""
         staged = self._results.find_runs(f"stages/{fine}")
         seeds = {row["seed"] for row in staged}
         only = [row for row in self._results.find_runs(f"models/{fine}") if row["seed"] in seeds]
-        only, staged = ([row for row in rows if row["held_in_truth"] >= PASS] for rows in (only, staged))
+        only, staged = ([row for row in rows if holds(row)] for rows in (only, staged))
         if only and staged:
             names = [
                 f"{moment}{name}" for name in ("cpu_seconds", "genotypes") for moment in ("holds_from_", "")
@@ -149,7 +159,8 @@ class Benchmark:
                 name for name in names if all(name in row for row in (*only, *staged))
             ]  # older rows lack some
             figures = {f"times_less_{name}": _compare(only, staged, name) for name in known}
-            self._put(f"stages_compared/{fine}", {"coarse": COARSE, **figures})
+            parts = [f"stages/{fine}", f"models/{fine}"]
+            self._put(f"stages_compared/{fine}", {"coarse": COARSE, "from_parts": parts, **figures})
 
     def body_length(self) -> None:
         """Evolution chooses the length of the body, and once one holds goes on among shorter ones."""
@@ -163,11 +174,10 @@ class Benchmark:
         """The gap between validation and final test, over all runs of all parts."""
         content = self._results.content
         parts = [part for part in content if part == "champions" or content[part] != content.get("champions")]
-        runs = [row for part in parts for row in self._results.find_runs(part)]
-        gaps = np.array([row["gap_of_20"] for row in runs if row["gap_of_20"] is not None])
-        if len(gaps):
-            figures = {"of": len(gaps), "mean_of_20": round(float(gaps.mean()), 2)}
-            self._put("gap", {**figures, "largest_of_20": float(gaps.max())})
+        parts = [part for part in parts if self._results.find_runs(part)]
+        figures = find_gaps([row for part in parts for row in self._results.find_runs(part)])
+        if figures["of"]:
+            self._put("gap", {"from_parts": parts, **figures})
 
 
 PARTS = tuple(name for name in vars(Benchmark) if not name.startswith("_"))
@@ -180,18 +190,26 @@ def _compare(fine: list[dict[str, Any]], staged: list[dict[str, Any]], name: str
     return round(float(one / other), 2)
 
 
-def run(quick: bool = False, only: tuple[str, ...] = (), seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
+def run(
+    quick: bool = False,
+    only: tuple[str, ...] = (),
+    seeds: tuple[int, ...] = SEEDS,
+    is_judged_again: bool = False,
+) -> dict[str, Any]:
     """Measure, print, keep and return the figures.
 
     Args:
         quick: two seeds, and the small parts only.
         only: names of the parts to measure; empty means all (all small ones if quick).
         seeds: of the runs of each kind.
+        is_judged_again: evolve nothing; judge the champions that are kept once more.
     """
     results = Results("evolution")
-    benchmark = Benchmark(
-        results, seeds[:2] if quick else seeds, 2 if quick else 5, lambda text: print(text, flush=True)
-    )
+    say = partial(print, flush=True)
+    benchmark = Benchmark(results, seeds[:2] if quick else seeds, 2 if quick else 5, say)
+    if is_judged_again:
+        judge_again(results, only, say)
+        only = ("stages_compared", "gap")
     for name in only or (QUICK if quick else PARTS):
         getattr(benchmark, name)()
     return results.content
@@ -205,8 +223,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="two seeds, and the small parts only")
     parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to measure")
     parser.add_argument("--seeds", nargs="*", type=int, default=list(SEEDS), help="of the runs of each kind")
+    parser.add_argument(
+        "--judge-again", action="store_true", help="judge the kept champions by new seeds; evolve nothing"
+    )
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), tuple(options.seeds))
+    run(options.quick, tuple(options.only), tuple(options.seeds), options.judge_again)
 
 
 if __name__ == "__main__":

@@ -1,35 +1,26 @@
 """Runs of evolution for the benchmark: what is measured of each, and a file of results that grows run by run."""
 
-import json
 import os
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Container, Iterable
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from benchmarks.report import RESULTS, write_results
+from benchmarks.evolution_judging import SPENT, Row, describe_champion, judge_row
+from benchmarks.evolution_summary import summarise
+from benchmarks.report import describe_moment, load_record, write_results
 from evolution.cmaes import evolve
 from evolution.config import EvolutionConfig
-from evolution.playback import judge
 from evolution.record import SAMPLE
 from evolution.run import Run
 from evolution.validation import Champion, find_candidates
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.arena import load_arena, make_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.ready_made import SPACING
 from symbrion_gym.sensing.survey import survey
-
-TRIALS = 20
-"""Trials in the true arena, which the search never saw."""
-PASS = 18
-"""So many of them must hold."""
-
-Row = dict[str, Any]
 
 
 class Results:
@@ -45,22 +36,30 @@ class Results:
     @property
     def content(self) -> dict[str, Any]:
         """What the file holds now; another process may have added to it."""
-        path = RESULTS / f"{self._name}.json"
-        return json.loads(path.read_text())["results"] if path.exists() else {}
+        return load_record(self._name)["results"]
 
     def put(self, part: str, figures: dict[str, Any]) -> None:
         """Write a part that is no table of runs."""
-        write_results(self._name, self.content | {part: figures})
+        write_results(self._name, {part: figures})
 
     def add_run(self, part: str, row: Row) -> None:
         """Write a run; one of the same seed is replaced."""
         rows = [other for other in self.find_runs(part) if other["seed"] != row["seed"]]
-        rows = sorted([*rows, row], key=lambda each: each["seed"])
+        self.put_runs(part, sorted([*rows, row], key=lambda each: each["seed"]))
+
+    def put_runs(self, part: str, rows: list[Row]) -> None:
+        """Write a table of runs and what it comes to."""
         self.put(part, {**summarise(rows), "runs": rows})
 
     def find_runs(self, part: str) -> list[Row]:
         """Return the runs of a part."""
         return self.content.get(part, {}).get("runs", [])
+
+    def find_judging_seeds(self) -> set[int]:
+        """Return the seeds of all judgements that any row knows of."""
+        rows = [row for part in self.content for row in self.find_runs(part)]
+        judgements = [each for row in rows for each in (row, *row.get("judged_before", []))]
+        return {each["judging_seed"] for each in judgements if "judging_seed" in each}
 
 
 def measure_runs(
@@ -73,41 +72,48 @@ def measure_runs(
 ) -> list[Row]:
     """Evolve once for each seed, judge in truth, and keep each row as soon as it is known."""
     for seed in seeds:
-        row = measure_run(replace(config, seed=seed), course)
+        row = measure_run(replace(config, seed=seed), course, results.find_judging_seeds())
         results.add_run(part, row)
-        say(f"{part}: " + ", ".join(f"{key} {value}" for key, value in row.items()))
+        told = {
+            key: value for key, value in row.items() if not isinstance(value, dict) and key != "champions"
+        }
+        say(f"{part}: " + ", ".join(f"{key} {value}" for key, value in told.items()))
     return results.find_runs(part)
 
 
-def measure_run(config: EvolutionConfig, course: Course | None = None) -> Row:
-    """Evolve, judge in truth, and return figures of both.
+def measure_run(
+    config: EvolutionConfig, course: Course | None = None, used: Container[int] = frozenset()
+) -> Row:
+    """Evolve, judge in truth by a seed that is drawn now, and return figures of both.
 
     Args:
         config: of the run.
         course: the true one, where it is not the usual one.
+        used: seeds of other judgements.
     """
     clock = _ChampionClock()
     load = os.getloadavg()[0]
     run = evolve(config, on_generation=clock)
     seconds, cpu_seconds = clock.read()
-    assert run.champion is not None
-    truth = load_arena("truth", course)
-    held = judge(run.champion, truth, TRIALS, 10_000 + config.seed, workers=config.workers).successes
-    return {
+    champion = run.champion
+    assert champion is not None
+    row = {
         "seed": config.seed,
-        "held_in_truth": held,
         "genotypes": int(run.history["evaluations"][-1]),
         "trials": int(run.history["trials"][-1]),
         "restarts": int(run.history["restarts"][-1]),
         "wall_seconds": round(seconds, 1),
         "cpu_seconds": round(cpu_seconds, 1),
         "load": round(load, 1),
-        "modules": run.champion.modules,
-        "validated": [run.champion.successes, run.champion.trials],
-        "gap_of_20": _find_gap(run, held),
-        **clock.find_first_to_hold(truth, 10_000 + config.seed, config.workers),
-        **(_describe_shorter(run, run.champion.modules) if config.body_lengths else {}),
+        "modules": champion.modules,
+        "validated": [champion.successes, champion.trials],
+        "confirmed": config.validation.is_solved(champion.successes, champion.trials),
+        **(_describe_shorter(run, champion.modules) if config.body_lengths else {}),
+        "origin": describe_moment(),
+        "course": asdict(course or Course()),
+        "champions": clock.describe_champions(champion),
     }
+    return judge_row(row, used, config.workers)
 
 
 class _ChampionClock:
@@ -126,26 +132,13 @@ class _ChampionClock:
         if run.champion is None or (self._found and self._found[-1][0].genotype == run.champion.genotype):
             return
         wall_seconds, cpu_seconds = self.read()
-        spent = {
-            "holds_from_genotypes": int(run.history["evaluations"][-1]),
-            "holds_from_wall_seconds": round(wall_seconds, 1),
-            "holds_from_cpu_seconds": round(cpu_seconds, 1),
-        }
-        self._found.append((run.champion, spent))
+        spent = (int(run.history["evaluations"][-1]), round(wall_seconds, 1), round(cpu_seconds, 1))
+        self._found.append((run.champion, dict(zip(SPENT, spent, strict=True))))
 
-    def find_first_to_hold(self, truth: Arena, seed: int, workers: int) -> Row:
-        """Return what had been spent when the champion was found from which on every one holds in truth.
-
-        The run itself cannot know: it goes on until fresh trials in its own arena confirm a champion.
-        """
-        first: Row = dict.fromkeys(
-            ("holds_from_genotypes", "holds_from_wall_seconds", "holds_from_cpu_seconds")
-        )
-        for champion, spent in reversed(self._found):
-            if judge(champion, truth, TRIALS, seed, workers=workers).successes < PASS:
-                break
-            first = spent
-        return first
+    def describe_champions(self, last: Champion) -> list[Row]:
+        """Return the champions in their order; the last one with all the fresh trials that it had by the end."""
+        found = [*self._found[:-1], (last, self._found[-1][1])]
+        return [describe_champion(champion, spent) for champion, spent in found]
 
 
 def _describe_shorter(run: Run, modules: int) -> Row:
@@ -155,34 +148,6 @@ def _describe_shorter(run: Run, modules: int) -> Row:
     counts = [(entry.outcome.successes, entry.outcome.trials) for entry in find_candidates(shorter)]
     best = max(counts, key=lambda count: (count[0] + 1) / (count[1] + 2), default=None)
     return {"shorter_genotypes": len(samples), "best_shorter": list(best) if best else None}
-
-
-def _find_gap(run: Run, held: int) -> float | None:
-    """Return how much better the validation was than the final test, in trials of 20."""
-    champion = run.champion
-    if champion is None or not champion.trials:
-        return None
-    return round(TRIALS * champion.successes / champion.trials - held, 2)
-
-
-def summarise(rows: list[Row]) -> dict[str, Any]:
-    """Return what a table of runs comes to."""
-    gaps = [row["gap_of_20"] for row in rows if row["gap_of_20"] is not None]
-    medians = {
-        f"median_{name}": float(np.median([row[name] for row in rows]))
-        for name in ("genotypes", "wall_seconds", "cpu_seconds", "held_in_truth")
-    }
-    holding = [row for row in rows if row.get("holds_from_genotypes") is not None]
-    for name in ("genotypes", "cpu_seconds") if holding else ():
-        medians[f"median_holds_from_{name}"] = float(
-            np.median([row[f"holds_from_{name}"] for row in holding])
-        )
-    return {
-        "champions_that_hold": sum(row["held_in_truth"] >= PASS for row in rows),
-        "of": len(rows),
-        **medians,
-        "mean_gap_of_20": round(float(np.mean(gaps)), 2) if gaps else None,
-    }
 
 
 def make_model(method: str, size: int, folder: Path, course: Course | None = None) -> str:

@@ -51,6 +51,11 @@ class Value:
         if self.reduce not in REDUCTIONS:
             raise ClaimError(f"no reduction {self.reduce!r}; there are: {', '.join(REDUCTIONS)}")
 
+    def find_part(self, results: dict[str, Any]) -> str | None:
+        """Return the part of the results that the number lies in; None where it was never measured."""
+        keys = self.path.split("/")
+        return "/".join(keys[: _find_key(results, keys)]) or None
+
     def read(self, results: dict[str, Any]) -> float | int | str:
         """Return the number from the `results` of its file.
 
@@ -89,6 +94,8 @@ class Claim:
         bar: what was wanted, as `<= 1.0 mm`; its number is compared with the value number `judged`.
         judged: index of the value that the bar is about.
         is_headline: stands in the README too.
+        set_after: the bar, or the measure that it is held against, was set when a first figure was known.
+        sources: the code that is measured, where it is not that of `claims/sources.py`.
     """
 
     what: str
@@ -97,24 +104,25 @@ class Claim:
     bar: str = ""
     judged: int = 0
     is_headline: bool = False
+    set_after: bool = False
+    sources: tuple[str, ...] = ()
 
     @property
     def file(self) -> str:
         """Name of the results that the first number comes from."""
         return self.values[0].file
 
-    def find_part(self, records: dict[str, dict[str, Any]]) -> Any:
-        """Return the part of the results that the first number lies in; None where it was never measured."""
-        results = records.get(self.file, {}).get("results", {})
-        keys = self.values[0].path.split("/")
-        return results.get("/".join(keys[: _find_key(results, keys)]))
+    def find_parts(self, records: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
+        """Return file and part of the results that the numbers lie in, as far as they were measured."""
+        places = [
+            (value.file, value.find_part(records.get(value.file, {}).get("results", {})))
+            for value in self.values
+        ]
+        return list(dict.fromkeys((file, part) for file, part in places if part is not None))
 
     def is_measured(self, records: dict[str, dict[str, Any]]) -> bool:
         """Tell whether the part of the results that each number lies in is there."""
-        return all(
-            _find_key(records.get(value.file, {}).get("results", {}), value.path.split("/"))
-            for value in self.values
-        )
+        return all(value.find_part(records.get(value.file, {}).get("results", {})) for value in self.values)
 
     def read(self, records: dict[str, dict[str, Any]]) -> list[Any]:
         """Return the numbers.

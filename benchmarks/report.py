@@ -1,4 +1,11 @@
-"""Where benchmarks write what they measured, and on which machine."""
+"""Where benchmarks write what they measured: each part with its day, commit, machine and versions.
+
+    {"benchmark": name, "origins": {part: origin}, "results": {part: figures}}
+
+An origin holds `date`, `commit`, `dirty` (whether the code differed from the commit), `is_quick`, `machine` and
+`versions`; `commit` is None outside a checkout. Where `from_history` is true, the commit is not the one that was
+measured but the one that brought the figures: they are older than origins are.
+"""
 
 import datetime
 import importlib.metadata
@@ -9,8 +16,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from evolution.provenance import find_revision
+
 RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))
 PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "trimesh")
+
+
+REVISION = find_revision()
+"""Found when this is imported: what changes while a benchmark runs is not what it runs."""
 
 
 def describe_machine() -> dict[str, str | int | None]:
@@ -37,18 +50,48 @@ def describe_versions() -> dict[str, str]:
 
 def load_records() -> dict[str, dict[str, Any]]:
     """Return what every benchmark wrote last, by its name."""
-    return {path.stem: json.loads(path.read_text()) for path in sorted(RESULTS.glob("*.json"))}
+    return {path.stem: load_record(path.stem) for path in sorted(RESULTS.glob("*.json"))}
 
 
-def write_results(name: str, results: dict) -> Path:
-    """Write `results/<name>.json` with machine, versions and date, in one step; return its path."""
-    record = {
-        "benchmark": name,
-        "is_quick": "--quick" in sys.argv,
+def load_record(name: str) -> dict[str, Any]:
+    """Return what a benchmark wrote last; empty `origins` and `results` where it never did.
+
+    Figures without an origin, from before there were any, do not count.
+    """
+    path = RESULTS / f"{name}.json"
+    record = json.loads(path.read_text()) if path.exists() else {"results": {}}
+    origins = record.get("origins", {})
+    results = {part: figures for part, figures in record["results"].items() if part in origins}
+    return record | {"origins": origins, "results": results}
+
+
+def describe_moment() -> dict[str, Any]:
+    """Return day and commit of a measurement that is made now."""
+    return {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "commit": REVISION.commit if REVISION else None,
+        "dirty": REVISION.is_dirty if REVISION else None,
+    }
+
+
+def write_results(name: str, measured: dict[str, Any]) -> Path:
+    """Write parts to `results/<name>.json` in one step; return its path.
+
+    Args:
+        name: of the benchmark.
+        measured: part -> figures; the parts that are not named keep what they were, and when.
+    """
+    origin = {
+        **describe_moment(),
+        "is_quick": "--quick" in sys.argv,
         "machine": describe_machine(),
         "versions": describe_versions(),
-        "results": results,
+    }
+    last = load_record(name)
+    record = {
+        "benchmark": name,
+        "origins": last["origins"] | dict.fromkeys(measured, origin),
+        "results": last["results"] | measured,
     }
     RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"

@@ -7,21 +7,26 @@ part is an error.
 
 Between `<!-- figures -->` and `<!-- /figures -->` of the README stands the table of the main claims, between
 `<!-- limits -->` and `<!-- /limits -->` what is known to fall short. Nothing there is written by hand.
+
+Which figures are old is told by git, so a table is written in a checkout with its whole history only; elsewhere
+`--check` compares all but that.
 """
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
+from benchmarks.ages import Ages, open_ages
+from benchmarks.champions_table import make_champions_table
 from benchmarks.claims import CLAIMS, GROUPS, LIMITS
 from benchmarks.figures import Claim, ClaimError
+from benchmarks.origins import LEGEND, SET_AFTER, Records, describe_measuring, find_origins, strip_ages
 from benchmarks.report import RESULTS, load_records
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"
-HEAD = "| what | figure | wanted |\n|---|---|---|"
-Records = dict[str, dict[str, Any]]
+HEAD = "| what | figure | wanted | measured |\n|---|---|---|---|"
 
 
 def main() -> None:
@@ -38,18 +43,28 @@ def main() -> None:
         "--table-only", action="store_true", help="leave the README alone, skip what is missing"
     )
     options = parser.parse_args()
-    records = load_records()
+    records, ages = load_records(), open_ages()
     if options.table_only:
         write_whole(TABLE, make_table(records, is_patient=True))
         print(TABLE.read_text())
         return
+    if ages is None and not options.check:
+        sys.exit(
+            "git tells which figures are old: write tables in a checkout with its whole history; "
+            "`git fetch --unshallow` completes a shallow one"
+        )
     try:
-        wanted = {TABLE: make_table(records), README: fill_in(README.read_text(), records)}
+        wanted = {
+            TABLE: make_table(records, ages=ages),
+            README: fill_in(README.read_text(), records, ages),
+        }
     except ClaimError as error:
         sys.exit(str(error))
-    old = [path.name for path, text in wanted.items() if not path.exists() or path.read_text() != text]
+    old = [path.name for path, text in wanted.items() if not is_up_to_date(path, text, ages)]
     if options.check and old:
         sys.exit(f"out of date: {', '.join(old)}; run `python -m benchmarks.table`")
+    if options.check:
+        return
     for path, text in wanted.items():
         write_whole(path, text)
     absent = [claim for claim in (*CLAIMS, *LIMITS) if not claim.is_measured(records)]
@@ -58,36 +73,46 @@ def main() -> None:
     print(f"{len(CLAIMS) + len(LIMITS) - len(absent)} claims; changed: {', '.join(old) or 'nothing'}")
 
 
-def make_table(records: Records, is_patient: bool = False) -> str:
+def is_up_to_date(path: Path, text: str, ages: Ages | None) -> bool:
+    """Tell whether a file holds a text; without the whole history, but for what is old."""
+    held = path.read_text() if path.exists() else ""
+    return held == text if ages else strip_ages(held) == strip_ages(text)
+
+
+def make_table(records: Records, is_patient: bool = False, ages: Ages | None = None) -> str:
     """Return the table of all claims that were measured as Markdown, by group.
 
     Args:
         records: what the benchmarks wrote.
         is_patient: leave out claims without a figure rather than refuse.
+        ages: tells what is old; by default the checkout that this file lies in, if its history is whole.
 
     Raises:
         ClaimError: a claim has no figure.
     """
-    parts = [describe_origin(records, [claim.file for claim in CLAIMS])]
+    parts, ages = [describe_origin(records, CLAIMS)], ages or open_ages()
     for title, claims in GROUPS.items():
-        lines = [line for claim in claims if (line := _make_line(claim, records, is_patient))]
+        lines = [line for claim in claims if (line := _make_line(claim, records, ages, is_patient))]
         if not lines:
             continue
         commands = dict.fromkeys(f"`python -m benchmarks.{claim.file}`" for claim in claims)
         parts += [f"## {title}", " and ".join(commands), "\n".join([HEAD, *lines])]
+        if claims is GROUPS["Evolution"]:
+            parts.append(make_champions_table(records, ages))
     return "\n\n".join(parts) + "\n"
 
 
-def fill_in(readme: str, records: Records) -> str:
-    """Return the README with its marked sections made anew.
+def fill_in(readme: str, records: Records, ages: Ages | None = None) -> str:
+    """Return the README with its marked sections made anew; `ages` as in `make_table`.
 
     Raises:
         ClaimError: a claim has no figure, or a mark is missing.
     """
     claims = [claim for claim in CLAIMS if claim.is_headline and claim.is_measured(records)]
-    origin = describe_origin(records, [claim.file for claim in claims])
-    figures = "\n".join([origin, "", HEAD, *(_make_line(claim, records) for claim in claims)])
-    limits = "\n".join(f"- {limit.format(records)}" for limit in LIMITS if limit.is_measured(records))
+    ages = ages or open_ages()
+    origin = describe_origin(records, claims)
+    figures = "\n".join([origin, "", HEAD, *(_make_line(claim, records, ages) for claim in claims)])
+    limits = "\n".join(_make_limit(limit, records, ages) for limit in LIMITS if limit.is_measured(records))
     return replace_section(replace_section(readme, "figures", figures), "limits", limits)
 
 
@@ -104,19 +129,21 @@ def replace_section(text: str, mark: str, content: str) -> str:
     return f"{head}{begin}\n{content}\n{end}{rest.split(end)[1]}"
 
 
-def describe_origin(records: Records, files: list[str]) -> str:
-    """Return one line: machine, versions and days of the results in these files."""
-    used = [records[name] for name in dict.fromkeys(files) if name in records]
+def describe_origin(records: Records, claims: Sequence[Claim]) -> str:
+    """Return machine, versions and days of the results that claims rest on, and what the marks mean."""
+    places = dict.fromkeys(place for claim in claims for place in claim.find_parts(records))
+    used = [records[file]["origins"][part] for file, part in places]
     if not used:
         return "Nothing was measured yet."
     machines = {
-        "{cores} cores of an {processor}, {system}, Python {python}".format(**record["machine"])
-        for record in used
+        "{cores} cores of an {processor}, {system}, Python {python}".format(**origin["machine"])
+        for origin in used
     }
-    versions = {"MuJoCo {mujoco}, JAX {jax}, coacd {coacd}".format(**record["versions"]) for record in used}
-    days = sorted(record["date"] for record in used)
+    versions = {"MuJoCo {mujoco}, JAX {jax}, coacd {coacd}".format(**origin["versions"]) for origin in used}
+    days = sorted(origin["date"] for file, part in places for origin in find_origins(records[file], part))
     span = days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
-    return f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
+    told = f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
+    return f"{told}\n\n{LEGEND}"
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -127,23 +154,24 @@ def write_whole(path: Path, text: str) -> None:
     beside.replace(path)
 
 
-def _make_line(claim: Claim, records: Records, is_patient: bool = False) -> str:
+def _make_line(claim: Claim, records: Records, ages: Ages | None, is_patient: bool = False) -> str:
     if not claim.is_measured(records):
         return ""
     try:
-        remark = " (quick run)" if _is_quick(claim, records) else ""
-        return f"| {claim.what} | {claim.format(records)}{remark} | {claim.judge(records)} |"
+        bar = claim.judge(records) + (SET_AFTER if claim.set_after else "")
+        return f"| {claim.what} | {claim.format(records)} | {bar} | {_describe(claim, records, ages)} |"
     except ClaimError:
         if is_patient:
             return ""
         raise
 
 
-def _is_quick(claim: Claim, records: Records) -> bool:
-    """Tell whether the part of the results that a claim is about comes from a quick run."""
-    part = claim.find_part(records)
-    whole = records.get(claim.file, {}).get("is_quick", False)
-    return bool(part.get("is_quick", whole) if isinstance(part, dict) else whole)
+def _make_limit(limit: Claim, records: Records, ages: Ages | None) -> str:
+    return f"- {limit.format(records)} (Measured {_describe(limit, records, ages)}.)"
+
+
+def _describe(claim: Claim, records: Records, ages: Ages | None) -> str:
+    return describe_measuring(claim.find_parts(records), records, ages, claim.sources)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ import io
 import json
 import os
 import platform
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ import numpy as np
 
 from evolution.config import EvolutionConfig
 from evolution.errors import RunError
+from evolution.provenance import find_revision
 from evolution.record import HISTORY, Record
 from evolution.validation import Champion
 
@@ -213,12 +213,10 @@ def _describe_origin() -> dict[str, Any]:
             versions[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {"versions": versions, "commit": _find_commit(), "machine": platform.platform()}
-
-
-def _find_commit() -> str | None:
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return None
+    revision = find_revision()
+    return {
+        "versions": versions,
+        "commit": revision.commit if revision else None,
+        "dirty": revision.is_dirty if revision else None,
+        "machine": platform.platform(),
+    }

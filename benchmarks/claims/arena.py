@@ -84,6 +84,7 @@ ARENA = (
             Value("arena", "behaviour/truth moved by 1 mm/agree"),
         ),
         bar=">= 28",
+        set_after=True,
         is_headline=True,
     ),
     Claim(
@@ -97,6 +98,7 @@ ARENA = (
         "{0}",
         (Value("arena", "behaviour/gg/agree"),),
         bar=">= 28",
+        set_after=True,
     ),
     Claim(
         "rank correlation of the way that postures make with that in the truth: GSRM 2,200, growing grid",
@@ -106,6 +108,7 @@ ARENA = (
             Value("arena", "behaviour/gg/rank_correlation"),
         ),
         bar=">= 0.9",
+        set_after=True,
     ),
     Claim(
         "largest kick of a sled over the seams of the ready-made gsrm, gg: how much higher than in the truth at the "
@@ -118,6 +121,7 @@ ARENA = (
             Value("arena", "sled/exact triangles of ready-made gsrm/kick_mm"),
         ),
         bar="<= 2 mm",
+        set_after=True,
     ),
     Claim(
         "largest loss of speed of a sled over the seams of the ready-made gsrm, gg (wheel on gsrm; sled on the truth "

@@ -40,6 +40,7 @@ ENVIRONMENT = (
         "{0:.2f}",
         (Value("environment", "speed/gsrm: 16 at once over bare"),),
         bar="<= 1.10",
+        set_after=True,
     ),
     Claim(
         "`reset`, gsrm",

@@ -58,6 +58,7 @@ def _claim_all(size: str, words: str) -> tuple[Claim, ...]:
             ),
             bar="<= 2 mm",
             judged=1,
+            set_after=True,
         ),
     )
 

@@ -44,6 +44,7 @@ SCANS = (
         "{0:.3f}°",
         (Value("scans", "survey/*/in_plane_after_deg_max | survey/*/roll_after_deg", "max"),),
         bar="<= 0.1°",
+        set_after=True,
     ),
     Claim(
         "largest error of the surveying robot's position",

@@ -12,6 +12,8 @@ COARSE = "gsrm 800"
 """The model that coarse to fine begins on."""
 FINES = ("gsrm 2200", "gg 13860")
 """The models that coarse to fine ends on and is compared with."""
+PARTS = ("models", "stages", "champions")
+"""How the names of the parts begin that are quoted."""
 
 Part = dict[str, Any] | None
 """Figures over the seeds that are done; None where none is."""
@@ -25,14 +27,14 @@ def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
 
     Returns:
         `models`: model -> part; `stages`: fine model -> "fine_only" and "coarse_to_fine" -> part, and "compared":
-        how many times less genotypes and processor seconds coarse to fine needs, None where unknown; `date`,
-        `machine` and `versions`, None where nothing was measured.
+        how many times less genotypes and processor seconds coarse to fine needs, None where unknown; `date` (first
+        to last), `machine` and `versions` (of the last), None where nothing was measured.
     """
     try:
         record = json.loads(path.read_text())
-        results = dict(record["results"])
+        results, origins = dict(record["results"]), dict(record["origins"])
     except (OSError, ValueError, KeyError, TypeError):
-        record, results = {}, {}
+        results, origins = {}, {}
     models: dict[str, Part] = {name: results.get(f"models/{name}") for name in MODELS}
     models["gsrm 2200"] = models["gsrm 2200"] or results.get("champions")  # the same runs, under another name
     return {
@@ -45,5 +47,14 @@ def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
             }
             for fine in FINES
         },
-        **{key: record.get(key) for key in ("date", "machine", "versions")},
+        **_describe_origin([origins[part] for part in results if part.startswith(PARTS)]),
     }
+
+
+def _describe_origin(origins: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return days, machine and versions of what was measured."""
+    if not origins:
+        return dict.fromkeys(("date", "machine", "versions"))
+    first, *_, last = sorted([origins[0], *origins], key=lambda origin: origin["date"])
+    days = dict.fromkeys((first["date"], last["date"]))
+    return {"date": " to ".join(days), "machine": last["machine"], "versions": last["versions"]}

@@ -5,12 +5,16 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
+from evolution.provenance import find_revision
+
 PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 
 
 def describe_machine() -> str:
-    """Return processor, cores, Python and package versions in one line."""
+    """Return processor, cores, Python, package versions and the commit of a checkout in one line."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    revision = find_revision()
+    packages += f", commit {revision}" if revision else ""
     return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
 
 

@@ -185,7 +185,10 @@ def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
     assert not any([*absent["models"].values(), *(any(part.values()) for part in absent["stages"].values())])
     parts = {"models/gg 13860": {"of": 3}, "champions": {"of": 5}, "stages/gg 13860": {"of": 1}}
     path = tmp_path / "evolution.json"
-    path.write_text(json.dumps({"results": parts, "date": "2026-01-01", "machine": {}, "versions": {}}))
+    origin = {"machine": {}, "versions": {}}
+    days = {"models/gg 13860": "2026-01-03", "champions": "2026-01-01", "stages/gg 13860": "2026-01-02"}
+    origins = {part: {"date": day, **origin} for part, day in days.items()}
+    path.write_text(json.dumps({"results": parts, "origins": origins}))
     found = find_benchmark(path)
     assert {name for name, part in found["models"].items() if part} == {"gsrm 2200", "gg 13860"}
     assert found["stages"]["gg 13860"] == {
@@ -193,7 +196,7 @@ def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
         "coarse_to_fine": {"of": 1},
         "compared": None,
     }
-    assert found["date"] == "2026-01-01"
+    assert found["date"] == "2026-01-01 to 2026-01-03"
 
 
 def test_the_benchmark_keeps_what_is_looked_for() -> None:

@@ -76,7 +76,7 @@ def test_cloud_arenas_and_resolutions() -> None:
     row = {"model": "gg_210", "triangles": 210, "pieces": 5, "genotypes": 48, "validated": [46, 48],
            "successes": 19, "trials": 20}  # fmt: skip
     cells = check(tables.tabulate_resolutions(record([row])))
-    assert cells == [["GG 210 triangles", "210", "5", "48", "46 of 48", "19 of 20"]]
+    assert cells == [["GG 210 triangles", "210", "5", "48", "46 of 48", "no", "19 of 20"]]
 
 
 def test_the_widened_pit_has_a_before_and_an_after() -> None:
@@ -97,8 +97,14 @@ def test_the_widened_pit_has_a_before_and_an_after() -> None:
 
 
 def test_the_benchmark_is_quoted_with_its_machine() -> None:
-    result = {"champions_that_hold": 4, "of": 5, "median_genotypes": 1180.0, "median_cpu_seconds": 60.2,
-              "runs": [{"held_in_truth": 20}, {"held_in_truth": 17}]}  # fmt: skip
+    origin = {"date": "2026-11-21", "commit": "0123456789"}
+    runs = [
+        {"held_in_truth": 20, "confirmed": True, "origin": origin, "judging_seed": 1},
+        {"held_in_truth": 17, "confirmed": True, "origin": origin | {"commit": None}},
+        {"held_in_truth": 19, "confirmed": False, "origin": origin | {"date": "2026-11-20"}},
+    ]
+    result = {"champions_that_hold": 1, "of": 3, "median_genotypes": 1180.0, "median_cpu_seconds": 60.2,
+              "unconfirmed": 1, "unconfirmed_that_hold": 1, "runs": runs}  # fmt: skip
     about = {"machine": {"processor": "a processor", "cores": 2}, "versions": {"mujoco": "4.0.0"}}
     benchmark = {
         "models": {"gsrm 2200": result, "gg 210": None},
@@ -107,13 +113,15 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
         **about,
     }
     table = tables.tabulate_models(benchmark)
-    assert table.rows[0] == ["GSRM 2,200 units", "4 of 5", "1,180", "60", "20, 17"]
-    assert table.rows[1] == ["GG 210 triangles", "not measured", "-", "-", "-"]
+    measured = "2026-11-20, 2026-11-21; 0123456"
+    assert table.rows[0] == ["GSRM 2,200 units", "1 of 3", "1 (1)", "1,180", "60", measured, "20, 17", "19"]
+    assert table.rows[1] == ["GG 210 triangles", "not measured", *["-"] * 6]
+    assert "2 of 3 were judged by seeds that stand in the code" in table.caption
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
     table = tables.tabulate_stages(benchmark)
     assert table.rows[0][0] == "GSRM 2,200 units only"
     assert table.rows[1][0] == "first GSRM 800 units, then GSRM 2,200 units"
-    assert [row[1] for row in table.rows] == ["4 of 5", "not measured"]
+    assert [row[1] for row in table.rows] == ["1 of 3", "not measured"]
     assert "times" not in table.caption
     benchmark["stages"]["gsrm 2200"]["compared"] = {
         "times_less_cpu_seconds": 1.4,

@@ -1,0 +1,94 @@
+"""Which code each part of the results measures: once it changes, the figures are shown as old.
+
+Places are folders, files, or `file.py::name` for one definition. Of a benchmark's own script only what measures
+counts, not what chooses parts, prints and writes. The longest key that begins a part's "file/part" decides; a claim
+may name others by `sources`.
+"""
+
+_NETWORKS = ("reconstruction/reconstruct.py", "reconstruction/networks", "reconstruction/surfaces")
+_COURSE = ("symbrion_gym/arenas/course.py",)
+_PIECES = ("symbrion_gym/arenas", "symbrion_gym/pieces")
+_ROBOT = ("symbrion_gym/robot", "symbrion_gym/environment", *_COURSE, "symbrion_gym/arenas/spec.py")
+_READY_MADE = ("assets/arenas",)
+_SCANS = ("reconstruction/scans", "benchmarks/scans.py")
+_SURFACES = ("benchmarks/material/arena_surfaces.py",)
+_SEARCH = tuple(
+    f"evolution/{name}.py"
+    for name in (
+        "cmaes", "config", "controller", "evaluation", "rollout", "search", "stages", "strategy", "trials",
+        "validation",
+    )
+)  # fmt: skip
+_EVOLUTION = (*_SEARCH, "evolution/backends", "evolution/playback.py", *_ROBOT, *_READY_MADE)
+_RUNS = (*_EVOLUTION, "benchmarks/evolution.py::BASE")
+_MACHINE = "benchmarks/evolution_machine.py"
+
+SOURCES: dict[str, tuple[str, ...]] = {
+    "scans": (*_SCANS, "symbrion_gym/sensing", *_COURSE),
+    "scans/real_scan": _SCANS,
+    "reconstruction": (
+        *_NETWORKS,
+        *_COURSE,
+        "benchmarks/material/clouds.py",
+        "benchmarks/reconstruction.py::measure_sizes",
+    ),
+    "reconstruction/scaling": (*_NETWORKS, "benchmarks/reconstruction.py::measure_scaling"),
+    "reconstruction/start": (*_NETWORKS, "benchmarks/reconstruction.py::measure_cold_start"),
+    "refine": (
+        *_NETWORKS,
+        *_COURSE,
+        "benchmarks/material/changes.py",
+        "benchmarks/refine.py::measure_change",
+    ),
+    "arena": (*_NETWORKS, *_PIECES, *_SURFACES, "benchmarks/arena.py::measure_accuracy"),
+    "arena/behaviour": (
+        *_NETWORKS,
+        *_PIECES,
+        *_ROBOT,
+        *_SURFACES,
+        "benchmarks/material/arena_drives.py",
+        "benchmarks/material/crossings.py",
+    ),
+    "arena/sled": (*_PIECES, *_READY_MADE, "benchmarks/material/sleds.py"),
+    "arena/wheel": (*_PIECES, *_READY_MADE, "benchmarks/material/sleds.py"),
+    "arena/scans": (*_NETWORKS, *_PIECES, "symbrion_gym/sensing", "benchmarks/material/ray_casts.py"),
+    "arena/random_rays": (*_NETWORKS, *_PIECES, "symbrion_gym/sensing", "benchmarks/material/ray_casts.py"),
+    "arena/steps_us": (*_NETWORKS, *_PIECES, *_ROBOT, "benchmarks/material/arena_drives.py"),
+    "environment": (*_ROBOT, *_READY_MADE),
+    "environment/cheats": (*_ROBOT, "benchmarks/material/cheats.py", "benchmarks/material/crossings.py"),
+    "environment/robustness": (*_ROBOT, "benchmarks/material/robustness.py"),
+    "environment/tracks": (*_ROBOT, "benchmarks/material/crossings.py"),
+    "environment/timestep": (*_ROBOT, "benchmarks/material/crossings.py"),
+    "environment/speed": (*_ROBOT, *_READY_MADE, "benchmarks/environment.py::_measure_speed"),
+    "evolution": _RUNS,
+    "evolution/abyss": (*_RUNS, *_NETWORKS, *_PIECES),
+    "evolution/models": (*_RUNS, *_NETWORKS, *_PIECES),
+    "evolution/stages": (*_RUNS, *_NETWORKS, *_PIECES),
+    "evolution/body_length": (*_RUNS, "benchmarks/evolution.py::BODIES"),
+    "evolution/start": _EVOLUTION,
+    "evolution/overhead": (*_EVOLUTION, f"{_MACHINE}::measure_overhead"),
+    "evolution/workers": (*_EVOLUTION, f"{_MACHINE}::measure_workers"),
+    "evolution/backends": (*_EVOLUTION, f"{_MACHINE}::measure_backends"),
+    "evolution/kills": (*_SEARCH, "evolution/record.py", "evolution/run.py", f"{_MACHINE}::measure_kills"),
+    "staircase": (
+        *_NETWORKS,
+        *_PIECES,
+        "reconstruction/scans/formats.py",
+        "benchmarks/material/stairs.py",
+        "benchmarks/staircase.py",
+    ),
+    "staircase/drives": (*_NETWORKS, *_PIECES, *_ROBOT, "evolution/controller.py", "benchmarks/staircase.py"),
+}
+
+
+def find_sources(file: str, part: str) -> tuple[str, ...]:
+    """Return the places of the code that a part of a benchmark's results measures.
+
+    Raises:
+        KeyError: the benchmark has none.
+    """
+    whole = f"{file}/{part}"
+    keys = [key for key in SOURCES if whole.startswith(key)]
+    if not keys:
+        raise KeyError(f"benchmarks/claims/sources.py names no code for the results of {file!r}")
+    return SOURCES[max(keys, key=len)]
