@@ -22,6 +22,8 @@ SEED = 5
 PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(12))
 """Widths of the pit [m]."""
 MODULES = (6, 7, 8)
+ABYSSES = (0.36, 0.37)
+"""Widths of the abyss [m] on both sides of where a body that does nothing ceases to cross."""
 FRICTIONS = (0.55, 0.65, 0.75, 0.85)
 """Sliding friction of the map over friction; else it is drawn from the range of all trials."""
 AS_IT_IS = Randomisation(stretch=(1.0,))
@@ -39,9 +41,10 @@ def count_crossings(
     trials: int,
     controller: str = "reactive",
     randomisation: Randomisation = AS_IT_IS,
+    **environment: Any,
 ) -> int:
     """Return how many of so many randomised trials from the floor succeed."""
-    conditions: dict[str, Any] = {"start": "floor", "seed": SEED, "workers": 2, "pit": pit}
+    conditions: dict[str, Any] = {"start": "floor", "seed": SEED, "workers": 2, "pit": pit, **environment}
     _, (outcome,) = evaluate(
         genotype,
         "truth",
@@ -75,19 +78,26 @@ class Baselines:
         self._say(f"{part}: {figures}")
 
     def default_course(self) -> None:
-        """The default course: all genes zero, the hints set by hand, and random genotypes, with 8 modules."""
+        """The default course with 8 modules: all genes zero, the hints set by hand, and random genotypes."""
         pit, count = Course().pit, self._default_trials
         figures: dict[str, Any] = {"pit": pit, "trials": count}
         figures["zero"] = count_crossings(np.zeros(len(REFLEX)), pit, 8, count)
         for law, hint in (("reactive", REFLEX), ("travelling", U_SHAPE)):
             figures[f"hint of {law}"] = count_crossings(np.array(hint), pit, 8, count, law)
         rng = np.random.default_rng(SEED)
-        for law in ("reactive", "travelling"):
+        for law in ("reactive", "path"):
             genes = len(make_controller(law, 8).parameters)
             draws = RANDOM_STEP * rng.standard_normal((self._genotypes, genes))
             found = [count_crossings(draw, pit, 8, max(count // len(draws), 1), law) for draw in draws]
-            figures[f"random of {law}"] = {"successes": sum(found), "robust": sum(n == 4 for n in found)}
+            figures[f"random of {law}"] = sum(found)
         self._put("default_course", figures)
+
+    def other_tasks(self) -> None:
+        """Doing nothing where the search is for less: six modules, and a bridge over the abyss of the benchmark."""
+        zero, count = np.zeros(len(REFLEX)), self._trials
+        six = count_crossings(zero, Course().pit, 6, count)
+        bridge = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, abyss=True) for pit in ABYSSES}
+        self._put("other_tasks", {"trials": count, "six modules": six, "abyss": bridge})
 
     def widths(self) -> None:
         """Crossings by doing nothing, by the width of the pit and the number of modules."""

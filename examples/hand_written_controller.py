@@ -1,6 +1,6 @@
-"""A controller in fifteen lines: every hinge takes the angle of the place that it passes.
+"""A controller in fifteen lines: each module takes the slope that a path has at its place.
 
-The body bends down into the pit, follows its floor and lifts its head at the far wall.
+The path leads down the near wall of the pit and up the far one. Where the head is, dead reckoning tells.
 
     python examples/hand_written_controller.py
 """
@@ -10,23 +10,30 @@ import numpy as np
 
 import symbrion_gym  # noqa: F401  registers the environments
 
-PLACES = np.linspace(-0.55, 1.10, 12)
-ANGLES = [0.68, 0.44, 0.26, 0.19, 0.38, -0.64, 0.0, 0.1, -0.03, -0.26, 0.8, -0.06]
+PLACES = [-0.2, -0.1, 0.05, 0.2, 0.3, 0.45]
+SLOPES = [0.0, -1.0, -1.0, 1.2, 1.2, 0.0]
+BEHIND = 0.1254 * np.arange(8)
 
 
 def act(head: float) -> np.ndarray:
     """Return the action of eight modules whose head is at `head` [m] from the middle of the pit."""
-    hinges = head - 0.1254 * (np.arange(7) + 0.5)
-    return np.interp(hinges, PLACES, ANGLES, left=0.0, right=0.0) / (np.pi / 2)
+    slopes = np.interp(head - BEHIND, PLACES, SLOPES)
+    return np.clip((slopes[:-1] - slopes[1:]) / (np.pi / 2), -1.0, 1.0)
 
 
 def main(render_mode: str | None = None, seed: int = 0) -> bool:
     """Let the body try once; return whether it crossed."""
-    env = gym.make("symbrion_gym/SnakePit-v1", arena="truth", modules=8, render_mode=render_mode)
-    _, info = env.reset(seed=seed)
+    env = gym.make(
+        "symbrion_gym/SnakePit-v1",
+        arena="truth",
+        modules=8,
+        sensors=("track_odometry",),
+        render_mode=render_mode,
+    )
+    observation, info = env.reset(seed=seed)
     done = False
     while not done:
-        *_, terminated, truncated, info = env.step(act(info["x_position"]))
+        observation, _, terminated, truncated, info = env.step(act(observation[0]))
         done = terminated or truncated
     env.close()
     return bool(info["success"])

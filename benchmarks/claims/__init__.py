@@ -4,6 +4,7 @@ One file a benchmark. `python -m benchmarks.table` turns these lists into text; 
 """
 
 from benchmarks.claims.arena import ARENA
+from benchmarks.claims.baselines import BASELINES
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.limits import LIMITS
@@ -19,6 +20,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "An arena that has changed": REFINE,
     "Arenas": ARENA,
     "Environment": ENVIRONMENT,
+    "Doing nothing, and a random choice": BASELINES,
     "Evolution": EVOLUTION,
     "A real staircase": STAIRCASE,
 }
