@@ -1,6 +1,11 @@
-"""Draw the pictures of the pages about the wings: `python docs/pictures.py`, from the repository's root."""
+"""Draw the pictures of the pages: `python docs/pictures.py [baselines]`, from the repository's root.
+
+"baselines" alone draws the map of what doing nothing crosses, from `benchmarks/results/baselines.json`.
+"""
 
 import io
+import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +25,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 
 FOLDER = Path(__file__).parent / "images"
+RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 LIGHT = (0.4, -0.5, 0.77)
 COLOURS = plt.get_cmap("Set2").colors  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -71,6 +77,29 @@ def draw_pieces(arena: sg.Arena) -> None:
     _write(pixels, "pieces.png")
 
 
+def draw_baselines(results: dict[str, Any]) -> None:
+    """Draw which share of trials a body crosses that does nothing, by pit, modules and friction."""
+    rows = {
+        "modules": {name[7:]: part for name, part in results.items() if name.startswith("widths/")},
+        "friction": {name[10:]: part for name, part in results.items() if name.startswith("frictions/")},
+    }
+    figure, axes = plt.subplots(2, 1, figsize=(9, 4.6), height_ratios=[3, 4], layout="constrained")
+    for axis, (label, parts) in zip(axes, rows.items(), strict=True):
+        pits = list(next(iter(parts.values()))["successes"])
+        shares = [[100 * part["successes"][pit] / part["trials"] for pit in pits] for part in parts.values()]
+        picture = axis.imshow(shares, vmin=0, vmax=100, cmap="Oranges", aspect="auto")
+        for (row, column), share in np.ndenumerate(np.array(shares)):
+            axis.text(column, row, f"{share:.0f}", ha="center", va="center", color="w" if share > 60 else "k")
+        axis.set_yticks(range(len(parts)), list(parts))
+        axis.set_xticks(range(len(pits)), [pit[2:] for pit in pits])
+        trials = next(iter(parts.values()))["trials"]
+        within = "friction 0.55 to 0.9" if label == "modules" else "8 modules"
+        axis.set(ylabel=label, title=f"{within}, {trials} trials a cell")
+    axes[-1].set_xlabel("width of the pit [cm]")
+    figure.colorbar(picture, ax=axes, label="trials that cross [%]")
+    _save(figure, "baselines.png")
+
+
 def _add_faces(axis: Any, triangles: np.ndarray, colours: np.ndarray, edge: str) -> None:
     axis.add_collection3d(
         Poly3DCollection(
@@ -100,6 +129,9 @@ def _write(pixels: np.ndarray, name: str) -> None:
 
 def main() -> None:
     """Survey, reconstruct, decompose, draw."""
+    draw_baselines(json.loads((RESULTS / "baselines.json").read_text())["results"])
+    if sys.argv[1:] == ["baselines"]:
+        return
     log = sg.survey("truth", seed=0)
     points = rc.thin(rc.preprocess(log), 0.015)
     draw_cleaning(log, points)
