@@ -11,7 +11,7 @@ from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 
 def test_stretching_the_truth_widens_its_pit() -> None:
-    stretched = stretch_arena(load_arena("truth"), 1.05)
+    stretched = stretch_arena(load_arena("truth", Course(pit=0.40)), 1.05)
     wider = Arena.from_course(Course(pit=0.42, floor=1.68, ramp=1.05, plateau=0.525))
     assert isinstance(stretched.course, Course)
     assert stretched.course.pit == pytest.approx(0.42)

@@ -23,8 +23,8 @@ def test_pieces_have_the_surface_as_their_top(course):
 
 def test_default_course_has_the_sizes_of_the_design():
     course = Course()
-    assert course.length == pytest.approx(6.6)
-    assert course.pit_edges == (-0.2, 0.2)
+    assert course.length == pytest.approx(6.65)
+    assert course.pit_edges == (-0.225, 0.225)
     heights = Elevation(course.surface()).height(np.array([-2.5, -1.2, -0.5, 0.0, 0.5, 2.5]), 0.3)
     np.testing.assert_allclose(heights, [0.0, 0.125, 0.25, 0.0, 0.25, 0.0], atol=1e-12)
 

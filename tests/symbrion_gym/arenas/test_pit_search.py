@@ -25,11 +25,12 @@ def test_the_pit_of_a_course_is_found(width: float) -> None:
     assert floor == pytest.approx(0.0, abs=0.001)
 
 
+@pytest.mark.parametrize("pit", [0.45, 0.40])
 @pytest.mark.parametrize("name", ["gsrm", "gg"])
-def test_the_pit_of_a_scan_is_found(name: str) -> None:
-    found = find_pit(load_arena(name), np.array([-2.0, 0.0]), ALONG, 4.0)
+def test_the_pit_of_a_scan_is_found(name: str, pit: float) -> None:
+    found = find_pit(load_arena(name, Course(pit=pit)), np.array([-2.0, 0.0]), ALONG, 4.0)
     assert found is not None
-    np.testing.assert_allclose(np.array(found[:2]) - 2.0, [-0.2, 0.2], atol=0.03)
+    np.testing.assert_allclose(np.array(found[:2]) - 2.0, [-pit / 2, pit / 2], atol=0.03)
 
 
 @pytest.mark.parametrize("course", [Course(pit=0.0), StairsCourse()])

@@ -53,7 +53,8 @@ def test_every_arena_kind_passes_the_checker_without_warnings(arena, task, scann
     options = {"pit": None} if task == "Ramp" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = gym.make(f"symbrion_gym/Snake{task}-v0", **({"arena": arena, "modules": 3} | options))
+        version = "v1" if task == "Pit" else "v0"
+        env = gym.make(f"symbrion_gym/Snake{task}-{version}", **({"arena": arena, "modules": 3} | options))
         check_env(env.unwrapped, skip_render_check=True)
         env.close()
 
@@ -94,7 +95,7 @@ def test_observation_follows_its_structure():
     )
     observation, _ = env.reset(seed=0)
     parts = env.observation_structure
-    assert [s.stop - s.start for s in parts.values()] == [4, 4, 5, 5, 30, 24, 5, 4, 1, 19, 4, 12]
+    assert [s.stop - s.start for s in parts.values()] == [4, 4, 5, 5, 30, 24, 5, 4, 1, 1, 19, 4, 12]
     assert list(parts.values())[-1].stop == len(observation) == env.observation_space.shape[0]
     np.testing.assert_allclose(observation[parts["pitch"]], 0.0, atol=1e-6)
     for _ in range(40):

@@ -12,7 +12,7 @@ from symbrion_gym.pieces.planes import find_planes
 
 @pytest.mark.parametrize(("num_vertices", "noise"), [(2200, 0.002), (2200, 0.005), (7000, 0.003)])
 def test_finds_the_planes_of_the_course_closer_than_the_noise(num_vertices, noise):
-    mesh = make_scanned_surface(Course().profile(), num_vertices=num_vertices, noise=noise)
+    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=num_vertices, noise=noise)
     planes = find_planes(mesh, 0.003)
     tilt = 0.25 / np.hypot(1.0, 0.25)
     rise = 1.0 / np.hypot(1.0, 0.25)
@@ -30,7 +30,7 @@ def test_finds_the_planes_of_the_course_closer_than_the_noise(num_vertices, nois
 
 
 def test_equal_meshes_give_equal_planes():
-    mesh = make_scanned_surface(Course().profile(), num_vertices=800)
+    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=800)
     first, second = find_planes(mesh, 0.003), find_planes(mesh.copy(), 0.003)
     assert np.array_equal(first.labels, second.labels)
     assert np.array_equal(first.normals, second.normals)

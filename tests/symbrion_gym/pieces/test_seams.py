@@ -35,7 +35,7 @@ def find_change(before, after, margin: float = 0.0) -> float:
 
 @pytest.fixture
 def surface() -> trimesh.Trimesh:
-    return Course().surface()
+    return Course(pit=0.40).surface()
 
 
 def test_halfspaces_give_the_solid_back():

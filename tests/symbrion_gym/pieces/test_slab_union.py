@@ -18,7 +18,7 @@ def turn(mesh, yaw):
 
 
 def test_the_union_is_one_closed_solid():
-    pieces = Course().pieces()
+    pieces = Course(pit=0.40).pieces()
     solid = unite_slabs(pieces)
     assert solid.is_watertight
     assert solid.volume == pytest.approx(unite_slabs(pieces, 0.3).volume, rel=0.002)
@@ -28,12 +28,12 @@ def test_the_union_is_one_closed_solid():
 
 @pytest.mark.parametrize("yaw", [0.0, 0.35, -0.6])
 def test_the_heading_is_that_of_the_course(yaw):
-    mesh = turn(make_scanned_surface(Course().profile(), num_vertices=800), yaw)
+    mesh = turn(make_scanned_surface(Course(pit=0.40).profile(), num_vertices=800), yaw)
     assert find_heading(find_planes(mesh, 0.003), mesh.area_faces) == pytest.approx(yaw, abs=0.02)
 
 
 def test_a_moved_wall_and_a_filled_pit_are_noticed():
-    pieces = Course().pieces()
+    pieces = Course(pit=0.40).pieces()
     assert not has_moved(pieces, pieces)
     assert not has_moved([turn(piece, 0.0).apply_translation([0.001, 0, 0]) for piece in pieces], pieces)
     assert has_moved(Course(pit=0.41).pieces(), pieces)
@@ -41,7 +41,7 @@ def test_a_moved_wall_and_a_filled_pit_are_noticed():
 
 
 def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
-    mesh = make_scanned_surface(Course().profile(), num_vertices=2200)
+    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=2200)
     first, second = (make_contact(mesh, ContactOptions(seed=3)) for _ in range(2))
     assert first.notes["way"] == "coacd of slabs"
     for mine, theirs in zip(first.pieces, second.pieces, strict=True):

@@ -20,11 +20,11 @@ def truth():
 
 def test_a_pit_is_crossed_when_the_whole_last_module_is_beyond(truth):
     route = find_route(truth, snake(8), SnakePitConfig())
-    assert route.finish == pytest.approx(0.2 + 0.0627)
+    assert route.finish == pytest.approx(0.225 + 0.0627)
     assert route.start < -1.7 - 0.072
-    assert route.pit == pytest.approx((-0.2, 0.2, 0.0))
+    assert route.pit == pytest.approx((-0.225, 0.225, 0.0))
     near = find_route(truth, snake(8), SnakePitConfig(start="pit"))
-    assert near.start == pytest.approx(-0.2 - 0.2 - 0.072)
+    assert near.start == pytest.approx(-0.225 - 0.2 - 0.072)
 
 
 def test_a_way_between_two_places_has_their_direction(truth):
@@ -48,7 +48,7 @@ def test_the_pit_of_a_surface_without_course_is_the_finish(truth):
     bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
     route = find_route(bare, snake(4), SnakePitConfig())
     assert -3.3 < route.start < -2.0
-    assert 0.2 < route.finish < 0.3
+    assert 0.225 < route.finish < 0.325
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey import SurveyRobot, drive, make_path, survey
 
-SURFACE = Course().surface()
+SURFACE = Course(pit=0.40).surface()
 QUICK = SurveyRobot(speed=0.5, scan_rate=8.0, rest=2.0)
 PATH = [[-1.0, 1.6], [0.2, 2.8], [1.4, 1.6]]
 
