@@ -25,7 +25,7 @@ def test_default_course_has_the_sizes_of_the_design():
     course = Course()
     assert course.length == pytest.approx(6.65)
     assert course.pit_edges == (-0.225, 0.225)
-    heights = Elevation(course.surface()).height(np.array([-2.5, -1.2, -0.5, 0.0, 0.5, 2.5]), 0.3)
+    heights = Elevation(course.surface()).height(np.array([-2.5, -1.225, -0.5, 0.0, 0.5, 2.5]), 0.3)
     np.testing.assert_allclose(heights, [0.0, 0.125, 0.25, 0.0, 0.25, 0.0], atol=1e-12)
 
 
