@@ -1,8 +1,10 @@
-"""Where the files lie that the package ships: meshes and ready-made arenas."""
+"""Where the files lie that the package ships, and the arenas that have a name."""
 
 from pathlib import Path
 
 from symbrion_gym.errors import ArenaError
+
+NAMED_ARENAS = ("truth", "simple", "stairs", "gsrm", "gg")
 
 
 def find_assets() -> Path:

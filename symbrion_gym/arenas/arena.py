@@ -20,11 +20,9 @@ from symbrion_gym.arenas.elevation import Elevation
 from symbrion_gym.arenas.folder import load_arena_folder, save_arena
 from symbrion_gym.arenas.quality import ArenaQuality
 from symbrion_gym.arenas.spec import make_arena_spec
-from symbrion_gym.assets import find_assets
+from symbrion_gym.assets import NAMED_ARENAS, find_assets
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.pieces.mesh_repair import load_surface, repair_mesh
-
-NAMED_ARENAS = ("truth", "simple", "stairs", "gsrm", "gg")
 
 
 @dataclass(frozen=True)
