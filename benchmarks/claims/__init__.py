@@ -6,6 +6,7 @@ One file a benchmark. `python -m benchmarks.table` turns these lists into text; 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
+from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -21,6 +22,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Environment": ENVIRONMENT,
     "Evolution": EVOLUTION,
     "A real staircase": STAIRCASE,
+    "Start": IMPORTS,
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)
 
