@@ -188,7 +188,7 @@ def judge(root: Path = ROOT, path: list[str] | None = None, judged: Mapping = PO
         judged: distribution -> what it says of its licence, and why it may stay.
     """
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    installed = {canonicalize_name(d.metadata["Name"]): d for d in distributions(path=path or sys.path)}
+    installed = {str(canonicalize_name(d.name)): d for d in distributions(path=path or sys.path)}
     groups = find_groups(project)
     brought: dict[str, list[str]] = {}
     for group, requirements in groups.items():
