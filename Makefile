@@ -28,6 +28,7 @@ check: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+	$(BIN)/python -m tools.licenses
 
 # All benchmarks, then the tables of README and docs; QUICK=1: small sizes, into benchmarks/results/quick.
 bench: setup

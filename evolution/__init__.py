@@ -1,15 +1,20 @@
 """Evolve controllers of modular robots, judge them in the true arena, and show what came of it."""
 
-from evolution.cmaes import evolve, load_run, resume
-from evolution.config import EvolutionConfig
-from evolution.errors import RunError
-from evolution.evaluation import Evaluation, evaluate
-from evolution.playback import Recording, judge, play
-from evolution.policy import ChampionPolicy
-from evolution.run import Run, load_champion
-from evolution.stages import Stage
-from evolution.trials import Outcome, Randomisation, Scoring
-from evolution.validation import Champion, Validation
+from typing import TYPE_CHECKING
+
+from reconstruction.lazy import export_lazily
+
+if TYPE_CHECKING:
+    from evolution.cmaes import evolve, load_run, resume
+    from evolution.config import EvolutionConfig
+    from evolution.errors import RunError
+    from evolution.evaluation import Evaluation, evaluate
+    from evolution.playback import Recording, judge, play
+    from evolution.policy import ChampionPolicy
+    from evolution.run import Run, load_champion
+    from evolution.stages import Stage
+    from evolution.trials import Outcome, Randomisation, Scoring
+    from evolution.validation import Champion, Validation
 
 __all__ = [
     "Champion",
@@ -32,3 +37,5 @@ __all__ = [
     "play",
     "resume",
 ]
+
+__getattr__, __dir__ = export_lazily(__name__)

@@ -21,6 +21,7 @@ from evolution.commands.command import Command, UsageError
 from evolution.commands.console import Console
 from evolution.errors import RunError
 from reconstruction.errors import ReconstructionError, ScanError
+from reconstruction.extras import MissingExtraError
 from symbrion_gym.errors import ArenaError, OrganismError
 
 DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the pit.
@@ -30,7 +31,16 @@ survey (scan an arena) -> reconstruct (surface from points) -> arena (surface to
 -> evolve (CMA-ES) -> replay (judge and film the champion). `symbrion demo` walks all of it.
 `symbrion --version` tells the release."""
 
-EXPECTED_ERRORS = (ScanError, ReconstructionError, ArenaError, OrganismError, RunError, OSError, MemoryError)
+EXPECTED_ERRORS = (
+    ScanError,
+    ReconstructionError,
+    ArenaError,
+    OrganismError,
+    RunError,
+    MissingExtraError,
+    OSError,
+    MemoryError,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -11,9 +11,11 @@ References:
     evolutionary optimization, section II (rank changes of re-evaluated genotypes).
 """
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 
@@ -69,9 +71,7 @@ class Strategy:
         self._noise = None
         self._begin(np.asarray(space.initial), sigma)
         if handle_noise:
-            import cma  # takes a second: worker processes do without
-
-            self._noise = cma.NoiseHandler(len(space.names), maxevals=[1, 1, 8], parallel=True)
+            self._noise = _load_pycma().NoiseHandler(len(space.names), maxevals=[1, 1, 8], parallel=True)
 
     @property
     def population_size(self) -> int:
@@ -150,9 +150,7 @@ class Strategy:
             "verb_log": 0,
             "verb_disp": 0,
         }
-        import cma
-
-        self._strategy = cma.CMAEvolutionStrategy(start, sigma, options)
+        self._strategy = _load_pycma().CMAEvolutionStrategy(start, sigma, options)
 
     @contextmanager
     def _own_randomness(self) -> Iterator[None]:
@@ -163,3 +161,11 @@ class Strategy:
         finally:
             self._random_state = np.random.get_state()  # noqa: NPY002
             np.random.set_state(others)  # noqa: NPY002
+
+
+def _load_pycma() -> ModuleType:
+    """Import pycma, which takes a second: worker processes do without. It need not tell that matplotlib is absent."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Could not import matplotlib")
+        import cma
+    return cma

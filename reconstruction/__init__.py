@@ -1,22 +1,27 @@
 """Points in, surface out: read and clean laser scans, and reconstruct surfaces with self-organising networks."""
 
-from reconstruction.errors import ReconstructionError, ScanError
-from reconstruction.networks.growing_grid import GrowingGridConfig
-from reconstruction.networks.gsrm import GSRMConfig
-from reconstruction.progress import Progress, silent
-from reconstruction.reconstruct import Reconstruction, reconstruct
-from reconstruction.scans.formats import load_points, save_points
-from reconstruction.scans.localisation import localise
-from reconstruction.scans.preprocess import (
-    crop,
-    level_floor,
-    preprocess,
-    remove_mixed_pixels,
-    smooth_ranges,
-    thin,
-)
-from reconstruction.scans.scan import ScanLog, load_scan_log
-from reconstruction.surfaces.quality import Quality, measure_quality
+from typing import TYPE_CHECKING
+
+from reconstruction.lazy import export_lazily
+from reconstruction.reconstruct import Reconstruction, reconstruct  # a function named as its module
+
+if TYPE_CHECKING:
+    from reconstruction.errors import ReconstructionError, ScanError
+    from reconstruction.networks.growing_grid import GrowingGridConfig
+    from reconstruction.networks.gsrm import GSRMConfig
+    from reconstruction.progress import Progress, silent
+    from reconstruction.scans.formats import load_points, save_points
+    from reconstruction.scans.localisation import localise
+    from reconstruction.scans.preprocess import (
+        crop,
+        level_floor,
+        preprocess,
+        remove_mixed_pixels,
+        smooth_ranges,
+        thin,
+    )
+    from reconstruction.scans.scan import ScanLog, load_scan_log
+    from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
     "GSRMConfig",
@@ -41,3 +46,5 @@ __all__ = [
     "smooth_ranges",
     "thin",
 ]
+
+__getattr__, __dir__ = export_lazily(__name__)

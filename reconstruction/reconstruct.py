@@ -1,35 +1,39 @@
 """From points to a surface by one call, and the surface as something that goes on learning."""
 
+from __future__ import annotations
+
 import dataclasses
+import importlib
 import json
 import os
 import zipfile
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.networks import growing_grid, gsrm
 from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.networks.passages import check_origins, check_scale
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points
-from reconstruction.scans.rays import read_rays
 from reconstruction.scans.scan import ScanLog
-from reconstruction.surfaces.orientation import orient_outwards
-from reconstruction.surfaces.quality import Quality, measure_quality
 from reconstruction.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from reconstruction.surfaces.quality import Quality
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
-METHODS: dict[str, tuple[ModuleType, Any]] = {
-    "gsrm": (gsrm, gsrm.GSRMConfig),
-    "gg": (growing_grid, growing_grid.GrowingGridConfig),
+METHODS = {
+    "gsrm": ("reconstruction.networks.gsrm", "GSRMConfig"),
+    "gg": ("reconstruction.networks.growing_grid", "GrowingGridConfig"),
 }
+"""Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
 
 
 def reconstruct(
@@ -41,7 +45,7 @@ def reconstruct(
     progress: Progress = silent,
     viewpoint: ArrayLike | None = None,
     **options: Any,
-) -> "Reconstruction":
+) -> Reconstruction:
     """Let a self-organising network grow over a point cloud and return its surface.
 
     Args:
@@ -94,6 +98,8 @@ class Reconstruction:
 
     def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
         """Measure the mesh against its cloud, and against the true surface where it is known."""
+        from reconstruction.surfaces.quality import measure_quality
+
         return measure_quality(self.mesh, self.points, truth)
 
     def refine(
@@ -103,7 +109,7 @@ class Reconstruction:
         progress: Progress = silent,
         *,
         origins: ArrayLike | None = None,
-    ) -> "Reconstruction":
+    ) -> Reconstruction:
         """Return the same network after it has learnt from new readings; this one stays as it is.
 
         What has moved moves, new parts grow, parts that are no longer there go; the rest stays put.
@@ -122,6 +128,8 @@ class Reconstruction:
         if isinstance(new_points, ScanLog):
             if origins is not None:
                 raise ReconstructionError("a scan log holds its own origins; leave out origins")
+            from reconstruction.scans.rays import read_rays
+
             new_points, origins = read_rays(new_points)
         cloud = check_points(new_points)
         check_scale(cloud, self.points)
@@ -152,7 +160,7 @@ class Reconstruction:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> "Reconstruction":
+    def load(cls, path: str | os.PathLike) -> Reconstruction:
         """Read what `save` wrote.
 
         Raises:
@@ -181,7 +189,9 @@ class Reconstruction:
 def _find_method(method: str) -> tuple[ModuleType, Any]:
     if method not in METHODS:
         raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
-    return METHODS[method]
+    module, config = METHODS[method]
+    network = importlib.import_module(module)
+    return network, getattr(network, config)
 
 
 def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
@@ -217,6 +227,10 @@ def _check_viewpoint(viewpoint: ArrayLike | None) -> np.ndarray | None:
 
 def _make_mesh(units: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | None) -> trimesh.Trimesh:
     """Return the oriented mesh of the units that have a face."""
+    import trimesh
+
+    from reconstruction.surfaces.orientation import orient_outwards
+
     used, flat = np.unique(faces, return_inverse=True)
     vertices, faces = units[used], flat.reshape(-1, 3)
     return trimesh.Trimesh(vertices, orient_outwards(vertices, faces, viewpoint), process=False)

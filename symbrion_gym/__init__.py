@@ -5,18 +5,24 @@ Importing this package registers the environments `symbrion_gym/SnakePit-v1` and
 
 import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)
 
-from symbrion_gym.arenas.arena import NAMED_ARENAS, Arena, load_arena, make_arena
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.environment.audit import Audit, Trajectory, audit
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.errors import ArenaError, OrganismError
+from typing import TYPE_CHECKING
+
+from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
-from symbrion_gym.robot.scout import ScoutConfig, make_scout
-from symbrion_gym.sensing.rangefinder import RangeFinder
-from symbrion_gym.sensing.survey import survey
-from symbrion_gym.sensing.timing import Timing, timing
+
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+    from symbrion_gym.arenas.course import Course, StairsCourse
+    from symbrion_gym.assets import NAMED_ARENAS
+    from symbrion_gym.environment.audit import Audit, Trajectory, audit
+    from symbrion_gym.environment.snake_pit import SnakePitEnv
+    from symbrion_gym.environment.vector import SnakePitVectorEnv
+    from symbrion_gym.errors import ArenaError, OrganismError
+    from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+    from symbrion_gym.robot.scout import ScoutConfig, make_scout
+    from symbrion_gym.sensing.rangefinder import RangeFinder
+    from symbrion_gym.sensing.survey import survey
+    from symbrion_gym.sensing.timing import Timing, timing
 
 register()
 
@@ -46,3 +52,5 @@ __all__ = [
     "survey",
     "timing",
 ]
+
+__getattr__, __dir__ = export_lazily(__name__)

@@ -1,8 +1,12 @@
-"""Where the files lie that the package ships: meshes and ready-made arenas."""
+"""Where the files lie that the package ships, and the arenas that have a name."""
 
 from pathlib import Path
 
 from symbrion_gym.errors import ArenaError
+
+SCANNED_PITS = {"gsrm": (0.45, 0.40), "gg": (0.45, 0.40)}
+"""Widths of the pit [m] with which each scanned arena comes with the package, the default first."""
+NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
 
 
 def find_assets() -> Path:

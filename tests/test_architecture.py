@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 WINGS = ("evolution", "symbrion_gym", "reconstruction")  # importer before imported
 FILES = [path for wing in WINGS for path in sorted((ROOT / wing).rglob("*.py"))]
-AROUND = ("benchmarks", "examples", "tests", "docs")  # what the wings never import
+AROUND = ("benchmarks", "examples", "tests", "docs", "tools")  # what the wings never import
 SOURCES = FILES + [path for folder in AROUND for path in sorted((ROOT / folder).rglob("*.py"))]
 PACKAGES = [".".join(path.relative_to(ROOT).parent.parts) for path in FILES if path.name == "__init__.py"]
 

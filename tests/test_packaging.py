@@ -98,7 +98,7 @@ def test_constraints_pin_what_is_declared() -> None:
         "versions alone, no addresses"
     )
     pinned = {_normalise(line) for line in lines}
-    groups = ("embree", "docs", "dev")
+    groups = ("cli", "scan", "report", "embree", "docs", "dev")
     wanted = [
         *project["dependencies"],
         *(one for name in groups for one in project["optional-dependencies"][name]),
@@ -126,7 +126,9 @@ for arena in ("truth", "simple", "gsrm", "gg"):
 
 
 def test_command_works_from_another_folder(site: Path, tmp_path: Path) -> None:
-    assert "survey" in run_python(site, tmp_path, "-m", "evolution.cli", "--help")
+    assert "survey" in run_python(site, tmp_path, "-m", "evolution", "--help")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["scripts"] == {"symbrion": "evolution.__main__:main"}
     words = ["--generations", "2", "--population", "4", "--modules", "3", "--trials", "1", "--folder", "run"]
     run_python(site, tmp_path, "-m", "evolution.cli", "evolve", *words)
     assert (tmp_path / "run" / "history.csv").exists()

@@ -7,6 +7,7 @@ from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
+from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -23,6 +24,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Doing nothing, and a random choice": BASELINES,
     "Evolution": EVOLUTION,
     "A real staircase": STAIRCASE,
+    "Start": IMPORTS,
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)
 

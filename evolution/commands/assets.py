@@ -6,7 +6,7 @@ from typing import Any
 
 from evolution.commands.command import SeededCommand, require_writable_folder
 from evolution.commands.console import Console
-from symbrion_gym.arenas.ready_made import make_ready_made
+from reconstruction.extras import require_extras
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,6 +24,9 @@ class Assets(SeededCommand):
         require_writable_folder(self.out, "--out")
 
     def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion assets`", "scan")
+        from symbrion_gym.arenas.ready_made import make_ready_made
+
         with console.track("Ready-made arenas") as step:
             arenas = make_ready_made(self.out, seed=self.seed, progress=step.progress)
         for name, arena in arenas.items():

@@ -11,7 +11,7 @@ from evolution.commands.command import Command, UsageError, require_writable_fil
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report.comparison import COLUMNS, draw_comparison, make_comparison_page, tabulate
-from evolution.report.pictures import to_png
+from reconstruction.extras import require_extras
 from reconstruction.whole_file import write_whole
 
 
@@ -36,6 +36,8 @@ class Compare(Command):
             require_writable_file(self.out, "--out", (".png", ".html"))
 
     def run(self, console: Console) -> dict[str, Any]:
+        if self.out is not None:
+            require_extras("`symbrion compare --out`", "report")
         runs = {str(folder): ev.load_run(folder) for folder in self.folders}
         rows = tabulate(runs)
         console.show_table("Runs", list(COLUMNS), rows)
@@ -47,6 +49,8 @@ class Compare(Command):
         if self.out.suffix.lower() == ".html":
             make_comparison_page(runs).write(self.out)
         else:
+            from evolution.report.pictures import to_png
+
             with write_whole(self.out) as beside:
                 beside.write_bytes(to_png(draw_comparison(runs)))
         console.say(f"{self.out}: {len(runs)} runs")

@@ -8,8 +8,7 @@ from typing import Any
 from evolution.commands.arguments import check_modules
 from evolution.commands.command import SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
-from evolution.demo import DemoConfig, walk_road
-from evolution.report.demo_page import write_demo_page
+from reconstruction.extras import require_extras
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -37,6 +36,10 @@ class Demo(SeededCommand):
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion demo`", "scan", "report")
+        from evolution.demo import DemoConfig, walk_road
+        from evolution.report.demo_page import write_demo_page
+
         config = DemoConfig(
             self.out, self.seed, modules=self.modules, generations=self.generations, workers=self.workers
         )

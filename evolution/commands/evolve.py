@@ -4,16 +4,17 @@ import dataclasses
 import os
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 import evolution as ev
-from evolution.cmaes import OnGeneration
 from evolution.commands.arguments import check_arena, check_modules
 from evolution.commands.command import Command, SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
-from evolution.tensorboard_log import FOLDER, TensorBoardLog
+
+if TYPE_CHECKING:
+    from evolution.cmaes import OnGeneration
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -146,10 +147,12 @@ class Resume(Command):
         return report_run(run, console)
 
 
-def _watch(folder: Path, tensorboard: bool) -> AbstractContextManager[OnGeneration | None]:
+def _watch(folder: Path, tensorboard: bool) -> "AbstractContextManager[OnGeneration | None]":
     """Return what watches the generations: TensorBoard's log, or nothing."""
     if not tensorboard:
         return nullcontext()
+    from evolution.tensorboard_log import FOLDER, TensorBoardLog
+
     first = len(ev.load_run(folder).history) if (folder / FOLDER).is_dir() else 0
     return TensorBoardLog(first)
 

@@ -7,12 +7,7 @@ from typing import Any
 
 from evolution.commands.command import SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
-from evolution.paper.benchmark import find_benchmark
-from evolution.paper.config import QUICK, PaperConfig
-from evolution.paper.experiments import run_experiments
-from evolution.paper.folder import PaperFolder, write_json
-from evolution.report.paper_page import write_paper_page
-from evolution.report.provenance import describe_machine
+from reconstruction.extras import require_extras
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -38,6 +33,14 @@ class Paper(SeededCommand):
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion paper`", "scan", "report")
+        from evolution.paper.benchmark import find_benchmark
+        from evolution.paper.config import QUICK, PaperConfig
+        from evolution.paper.experiments import run_experiments
+        from evolution.paper.folder import PaperFolder, write_json
+        from evolution.report.paper_page import write_paper_page
+        from evolution.report.provenance import describe_machine
+
         config = dataclasses.replace(QUICK if self.quick else PaperConfig(), seed=self.seed)
         folder = PaperFolder(self.out, config)
         report = self.out / "report.html"

@@ -12,7 +12,6 @@ import reconstruction as rc
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from reconstruction.whole_file import write_whole
-from symbrion_gym.arenas.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
@@ -89,6 +88,8 @@ class Reconstruct(SeededCommand):
             points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
+        from symbrion_gym.arenas.ready_made import SPACING
+
         spacing = SPACING if self.thin is None and isinstance(source, rc.ScanLog) else self.thin
         return points if spacing is None else rc.thin(points, spacing)
 

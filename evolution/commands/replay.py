@@ -12,7 +12,7 @@ from evolution.commands.arguments import check_arena
 from evolution.commands.command import SeededCommand, UsageError, require_writable_file
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
-from evolution.report import encode_video
+from reconstruction.extras import require_extras
 from reconstruction.whole_file import write_whole
 
 
@@ -50,6 +50,8 @@ class Replay(SeededCommand):
             require_writable_file(self.video, "--video", (".mp4",))
 
     def run(self, console: Console) -> dict[str, Any]:
+        if self.video is not None:
+            require_extras("`symbrion replay --video`", "report")
         champion = ev.load_run(self.folder).champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
@@ -79,6 +81,8 @@ class Replay(SeededCommand):
 
     def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
         assert self.video is not None
+        from evolution.report.video import encode_video
+
         with console.track("Film"):
             recording = ev.play(
                 champion, self.arena, self.seed, start=self.start, film=True, speed=self.speed

@@ -13,7 +13,7 @@ from evolution.commands.arguments import check_arena
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
 from symbrion_gym.sensing.laser_scanner import LaserScanner
-from symbrion_gym.sensing.survey import SurveyRobot
+from symbrion_gym.sensing.survey_robot import SurveyRobot
 
 PATH_ENDINGS = (".csv", ".txt", ".json")
 

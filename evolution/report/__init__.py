@@ -1,17 +1,22 @@
 """What people look at: figures, video, and one self-contained HTML page."""
 
-from evolution.report.figures import (
-    draw_cloud,
-    draw_learning_curve,
-    draw_pieces,
-    draw_section,
-    draw_surface,
-    draw_tracks,
-)
-from evolution.report.page import Page
-from evolution.report.pictures import to_png, to_svg
-from evolution.report.scene import Scene
-from evolution.report.video import encode_video
+from typing import TYPE_CHECKING
+
+from reconstruction.lazy import export_lazily
+
+if TYPE_CHECKING:
+    from evolution.report.figures import (
+        draw_cloud,
+        draw_learning_curve,
+        draw_pieces,
+        draw_section,
+        draw_surface,
+        draw_tracks,
+    )
+    from evolution.report.page import Page
+    from evolution.report.pictures import to_png, to_svg
+    from evolution.report.scene import Scene
+    from evolution.report.video import encode_video
 
 __all__ = [
     "Page",
@@ -26,3 +31,5 @@ __all__ = [
     "to_png",
     "to_svg",
 ]
+
+__getattr__, __dir__ = export_lazily(__name__)

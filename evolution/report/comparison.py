@@ -1,13 +1,16 @@
 """Several runs side by side: their learning curves in one figure, what they came to in one table."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from matplotlib.figure import Figure
-
-from evolution.report.figures import PALETTE, soften
-from evolution.report.page import Page
-from evolution.report.pictures import CHART_DPI, CHART_WIDTH
 from evolution.run import Run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from evolution.report.page import Page
 
 COLUMNS = (
     "run",
@@ -29,6 +32,11 @@ def draw_comparison(runs: Mapping[str, Run]) -> Figure:
     Args:
         runs: name -> run; those without a generation are left out.
     """
+    from matplotlib.figure import Figure
+
+    from evolution.report.figures import PALETTE, soften
+    from evolution.report.pictures import CHART_DPI, CHART_WIDTH
+
     figure = Figure(figsize=(CHART_WIDTH, 3.2), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
     for index, (name, run) in enumerate(runs.items()):
@@ -70,6 +78,8 @@ def tabulate(runs: Mapping[str, Run]) -> list[list[object]]:
 
 def make_comparison_page(runs: Mapping[str, Run]) -> Page:
     """Return a page with the figure and the table."""
+    from evolution.report.page import Page
+
     page = Page(
         "Runs compared", "Champions are told by their fresh trials in the arena they were evolved in."
     )

@@ -2,8 +2,6 @@
 
 import logging
 
-import jax
-
 from reconstruction.cache import find_cache_folder
 
 _LOG = logging.getLogger(__name__)
@@ -11,6 +9,8 @@ _LOG = logging.getLogger(__name__)
 
 def keep_compiled_programs() -> None:
     """Let JAX keep its programs in the user's cache folder, unless the user has chosen another place."""
+    import jax
+
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
         return
     try:

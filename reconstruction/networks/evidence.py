@@ -5,7 +5,6 @@ Both networks refine by this: only what the readings contradict learns anew, the
 
 from typing import NamedTuple
 
-import igl
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -87,6 +86,8 @@ def weigh_evidence(
         spacing: mean distance between neighbouring vertices.
         origins: `[M, 3]` where each new reading was made from: what lies on the way there is gone.
     """
+    import igl
+
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
     about, probes = _crop(vertices, faces, old_points, new_points, 2 * spacing)
     wanted = max(LEAST_COMPARED, COMPARED_PER_FACE * len(about))

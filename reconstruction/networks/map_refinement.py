@@ -5,7 +5,6 @@ has changed, the contradicted units are grown anew between the others, which sta
 cost is that of the change, and what did not change stays bit for bit.
 """
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -96,6 +95,8 @@ def _find_left(
     units: np.ndarray, faces: np.ndarray, is_changed: np.ndarray, points: np.ndarray, tolerance: float
 ) -> np.ndarray:
     """Return which points `[P]` beside the changed units the surface has left: they are no longer true."""
+    import igl
+
     about = np.ascontiguousarray(faces[any_corner(widen(faces, is_changed, 2), faces)])
     if len(about) == 0 or len(points) == 0:
         return np.zeros(len(points), dtype=bool)

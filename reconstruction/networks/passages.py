@@ -1,6 +1,5 @@
 """What rays pass through is no longer there."""
 
-import igl
 import numpy as np
 
 from reconstruction.errors import ReconstructionError
@@ -147,6 +146,8 @@ def _find_hits(
 
     The last of the way, as long as the reach, is left out: no ray passes through what it meets there.
     """
+    import igl
+
     surface = igl.AABB()
     surface.init(vertices, faces)
     direction = points - origins

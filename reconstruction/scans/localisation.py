@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import small_gicp
 from scipy.linalg import solveh_banded
 from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
+from reconstruction.extras import require_extras
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.levelling import find_lean
 from reconstruction.scans.mixed_pixels import find_jumps, find_noise
@@ -199,6 +199,7 @@ def _match_to_map(
     progress: Progress = silent,
 ) -> Array:
     """Do steps 1 to 3 of `match_scans`."""
+    require_extras("localising a robot", "scan")
     count = len(scans.ranges)
     if not count:
         return np.empty((0, 3))
@@ -259,6 +260,8 @@ def _make_map(
     points: list[Array], planar: Array, keys: range | list[int], thickness: float, cell: float = 0.03
 ) -> tuple | None:
     """Lay the key scans on each other, average them in cells, draw those onto lines, find normals; None: blind."""
+    import small_gicp
+
     cloud = np.concatenate([_move(points[k], planar[k]) for k in keys])
     if len(cloud) < _MIN_MAP:
         return None
@@ -300,6 +303,8 @@ def _align(target: tuple | None, points: Array, guess: Array, reach: float) -> A
     With d the step from guess to match and H the match's information (per variance of a reading), the pose is
     ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
     """
+    import small_gicp
+
     if target is None or not len(points):
         return guess
     source = small_gicp.PointCloud(np.c_[points, np.zeros(len(points))])

@@ -8,11 +8,13 @@ import struct
 import numpy as np
 
 from reconstruction.errors import ScanError
+from reconstruction.extras import require_extras
 from reconstruction.scans.scan import Array
 
 
 def read_pcd(data: bytes) -> Array:
     """Read x, y, z; the header is checked against the data before anything is allocated."""
+    require_extras("reading a .pcd file", "scan")
     from pypcd4.pypcd4 import PointCloud  # slow to import, and rarely needed
 
     header, body = _split(data)

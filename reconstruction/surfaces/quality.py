@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass
 
-import igl
 import numpy as np
 import trimesh
 from scipy.sparse import coo_array
@@ -139,6 +138,8 @@ def measure_quality(
 
 def find_distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return the exact distance of every point to the nearest point of the faces: `[N]`, by libigl."""
+    import igl
+
     squared, _, _ = igl.point_mesh_squared_distance(
         np.ascontiguousarray(points, dtype=np.float64),
         np.ascontiguousarray(vertices, dtype=np.float64),

@@ -20,13 +20,9 @@ from symbrion_gym.arenas.elevation import Elevation
 from symbrion_gym.arenas.folder import load_arena_folder, save_arena
 from symbrion_gym.arenas.quality import ArenaQuality
 from symbrion_gym.arenas.spec import make_arena_spec
-from symbrion_gym.assets import find_assets
+from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS, find_assets
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.pieces.mesh_repair import load_surface, repair_mesh
-
-SCANNED_PITS = {"gsrm": (0.45, 0.40), "gg": (0.45, 0.40)}
-"""Widths of the pit [m] with which each scanned arena comes with the package, the default first."""
-NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
 
 
 @dataclass(frozen=True)

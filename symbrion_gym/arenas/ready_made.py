@@ -7,8 +7,9 @@ from typing import NamedTuple
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import SCANNED_PITS, Arena, load_arena, make_arena, name_scanned
+from symbrion_gym.arenas.arena import Arena, load_arena, make_arena, name_scanned
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.sensing.survey import survey
 
 

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from symbrion_gym.arenas.arena import SCANNED_PITS, Arena, load_arena
+from symbrion_gym.arenas.arena import Arena, load_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
+from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.rendering import add_stage
 from symbrion_gym.errors import ArenaError, OrganismError
