@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from reconstruction.bounded_read import BoundedFile
+from reconstruction.bounded_read import BoundedFile, check_size
 from reconstruction.errors import ScanError
 from reconstruction.scans.point_rows import (
     make_room,
@@ -30,6 +30,7 @@ _VTK_TYPES = {
 
 def read_text(file: BoundedFile) -> Array:
     """Read columns parted by blanks, commas or semicolons; `#` begins a comment, names may stand first."""
+    check_size(24 * file.num_lines, file.max_bytes)
     lines = read_lines(file)
     numbered = enumerate(lines, start=1)
     number, first = next(((i, line) for i, line in numbered if line.split("#")[0].strip()), (0, ""))
