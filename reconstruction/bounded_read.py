@@ -32,6 +32,10 @@ _NPZ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What NumPy writes; the others unpack a small block into gigabytes at once."""
 
 
+_ZIP_END = 22
+"""Bytes of a zip archive's last record, before its comment."""
+
+
 class UnreadableFileError(ValueError):
     """A file is absent, damaged, lies about its size, or is larger than allowed; the message names the reason."""
 
@@ -195,11 +199,21 @@ def _fill(stream: BinaryIO, room: NDArray[np.uint8]) -> None:
 
 
 def _find_members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
-    return {
-        info.filename.removesuffix(".npy"): info
-        for info in archive.infolist()
-        if info.filename.endswith(".npy")
-    }
+    """Return the arrays of an archive; refuse one whose directory is not whole, as arrays would vanish from it."""
+    found = archive.infolist()
+    if _count_members(archive) != min(len(found), 0xFFFF):
+        raise UnreadableFileError(f"counts {_count_members(archive)} arrays, but names {len(found)}")
+    odd = [info.filename for info in found if not info.filename.endswith(".npy")]
+    if odd:
+        raise UnreadableFileError(f"holds {', '.join(odd)}, which is no .npy")
+    return {info.filename.removesuffix(".npy"): info for info in found}
+
+
+def _count_members(archive: zipfile.ZipFile) -> int:
+    """Return the number of members in the last record of an archive, which zipfile does not compare."""
+    assert archive.fp is not None
+    archive.fp.seek(-_ZIP_END - len(archive.comment), os.SEEK_END)
+    return int.from_bytes(archive.fp.read(_ZIP_END)[10:12], "little")
 
 
 def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray:

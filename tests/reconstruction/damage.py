@@ -8,8 +8,10 @@ import numpy as np
 
 
 def flip_bits(content: bytes, number: int) -> Iterator[bytes]:
-    """Yield copies with one flipped bit each, spread evenly over the content."""
-    for bit in np.linspace(0, 8 * len(content) - 1, number, dtype=int):
+    """Yield copies with one flipped bit each: half spread evenly, half in the directory at an archive's end."""
+    last, directory = 8 * len(content) - 1, 8 * max(len(content) - 300, 0)
+    spread = np.linspace(0, last, number // 2, dtype=int)
+    for bit in (*spread, *np.linspace(directory, last, number - number // 2, dtype=int)):
         damaged = bytearray(content)
         damaged[bit // 8] ^= 1 << (bit % 8)
         yield bytes(damaged)

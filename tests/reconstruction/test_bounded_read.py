@@ -108,6 +108,7 @@ LIES = {
     "packed by bzip2": make_npz(zipfile.ZIP_BZIP2, a=make_npy((8,), "<f8", BODY)),
     "packed by lzma": make_npz(zipfile.ZIP_LZMA, a=make_npy((8,), "<f8", BODY)),
     "understated size": understate_size(pack(a=np.zeros(MEGABYTE))),
+    "a name that is no array's": make_npz(a=make_npy((8,), "<f8", BODY)).replace(b"a.npy", b"a.npx"),
     "no archive": b"PK\x03\x04" + bytes(200),
     "empty": b"",
 }
