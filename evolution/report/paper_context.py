@@ -65,7 +65,7 @@ class PaperContext:
         try:
             return read_npz(path, ("positions",))["positions"]
         except UnreadableFileError as error:
-            raise RunError(f"{path} {error}; remove {self.folder} and make the paper again") from error
+            raise RunError(f"{path}: {error}; remove {self.folder} and make the paper again") from error
 
     @cached_property
     def truth(self) -> trimesh.Trimesh:
