@@ -5,7 +5,6 @@ container reveal damage.
 """
 
 import io
-import zipfile
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from evolution.errors import RunError
 from evolution.trials import Outcome
+from reconstruction.bounded_read import read_npz
 
 FORMAT = "symbrion run 2"
 SAMPLE, AGAIN, VALIDATION = 0, 1, 2
@@ -156,18 +156,22 @@ class Record:
             RunError: damaged, of another format, or holding objects instead of numbers.
         """
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-                if str(arrays["format"]) != FORMAT:
-                    raise RunError(
-                        f"{source} has format {str(arrays['format'])!r}, not {FORMAT!r}: go on with the release "
-                        "that began it, or start anew in another folder"
-                    )
-                digest, history = str(arrays["digest"]), arrays["history"]
-                columns = {
-                    name.removeprefix("entry_"): arrays[name] for name in arrays if name.startswith("entry_")
-                }
-            return cls._from_arrays(history, columns), digest
-        except (KeyError, ValueError, TypeError, EOFError, OSError, IndexError, zipfile.BadZipFile) as error:
+            arrays = read_npz(io.BytesIO(content))
+            found = str(arrays["format"])
+            if found != FORMAT:
+                raise RunError(
+                    f"{source} has format {found!r}, not {FORMAT!r}: go on with the release "
+                    "that began it, or start anew in another folder"
+                )
+            columns = {
+                name.removeprefix("entry_"): column
+                for name, column in arrays.items()
+                if name.startswith("entry_")
+            }
+            return cls._from_arrays(arrays["history"], columns), str(arrays["digest"])
+        except RunError:
+            raise
+        except Exception as error:  # a damaged or foreign file can be wrong in any way
             raise RunError(
                 f"{source} is damaged or not a record of a run ({error}); restore it from a copy, "
                 "or start anew in another folder"

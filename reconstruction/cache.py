@@ -1,6 +1,9 @@
 """The user's cache folder: compiled networks and decomposed arenas survive there between processes."""
 
+import functools
+import logging
 import os
+import stat
 import tempfile
 from pathlib import Path
 
@@ -8,12 +11,14 @@ import platformdirs
 
 CACHE_VARIABLE = "SYMBRION_CACHE"
 
+_LOG = logging.getLogger(__name__)
+
 
 def find_cache_folder(name: str) -> Path:
     """Return a writable cache folder, made if need be.
 
     `SYMBRION_CACHE` names another place than the platform's own. Where neither can be written
-    (a read-only home), a folder in the system's temporary directory serves.
+    (a read-only home), a folder in the system's temporary directory serves, if it is the user's alone.
 
     Args:
         name: the kind of things kept, one folder each.
@@ -25,6 +30,40 @@ def find_cache_folder(name: str) -> Path:
             return wanted
     except OSError:
         pass
-    fallback = Path(tempfile.gettempdir()) / f"symbrion-gym-{os.getuid()}" / name
-    fallback.mkdir(parents=True, exist_ok=True, mode=0o700)
+    fallback = _find_temporary_folder() / name
+    fallback.mkdir(exist_ok=True, mode=0o700)
     return fallback
+
+
+def _find_temporary_folder() -> Path:
+    """Return the user's own folder in the shared temporary one, or a fresh private one where it is not theirs."""
+    user = os.getuid() if hasattr(os, "getuid") else "user"  # Windows: the temporary folder is the user's own
+    folder = Path(tempfile.gettempdir()) / f"symbrion-gym-{user}"
+    try:
+        folder.mkdir(mode=0o700)
+    except FileExistsError:
+        if not _is_private(folder):
+            return _make_private_folder(folder)
+    return folder
+
+
+def _is_private(folder: Path) -> bool:
+    """Whether a folder is the user's own, no link, and nobody else may write into it."""
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode):
+        return False
+    return not hasattr(os, "getuid") or (found.st_uid == os.getuid() and not found.st_mode & 0o022)
+
+
+@functools.cache
+def _make_private_folder(refused: Path) -> Path:
+    """Return a fresh folder for this process, and tell why."""
+    folder = Path(tempfile.mkdtemp(prefix="symbrion-gym-"))
+    _LOG.warning(
+        "%s is not this user's alone, nothing is read from it; what is made is kept in %s. Remove it, or "
+        "set %s to a folder of yours",
+        refused,
+        folder,
+        CACHE_VARIABLE,
+    )
+    return folder

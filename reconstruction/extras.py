@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
-    "scan": ("pypcd4", "small_gicp"),
+    "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""

@@ -6,7 +6,6 @@ import dataclasses
 import importlib
 import json
 import os
-import zipfile
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reconstruction.bounded_read import MAX_BYTES, read_npz
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks.compilation import keep_compiled_programs
 from reconstruction.networks.passages import check_origins, check_scale
@@ -160,21 +160,25 @@ class Reconstruction:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> Reconstruction:
+    def load(cls, path: str | os.PathLike, max_bytes: float = MAX_BYTES) -> Reconstruction:
         """Read what `save` wrote.
+
+        Args:
+            path: .npz.
+            max_bytes: the most that the file may hold once unpacked.
 
         Raises:
             ReconstructionError: no such file, not such a file, or of a newer version.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
+            arrays = read_npz(path, max_bytes=max_bytes)
             header = json.loads(str(arrays.pop("header")))
-        except (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+            is_known = header["format"] == FORMAT and header["version"] <= VERSION
+        except Exception as error:  # a stranger's file can be wrong in any way
             raise ReconstructionError(f"{path} is not a saved reconstruction: {error}") from error
-        if header.get("format") != FORMAT or header.get("version", VERSION + 1) > VERSION:
+        if not is_known:
             raise ReconstructionError(
-                f"{path} is {header.get('format')!r} of version {header.get('version')}; "
+                f"{path} is {header['format']!r} of version {header['version']}; "
                 f"this program reads {FORMAT!r} up to version {VERSION}"
             )
         try:
@@ -182,8 +186,12 @@ class Reconstruction:
             config = _make_config(config_type, header["config"])
             state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
             return cls(header["method"], config, state, arrays["points"], arrays.get("viewpoint"))
-        except (KeyError, TypeError) as error:
-            raise ReconstructionError(f"{path} lacks {error}; was it written by another version?") from error
+        except ReconstructionError as error:
+            raise ReconstructionError(f"{path}: {error}") from error
+        except Exception as error:
+            raise ReconstructionError(
+                f"{path} is no whole reconstruction ({error!r}); was it written by another version?"
+            ) from error
 
 
 def _find_method(method: str) -> tuple[ModuleType, Any]:

@@ -15,7 +15,6 @@ import reconstruction.extras
 from evolution import __main__ as start
 from evolution.cli import run
 from reconstruction.extras import EXTRAS, MissingExtraError, require_extras
-from reconstruction.scans.pcd import read_pcd
 
 ROOT = Path(__file__).parents[1]
 MODULES = [module for modules in EXTRAS.values() for module in modules]
@@ -117,8 +116,6 @@ def test_a_library_call_says_which_extra_it_lacks() -> None:
 
     with pytest.raises(MissingExtraError, match="a survey needs the extra 'scan'"):
         sg.survey("truth")
-    with pytest.raises(MissingExtraError, match=r"reading a \.pcd file needs the extra 'scan'"):
-        read_pcd(b"")
 
 
 def run_road(python: Path | str, program: str, folder: Path, **variables: str) -> None:

@@ -1,7 +1,6 @@
 """`symbrion reconstruct`: turn points or a scan log into a surface."""
 
 import dataclasses
-import zipfile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,6 +10,7 @@ import tyro
 import reconstruction as rc
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
+from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
 from reconstruction.whole_file import write_whole
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -40,6 +40,8 @@ class Reconstruct(SeededCommand):
     """Keep the points in this box alone: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
     thin: float | None = None
     """Keep one point in each cube of this edge [m]; scan logs are thinned to 0.015 unless told otherwise."""
+    max_gigabytes: float = MAX_BYTES / 1e9
+    """Most that SCAN may hold once unpacked [GB of 10^9 bytes], and its points in memory, 24 bytes each."""
     raw: bool = False
     """Take the points as they are: no levelling, smoothing or filtering."""
 
@@ -49,6 +51,8 @@ class Reconstruct(SeededCommand):
         require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
         if self.units < MINIMUM_UNITS:
             raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
+        if not self.max_gigabytes > 0:
+            raise UsageError(f"--max-gigabytes {self.max_gigabytes} is no limit; give a number above 0")
         if self.thin is not None and not self.thin > 0:
             raise UsageError(f"--thin {self.thin} is no edge length; give metres above 0")
         if self.crop is not None and not all(
@@ -80,11 +84,12 @@ class Reconstruct(SeededCommand):
         return {"mesh": self.out, "points": len(points), "seconds": step.seconds, "quality": quality}
 
     def _read_points(self) -> np.ndarray:
-        source = rc.load_scan_log(self.source) if is_scan_log(self.source) else self.source
+        max_bytes = 1e9 * self.max_gigabytes
+        source = rc.load_scan_log(self.source, max_bytes) if is_scan_log(self.source) else self.source
         if isinstance(source, rc.ScanLog):
             points = source.points() if self.raw else rc.preprocess(source)
         else:
-            points = rc.load_points(source, unit=self.unit)
+            points = rc.load_points(source, self.unit, max_bytes)
             points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
@@ -98,10 +103,10 @@ def is_scan_log(path: Path) -> bool:
     """Tell whether a file holds scans with their poses, rather than points."""
     if path.suffix == ".3d":
         return True
-    if path.suffix != ".npz" or not zipfile.is_zipfile(path):
+    try:
+        return path.suffix == ".npz" and "ranges" in find_npz_names(path)
+    except UnreadableFileError:
         return False
-    with zipfile.ZipFile(path) as archive:
-        return "ranges.npy" in archive.namelist()
 
 
 def export_mesh(mesh: Any, path: Path) -> None:

@@ -13,11 +13,13 @@ from matplotlib.figure import Figure
 
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution.errors import RunError
 from evolution.paper.cloud import CLOUD, LOG
 from evolution.paper.config import QUICK, PaperConfig
 from evolution.report.page import Page
 from evolution.report.paper_tables import Table
 from evolution.report.pictures import to_png, to_svg
+from reconstruction.bounded_read import UnreadableFileError, read_npz
 from reconstruction.whole_file import write_whole
 
 
@@ -52,6 +54,18 @@ class PaperContext:
     def points(self) -> np.ndarray:
         """The pre-processed cloud, `[N, 3]` [m]."""
         return rc.load_points(self.folder / CLOUD)
+
+    def load_positions(self, film: str) -> np.ndarray:
+        """Return where the modules were through a film.
+
+        Raises:
+            RunError: the file is absent or damaged.
+        """
+        path = self.folder / "films" / f"{film}.npz"
+        try:
+            return read_npz(path, ("positions",))["positions"]
+        except UnreadableFileError as error:
+            raise RunError(f"{path}: {error}; remove {self.folder} and make the paper again") from error
 
     @cached_property
     def truth(self) -> trimesh.Trimesh:

@@ -107,7 +107,7 @@ def _add_film(context: PaperContext, name: str, text: str, film: Mapping[str, An
         context.page.add_video(film_file, context.sign(f"{text}; five times faster than real."))
     else:
         told += " There is no video: this machine has no OpenGL."
-    positions = np.load(folder / f"{name}.npz")["positions"]
+    positions = context.load_positions(name)
     moments_text = (
         "Side view of the same trial: the body at seven moments, from violet (early) to yellow (late)."
     )

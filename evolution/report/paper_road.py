@@ -17,7 +17,7 @@ MARGIN = 0.35
 def add_scene(context: PaperContext) -> None:
     """Add the interactive scene: cloud, surface, pieces, truth, and the champion's path."""
     arena = load_arena(context.folder, "gsrm")
-    positions = np.load(context.folder / "films" / "champion.npz")["positions"]
+    positions = context.load_positions("champion")
     scene = Scene()
     scene.add_points("cloud", context.points, is_shown=False)
     scene.add_surface("surface (GSRM)", arena.surface, "#b9cbe0")

@@ -2,106 +2,141 @@
 
 from __future__ import annotations
 
-import io
-import struct
+import itertools
+from typing import NamedTuple
 
 import numpy as np
 
+from reconstruction.bounded_read import BoundedFile, check_size
 from reconstruction.errors import ScanError
-from reconstruction.extras import require_extras
+from reconstruction.scans.point_rows import (
+    make_room,
+    parse_count,
+    read_header_line,
+    read_lines,
+    read_records,
+    read_text_rows,
+)
 from reconstruction.scans.scan import Array
 
+_NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
+_TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 4, 8))}
 
-def read_pcd(data: bytes) -> Array:
+
+class _Header(NamedTuple):
+    """What a header says.
+
+    Attributes:
+        count: number of points.
+        num_columns: values of one point.
+        num_bytes: bytes of one point.
+        columns: of x, y, z among the values.
+        offsets: of x, y, z in a point [bytes].
+        types: of x, y, z.
+        data: ascii, binary or binary_compressed.
+    """
+
+    count: int
+    num_columns: int
+    num_bytes: int
+    columns: list[int]
+    offsets: list[int]
+    types: list[str]
+    data: str
+
+
+def read_pcd(file: BoundedFile) -> Array:
     """Read x, y, z; the header is checked against the data before anything is allocated."""
-    require_extras("reading a .pcd file", "scan")
-    from pypcd4.pypcd4 import PointCloud  # slow to import, and rarely needed
-
-    header, body = _split(data)
-    count, row = _check_header(header, body)
-    if header["DATA"][0] == "ascii":
-        return _read_ascii(header, body, count)
-    if header["DATA"][0] == "binary" and len(body) < count * row:
-        raise ScanError(
-            f"the .pcd header promises {count} points of {row} bytes, but only {len(body)} bytes follow"
-        )
-    if header["DATA"][0] == "binary_compressed":
-        _check_compressed(body, count * row)
-    try:
-        points = PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(data))).numpy(("x", "y", "z"))  # type: ignore[arg-type]
-    except (RuntimeError, struct.error, AttributeError) as error:
-        raise ScanError(f"not a readable .pcd file: {error}") from error
-    if len(points) != count:
-        raise ScanError(f"the .pcd header promises {count} points, the data hold {len(points)}")
-    return points.astype(np.float64)
+    header = _read_header(file)
+    if header.data == "ascii":
+        return _read_ascii(file, header)
+    if header.data == "binary_compressed":
+        return _read_compressed(file, header)
+    record = np.dtype(
+        {
+            "names": list("xyz"),
+            "formats": header.types,
+            "offsets": header.offsets,
+            "itemsize": min(header.num_bytes, np.iinfo(np.int32).max),
+        }
+    )
+    return read_records(file, record, header.count)
 
 
-def _split(data: bytes) -> tuple[dict[str, list[str]], bytes]:
-    at = data.find(b"\nDATA ")
-    end = data.find(b"\n", at + 1)
-    if at < 0 or end < 0:
-        raise ScanError("the .pcd file has no line DATA followed by data")
-    try:
-        lines = data[:end].decode("ascii").splitlines()
-    except UnicodeDecodeError as error:
-        raise ScanError(f"the .pcd header is not text: {error}") from error
-    words = [line.split() for line in lines if line.strip() and not line.startswith("#")]
-    return {line[0].upper(): line[1:] for line in words}, data[end + 1 :]
-
-
-def _check_header(header: dict[str, list[str]], body: bytes) -> tuple[int, int]:
-    """Return the number of points and the bytes of one."""
-    missing = [
-        name
-        for name in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
-        if not header.get(name)
-    ]
+def _read_header(file: BoundedFile) -> _Header:
+    words: dict[str, list[str]] = {}
+    while "DATA" not in words:
+        line = read_header_line(file)
+        if line and not line.startswith("#"):
+            words[line.split()[0].upper()] = line.split()[1:]
+    missing = [name for name in _NEEDED if not words.get(name)]
     if missing:
         raise ScanError(f"the .pcd header lacks {', '.join(missing)}")
-    fields = header["FIELDS"]
-    counts = header.get("COUNT", ["1"] * len(fields))
-    try:
-        width, height, points = (int(header[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
-        sizes, repeats = [int(v) for v in header["SIZE"]], [int(v) for v in counts]
-    except ValueError as error:
-        raise ScanError(f"the .pcd header has text where a number belongs: {error}") from error
-    if not len(fields) == len(sizes) == len(repeats) == len(header["TYPE"]):
+    return _check_header(words)
+
+
+def _check_header(words: dict[str, list[str]]) -> _Header:
+    fields, kinds, data = words["FIELDS"], words["TYPE"], words["DATA"][0]
+    sizes = [parse_count(word) for word in words["SIZE"]]
+    repeats = [parse_count(word) for word in words.get("COUNT", ["1"] * len(fields))]
+    width, height, count = (parse_count(words[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+    if not len(fields) == len(sizes) == len(repeats) == len(kinds):
         raise ScanError("FIELDS, SIZE, TYPE and COUNT of the .pcd header have different lengths")
-    if not {"x", "y", "z"} <= set(fields):
-        raise ScanError(f"the .pcd file has the fields {' '.join(fields)}, x y z are needed")
-    if width * height != points or points < 0:
-        raise ScanError(f"the .pcd header lies: width {width} x height {height} is not {points} points")
-    known = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 4, 8))}
-    if any(pair not in known for pair in zip(header["TYPE"], sizes, strict=True)) or min(repeats) < 1:
+    if width * height != count:
+        raise ScanError(f"the .pcd header lies: width {width} x height {height} is not {count} points")
+    if not _TYPES.issuperset(zip(kinds, sizes, strict=True)) or min(repeats) < 1:
         raise ScanError("the .pcd header has a field of unknown type or size")
-    if header["DATA"][0] not in ("ascii", "binary", "binary_compressed"):
+    places = [fields.index(name) for name in "xyz" if name in fields]
+    if len(places) != 3 or any(repeats[place] != 1 for place in places):
+        raise ScanError(f"the .pcd file has the fields {' '.join(fields)}, single x y z are needed")
+    if data not in ("ascii", "binary", "binary_compressed"):
+        raise ScanError(f"the .pcd file has DATA {data}; ascii, binary, binary_compressed are known")
+    columns = [0, *itertools.accumulate(repeats)]
+    offsets = [0, *itertools.accumulate(size * repeat for size, repeat in zip(sizes, repeats, strict=True))]
+    return _Header(
+        count,
+        columns[-1],
+        offsets[-1],
+        [columns[place] for place in places],
+        [offsets[place] for place in places],
+        [f"<{kinds[place].lower()}{sizes[place]}" for place in places],
+        data,
+    )
+
+
+def _read_ascii(file: BoundedFile, header: _Header) -> Array:
+    if header.count * header.num_columns * 2 > file.num_left + 1:  # a digit and a blank each
         raise ScanError(
-            f"the .pcd file has DATA {header['DATA'][0]}; ascii, binary, binary_compressed are known"
+            f"the .pcd header promises {header.count} points of {header.num_columns} numbers "
+            f"in {file.num_left} bytes"
         )
-    return points, sum(size * repeat for size, repeat in zip(sizes, repeats, strict=True))
-
-
-def _read_ascii(header: dict[str, list[str]], body: bytes, count: int) -> Array:
-    repeats = [int(v) for v in header.get("COUNT", ["1"] * len(header["FIELDS"]))]
-    starts = np.cumsum([0, *repeats])
-    columns = [int(starts[header["FIELDS"].index(name)]) for name in "xyz"]
-    if count * 2 * max(columns) > len(body):
-        raise ScanError(f"the .pcd header promises {count} points in {len(body)} bytes")
-    try:
-        points = np.loadtxt(io.BytesIO(body), usecols=columns, ndmin=2)
-    except ValueError as error:
-        raise ScanError(f"the .pcd file holds other things than numbers: {error}") from error
-    if len(points) != count:
-        raise ScanError(f"the .pcd header promises {count} points, the data hold {len(points)}")
+    lines = read_lines(file)
+    first = next(lines, "")
+    if len(first.split()) != header.num_columns:
+        raise ScanError(
+            f"the .pcd header promises {header.num_columns} numbers a point, the first has {len(first.split())}"
+        )
+    points = read_text_rows(file, itertools.chain([first], lines), header.columns)
+    if len(points) != header.count:
+        raise ScanError(f"the .pcd header promises {header.count} points, the data hold {len(points)}")
     return points
 
 
-def _check_compressed(body: bytes, size: int) -> None:
-    if len(body) < 8:
-        raise ScanError("the .pcd file ends before its compressed data")
-    packed, unpacked = struct.unpack("<II", body[:8])
-    if unpacked != size or packed > len(body) - 8:
+def _read_compressed(file: BoundedFile, header: _Header) -> Array:
+    import lzf  # C, and rarely needed
+
+    num_packed, num_unpacked = np.frombuffer(file.read_exactly(8), "<u4").tolist()
+    if num_unpacked != header.count * header.num_bytes:
         raise ScanError(
-            f"the .pcd file promises {size} bytes from {packed} compressed ones;"
-            f" it says {unpacked} and holds {len(body) - 8}"
+            f"the .pcd header promises {header.count} points of {header.num_bytes} bytes, "
+            f"the compressed data {num_unpacked} bytes"
         )
+    check_size(num_unpacked, file.max_bytes)
+    unpacked = lzf.decompress(file.read_exactly(num_packed), num_unpacked)
+    if unpacked is None or len(unpacked) != num_unpacked:
+        raise ScanError(f"the compressed data of the .pcd file do not unpack to {num_unpacked} bytes")
+    points = make_room(file, header.count)
+    for axis in range(3):  # first all values of one field, then all of the next
+        start = header.offsets[axis] * header.count
+        points[:, axis] = np.frombuffer(unpacked, header.types[axis], header.count, start)
+    return points

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, read_npz
 from reconstruction.errors import ScanError
 from reconstruction.whole_file import write_whole
 
@@ -181,8 +182,12 @@ class ScanLog:
         return write_npz(path, arrays)
 
 
-def load_scan_log(path: str | os.PathLike[str]) -> ScanLog:
+def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> ScanLog:
     """Read a log that `ScanLog.save` wrote, or a raw one in the 3DTK form (`scan000.3d` with `scan000.pose`).
+
+    Args:
+        path: .npz or .3d.
+        max_bytes: the most that the file may hold once unpacked.
 
     Raises:
         ScanError: naming the file and the reason.
@@ -191,8 +196,11 @@ def load_scan_log(path: str | os.PathLike[str]) -> ScanLog:
     if path.suffix == ".3d":
         from reconstruction.scans.scan_3dtk import load_3dtk
 
-        return load_3dtk(path)
-    arrays = read_npz(path)
+        return load_3dtk(path, max_bytes=max_bytes)
+    try:
+        arrays = read_npz(path, max_bytes=max_bytes)
+    except UnreadableFileError as error:
+        raise ScanError(f"{path}: {error}") from error
     try:
         parts = {}
         for name, kind in (("horizontal", HorizontalScans), ("truth", ScanTruth)):
@@ -228,19 +236,6 @@ def write_npz(path: str | os.PathLike[str], arrays: dict[str, ArrayLike]) -> Pat
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error
     return path
-
-
-def read_npz(path: Path) -> dict[str, NDArray]:
-    """Read all arrays of an .npz; refuses pickled objects."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise ScanError(f"{path}: one bare array, not an .npz of named ones")
-            return {name: file[name] for name in file.files}
-    except ScanError:
-        raise
-    except Exception as error:  # numpy's reader raises every kind of error on broken bytes
-        raise ScanError(f"{path}: cannot be read as .npz: {error}") from error
 
 
 def _as_floats(name: str, value: ArrayLike, num_axes: int) -> Array:

@@ -11,12 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, open_bounded
 from reconstruction.errors import ScanError
 from reconstruction.scans.scan import Array, ScanLog
 from reconstruction.scans.text_points import read_text
 
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows: ahead, left and up in 3DTK's coordinates."""
+_MAX_POSE = 10_000
+"""Bytes that a .pose may have: it is six numbers."""
 
 
 def to_right_handed(points: ArrayLike) -> Array:
@@ -24,22 +27,23 @@ def to_right_handed(points: ArrayLike) -> Array:
     return np.asarray(points, float) @ _AXES.T / 100.0
 
 
-def load_3dtk(path: Path, min_range: float = 0.2, max_range: float = 32.0) -> ScanLog:
+def load_3dtk(
+    path: Path, min_range: float = 0.2, max_range: float = 32.0, max_bytes: float = MAX_BYTES
+) -> ScanLog:
     """Read a tilting planar scanner's raw scan as a log: one scan a sweep.
 
     Beams nearer than `min_range` hit the robot itself, beams beyond `max_range` did not return [m]; both
-    become nan.
+    become nan. The points may take `max_bytes`.
 
     Raises:
         ScanError: a file is absent or broken, or the points are not ordered in sweeps of equal length.
     """
     try:
-        points = read_text(path.read_bytes())
-        pose = _read_pose(path.with_suffix(".pose"))
-    except OSError as error:
-        raise ScanError(f"{path}: cannot be read: {error}") from error
-    except ScanError as error:
+        with open_bounded(path, max_bytes) as file:
+            points = read_text(file)
+    except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
+    pose = _read_pose(path.with_suffix(".pose"))
     num_beams = _count_beams(path, points)
     sweeps = to_right_handed(points).reshape(-1, num_beams, 3)
     ranges = np.linalg.norm(sweeps, axis=2)
@@ -76,13 +80,13 @@ def _count_beams(path: Path, points: Array) -> int:
 
 def _read_pose(path: Path) -> Array:
     """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose of ours."""
-    words = path.read_text(encoding="utf-8", errors="replace").split()
     try:
-        values = np.array(words, dtype=float)
+        with open_bounded(path, _MAX_POSE) as file:
+            values = np.array(file.read_exactly(file.size).split(), dtype=float)
     except ValueError as error:
-        raise ScanError(f"{path.name}: {error}") from error
+        raise ScanError(f"{path}: {error}") from error
     if values.shape != (6,) or not np.isfinite(values).all():
-        raise ScanError(f"{path.name}: needs 6 finite numbers (position, angles), has {len(words)}")
+        raise ScanError(f"{path}: needs 6 finite numbers (position, angles), has {len(values)}")
     (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(values[3:])), np.sin(np.radians(values[3:]))
     turn_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
     turn_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])

@@ -7,7 +7,6 @@ import json
 import logging
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -16,13 +15,14 @@ import numpy as np
 import trimesh
 from filelock import FileLock
 
+from reconstruction.bounded_read import read_npz
 from reconstruction.cache import find_cache_folder
 from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
 from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.quality import ArenaQuality
 
-_FORMAT = 6
-"""Raised whenever the way pieces are made changes: old entries are then left alone."""
+_FORMAT = 7
+"""Raised whenever the way pieces are made or kept changes: old entries are then left alone."""
 _LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
@@ -95,25 +95,39 @@ def write_entry(path: Path, contact: Contact) -> None:
     }
     if contact.height_field is not None:
         arrays |= {f"field_{name}": value for name, value in contact.height_field._asdict().items()}
+    arrays["digest"] = np.array(_hash_arrays(arrays))
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
         np.savez_compressed(file, **arrays)
     os.replace(file.name, path)
 
 
 def read_entry(path: Path) -> Contact | None:
-    """Return an entry; None where there is none, or none that can be read."""
+    """Return an entry; None where there is none, or a damaged one, which a warning tells."""
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            vertices = np.split(arrays["vertices"], np.cumsum(arrays["num_vertices"]))[:-1]
-            faces = np.split(arrays["faces"], np.cumsum(arrays["num_faces"]))[:-1]
-            about = json.loads(str(arrays["about"]))
-            height_field = None
-            if "field_heights" in arrays:
-                height_field = HeightField(*(arrays[f"field_{name}"] for name in HeightField._fields))
+        arrays = read_npz(path)
+        digest = str(arrays.pop("digest"))
+        if digest != _hash_arrays(arrays):
+            raise ValueError("its content is not what was written")
+        vertices = np.split(arrays["vertices"], np.cumsum(arrays["num_vertices"]))[:-1]
+        faces = np.split(arrays["faces"], np.cumsum(arrays["num_faces"]))[:-1]
+        about = json.loads(str(arrays["about"]))
+        height_field = None
+        if "field_heights" in arrays:
+            height_field = HeightField(*(arrays[f"field_{name}"] for name in HeightField._fields))
         pieces = [trimesh.Trimesh(v, f, process=False) for v, f in zip(vertices, faces, strict=True)]
         return Contact(pieces, ArenaQuality.from_dict(about["quality"]), height_field, about["notes"])
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        _logger.warning("the cache entry %s cannot be read (%s); it is made again", path, error)
+    except Exception as error:  # whatever is wrong with an entry, it can be made again
+        _logger.warning("the cache entry %s cannot be used (%s); it is made again", path, error)
         return None
+
+
+def _hash_arrays(arrays: dict[str, np.ndarray]) -> str:
+    """Return a digest of names, types, shapes and values."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        digest.update(repr((name, array.dtype.str, array.shape)).encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

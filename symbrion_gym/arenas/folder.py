@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
+from reconstruction.bounded_read import read_npz
 from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.course import make_course
 from symbrion_gym.arenas.quality import ArenaQuality
@@ -68,8 +69,8 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
             raise ArenaError(f"{about_path}: written by a newer version (format {about['format']})")
         height_field = None
         if (folder / "height_field.npz").is_file():
-            with np.load(folder / "height_field.npz", allow_pickle=False) as arrays:
-                height_field = HeightField(*(arrays[name] for name in HeightField._fields))
+            arrays = read_npz(folder / "height_field.npz", HeightField._fields)
+            height_field = HeightField(*(arrays[name] for name in HeightField._fields))
         return {
             "name": about["name"],
             "kind": about["kind"],

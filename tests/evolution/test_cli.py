@@ -31,6 +31,19 @@ def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> s
     return lines[0]
 
 
+def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["reconstruct", str(cloud), "--raw", "--units", "100", "--out", str(tmp_path / "a.ply")]
+    line = refuse([*words, "--max-gigabytes", "0.00005"], 1, capsys)
+    assert "sheet.xyz" in line
+    assert "limit of 5e-05 GB" in line
+    assert "--max-gigabytes" in line
+    assert "no limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
+    assert not (tmp_path / "a.ply").exists()
+    assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([name, "--help"]) == 0

@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import toys
+from damage import flip_bits
 
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.errors import RunError
+from evolution.record import Record
 from evolution.run import RunFolder, format_history, load_champion
 from evolution.stages import Stage
 
@@ -133,6 +135,38 @@ def test_a_damaged_or_foreign_record_is_a_clear_error(folder, damage):
     with pytest.raises(RunError, match=r"record\.npz"):
         resume(folder, simulate=toys.bowl)
     assert path.read_bytes() == damaged
+
+
+def test_a_flipped_bit_gives_the_same_record_or_a_clear_error(folder):
+    content = (folder / "record.npz").read_bytes()
+    record, digest = Record.from_bytes(content, "record.npz")
+    refused = []
+    for damaged in flip_bits(content, 600):
+        try:
+            found, found_digest = Record.from_bytes(damaged, "record.npz")
+        except RunError as error:
+            refused.append(str(error))
+            continue
+        assert found_digest == digest
+        np.testing.assert_array_equal(found.history, record.history)
+        assert found.to_bytes(digest) == record.to_bytes(digest)
+    assert len(refused) > 300
+    assert all("record.npz" in message for message in refused)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("kind", np.array(np.inf)), ("kind", np.array([np.inf])), ("index", np.array(["one"])), ("error", None)],
+)
+def test_a_record_with_other_columns_is_a_clear_error(folder, name, values):
+    with np.load(folder / "record.npz") as file:
+        arrays = dict(file)
+    num_entries = len(arrays["entry_kind"])
+    arrays[f"entry_{name}"] = np.resize(values, num_entries) if np.ndim(values) else np.array(values, float)
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    with pytest.raises(RunError, match=r"record\.npz"):
+        Record.from_bytes(buffer.getvalue(), "record.npz")
 
 
 @pytest.mark.parametrize(

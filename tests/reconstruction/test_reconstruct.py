@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from damage import flip_bits
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.reconstruct import Reconstruction, reconstruct
@@ -163,6 +164,47 @@ def test_progress_runs_from_start_to_end(ground):
     reconstruct(make_ground(), ground.method, units=150, progress=lambda what, share: told.append(share))
     np.testing.assert_allclose(told, sorted(told), atol=1e-9)
     assert told[-1] == 1.0
+
+
+def test_a_flipped_bit_gives_the_same_surface_or_the_error(tmp_path):
+    surface = reconstruct(make_ground(), "gg", units=150)
+    path = tmp_path / "a.npz"
+    surface.save(path)
+    refused = []
+    for damaged in flip_bits(path.read_bytes(), 200):
+        path.write_bytes(damaged)
+        try:
+            loaded = Reconstruction.load(path)
+        except ReconstructionError as error:
+            refused.append(str(error))
+        else:
+            np.testing.assert_array_equal(loaded.mesh.triangles, surface.mesh.triangles)
+    assert len(refused) > 100
+    assert all(str(path) in message for message in refused)
+
+
+def test_a_surface_stops_at_the_limit(ground, tmp_path):
+    ground.save(tmp_path / "a.npz")
+    with pytest.raises(ReconstructionError, match=r"a\.npz.*limit"):
+        Reconstruction.load(tmp_path / "a.npz", max_bytes=1000)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "[" * 100_000,
+        "[]",
+        "{}",
+        '{"format": 7, "version": 1}',
+        '{"format": "symbrion reconstruction", "version": "one"}',
+        '{"format": "symbrion reconstruction", "version": 1, "method": "gg", "config": {"units": 150}}',
+        '{"format": "symbrion reconstruction", "version": 1, "method": ["gg"], "config": 3}',
+    ],
+)
+def test_a_foreign_header_is_refused(tmp_path, header):
+    np.savez(tmp_path / "a.npz", header=np.array(header))
+    with pytest.raises(ReconstructionError, match=r"a\.npz"):
+        Reconstruction.load(tmp_path / "a.npz")
 
 
 def test_what_is_no_saved_reconstruction_is_refused(tmp_path):

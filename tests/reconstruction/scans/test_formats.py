@@ -125,6 +125,14 @@ BROKEN = {
     "sizes.pcd": pcd("binary").replace(b"SIZE 4 4 4", b"SIZE 4 4"),
     "fields.pcd": pcd("binary").replace(b"FIELDS x y z", b"FIELDS u v w"),
     "encoding.pcd": pcd("binary").replace(b"DATA binary", b"DATA morse"),
+    "count.pcd": pcd("ascii").replace(b"COUNT 1 1 1", b"COUNT 1 1 1000000000"),
+    "more_columns.pcd": pcd("ascii").replace(b"COUNT 1 1 1", b"COUNT 1 1 2"),
+    "large_record.pcd": pcd("binary").replace(b"COUNT 1 1 1", b"COUNT 1 1 1000000000"),
+    "several_z.pcd": pcd("binary").replace(b"COUNT 1 1 1", b"COUNT 1 1 2"),
+    "large.pcd": pcd("ascii")
+    .replace(b"WIDTH 5", b"WIDTH 999999999")
+    .replace(b"POINTS 5", b"POINTS 999999999"),
+    "long_line.xyz": b"1 " * 1_000_000,
     "other.vtk": b"<VTKFile></VTKFile>",
     "cut.vtk": vtk(b"1 2 3 4 5"),
     "words.vtk": vtk(b"one two three " * 5),
@@ -279,7 +287,9 @@ def test_a_raw_scan_of_3dtk_becomes_a_log(tmp_path):
         (None, "0 0 0", "6 finite numbers"),
         (None, "0 0 0 a b c", "pose"),
         (None, None, "scan000"),
-        ("", "0 0 0 0 0 0", "no line"),
+        ("", "0 0 0 0 0 0", "is empty"),
+        ("# nothing\n", "0 0 0 0 0 0", "no line"),
+        (None, "0 " * 9000, "limit"),
     ],
 )
 def test_broken_raw_scans_are_refused(tmp_path, text, pose, reason):
@@ -302,6 +312,30 @@ def test_broken_raw_scans_are_refused(tmp_path, text, pose, reason):
 )
 def test_real_files_are_read(shared_data, name, count):
     assert load_points(shared_data / name).shape == (count, 3)
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_every_format_stops_at_the_limit(tmp_path, name):
+    """Five points take 120 bytes."""
+    path = write(tmp_path, name, GOOD[name])
+    with pytest.raises(ScanError, match=r"limit .* max_bytes= .*--max-gigabytes") as error:
+        load_points(path, max_bytes=100)
+    assert str(error.value).startswith(f"{path}: ")
+    assert len(load_points(path, max_bytes=5000)) == 5
+
+
+def test_scans_stop_at_the_limit_too(tmp_path):
+    path = write(tmp_path, "scan000.3d", make_3dtk()[1].encode())
+    write(tmp_path, "scan000.pose", b"0 0 0 0 0 0")
+    for log in (path, load_scan_log(path).save(tmp_path / "a.npz")):
+        with pytest.raises(ScanError, match=rf"{log.name}.*limit"):
+            load_scan_log(log, max_bytes=100)
+
+
+def test_broken_numbers_are_told_with_their_row(tmp_path):
+    path = write(tmp_path, "a.xyz", b"1 2 3\n" * 60_000 + b"4 five 6\n")
+    with pytest.raises(ScanError, match=r"five.*row 10000, .*counted from row 50000"):
+        load_points(path)
 
 
 def test_the_lzf_header_is_checked_before_anything_is_allocated(tmp_path):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from damage import flip_bits
 
 from reconstruction.errors import ScanError
 from reconstruction.scans.scan import (
@@ -132,6 +133,24 @@ def test_truncated_logs_are_refused(tmp_path, cut):
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(ScanError, match=r"a\.npz"):
         load_scan_log(path)
+
+
+def test_a_flipped_bit_in_a_log_gives_the_same_or_the_error(tmp_path):
+    log = make_log()
+    path = log.save(tmp_path / "a.npz")
+    refused = []
+    for damaged in flip_bits(path.read_bytes(), 300):
+        path.write_bytes(damaged)
+        try:
+            loaded = load_scan_log(path)
+        except ScanError as error:
+            refused.append(str(error))
+            continue
+        for name in ("ranges", "angles", "poses", "mount", "box"):
+            np.testing.assert_array_equal(getattr(log, name), getattr(loaded, name))
+        assert loaded.report == log.report
+    assert len(refused) > 100
+    assert all(str(path) in message for message in refused)
 
 
 def test_a_log_with_missing_parts_is_refused(tmp_path):

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from damage import flip_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -167,6 +168,23 @@ def test_damaged_and_foreign_folders_are_refused(arena, tmp_path):
     with pytest.raises(ArenaError, match="not empty"):
         arena.save(tmp_path / "b")
     assert (tmp_path / "b" / "thesis.txt").exists()
+
+
+def test_a_flipped_bit_in_a_height_field_is_an_arena_error(tmp_path):
+    mesh = make_scanned_surface(Course().profile(), num_vertices=200)
+    arena = make_arena(mesh, kind="hfield", cache=False)
+    arena.save(tmp_path)
+    path = tmp_path / "height_field.npz"
+    num_refused = 0
+    for damaged in flip_bits(path.read_bytes(), 200):
+        path.write_bytes(damaged)
+        try:
+            found = Arena.load(tmp_path).height_field
+        except ArenaError:
+            num_refused += 1
+            continue
+        assert all(map(np.array_equal, found, arena.height_field))
+    assert num_refused > 100
 
 
 def test_unknown_names_and_options_are_refused(scanned):

@@ -1,0 +1,198 @@
+"""Points out of a .ply file (Stanford polygons): ascii and binary of both byte orders; and into one.
+
+References:
+    Turk (1994), The PLY polygon file format.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+
+from reconstruction.bounded_read import BoundedFile
+from reconstruction.errors import ScanError
+from reconstruction.scans.point_rows import (
+    make_room,
+    parse_count,
+    read_header_line,
+    read_lines,
+    read_records,
+    read_text_rows,
+)
+from reconstruction.scans.scan import Array
+
+_NUMBERS = {
+    "char": "i1",
+    "short": "i2",
+    "int": "i4",
+    "int8": "i1",
+    "int16": "i2",
+    "int32": "i4",
+    "int64": "i8",
+}
+_TYPES = {
+    **_NUMBERS,
+    **{f"u{name}": f"u{kind[1]}" for name, kind in _NUMBERS.items()},
+    "float": "f4",
+    "float32": "f4",
+    "double": "f8",
+    "float64": "f8",
+}
+_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+class _Property(NamedTuple):
+    """A value of an element, or a list of values with its length before it (`length_type`)."""
+
+    name: str
+    type: str
+    length_type: str | None = None
+
+
+class _Element(NamedTuple):
+    name: str
+    count: int
+    properties: list[_Property]
+
+    @property
+    def has_lists(self) -> bool:
+        return any(one.length_type for one in self.properties)
+
+
+def read_ply(file: BoundedFile) -> Array:
+    """Read x, y, z of the element `vertex`; ascii numbers keep all their digits, whatever their type says."""
+    byte_order, elements = _read_header(file)
+    names = [element.name for element in elements]
+    if "vertex" not in names:
+        raise ScanError("the .ply file has no element vertex")
+    before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
+    missing = [name for name in "xyz" if name not in [one.name for one in vertex.properties]]
+    if missing:
+        raise ScanError(f"the vertices of the .ply file have no {', '.join(missing)}")
+    if any(one.length_type for one in vertex.properties if one.name in "xyz"):
+        raise ScanError("the coordinates in the .ply file are lists")
+    if not byte_order:
+        return _read_ascii(file, before, vertex)
+    for element in before:
+        _skip(file, element, byte_order)
+    if vertex.has_lists:
+        return _collect(file, vertex, _iterate_rows(file, vertex, byte_order))
+    names, types = zip(*((one.name, byte_order + one.type) for one in vertex.properties), strict=True)
+    return read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.count)
+
+
+def write_ply(file: BinaryIO, points: Array) -> None:
+    """Write points `[N, 3]` in double precision, little-endian."""
+    properties = "".join(f"property double {name}\n" for name in "xyz")
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{properties}end_header\n"
+    file.write(header.encode())
+    file.write(np.ascontiguousarray(points, dtype="<f8").tobytes())
+
+
+def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
+    """Return the byte order ("" for ascii) and the elements in the order of the file."""
+    if read_header_line(file) != "ply":
+        raise ScanError("no .ply file: it does not begin with 'ply'")
+    byte_order, elements = None, []
+    while (words := read_header_line(file).split()) != ["end_header"]:
+        match words:
+            case ["format", form, "1.0"] if form in _FORMATS:
+                byte_order = _FORMATS[form]
+            case ["element", name, count]:
+                elements.append(_Element(name, parse_count(count), []))
+            case ["property", "list", length_type, kind, name] if elements:
+                elements[-1].properties.append(_Property(name, _find_type(kind), _find_type(length_type)))
+            case ["property", kind, name] if elements:
+                elements[-1].properties.append(_Property(name, _find_type(kind)))
+            case [] | ["comment", *_] | ["obj_info", *_]:
+                pass
+            case _:
+                raise ScanError(f"the .ply header has the line {' '.join(words)[:60]!r}")
+    if byte_order is None:
+        raise ScanError("the .ply header has no line format")
+    return byte_order, elements
+
+
+def _find_type(name: str) -> str:
+    if name not in _TYPES:
+        raise ScanError(f"the .ply header has the type {name[:40]!r}; there are: {', '.join(_TYPES)}")
+    return _TYPES[name]
+
+
+def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> Array:
+    num_lines = sum(element.count for element in (*before, vertex) if element.properties)
+    if num_lines > file.num_lines:
+        raise ScanError(f"the .ply header promises {num_lines} rows in {file.num_lines} lines")
+    lines = (line for line in read_lines(file) if not line.isspace())
+    for element in before:
+        if element.properties:
+            next(itertools.islice(lines, element.count, element.count), None)
+    rows = itertools.islice(lines, vertex.count)
+    if vertex.has_lists:
+        points = _collect(file, vertex, _parse_rows(rows, vertex))
+    else:
+        names = [one.name for one in vertex.properties]
+        points = read_text_rows(file, rows, [names.index(name) for name in "xyz"], comments=None)
+    if len(points) != vertex.count:
+        raise ScanError(f"the .ply header promises {vertex.count} vertices, the data hold {len(points)}")
+    return points
+
+
+def _skip(file: BoundedFile, element: _Element, byte_order: str) -> None:
+    if element.has_lists:
+        for _ in _iterate_rows(file, element, byte_order):
+            pass
+        return
+    size = element.count * sum(np.dtype(one.type).itemsize for one in element.properties)
+    _skip_bytes(file, size)
+
+
+def _skip_bytes(file: BoundedFile, size: int) -> None:
+    if size > file.num_left:
+        raise ScanError(f"the .ply header promises {size} bytes where {file.num_left} are left")
+    file.stream.seek(size, 1)
+
+
+def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iterator[dict[str, float]]:
+    """Yield the single values of binary rows whose lists make each as long as it likes."""
+    for _ in range(element.count):
+        row = {}
+        for one in element.properties:
+            kind = np.dtype(byte_order + (one.length_type or one.type))
+            value = np.frombuffer(file.read_exactly(kind.itemsize), kind)[0]
+            if one.length_type is None:
+                row[one.name] = float(value)
+            elif value < 0:
+                raise ScanError(f"the .ply file has a list {one.name} of {value} values")
+            else:
+                _skip_bytes(file, int(value) * np.dtype(one.type).itemsize)
+        yield row
+
+
+def _parse_rows(lines: Iterator[str], element: _Element) -> Iterator[dict[str, float]]:
+    """Yield the single values of ascii rows with lists in them."""
+    for line in lines:
+        row, words = {}, iter(line.split())
+        try:
+            for one in element.properties:
+                value = next(words)
+                if one.length_type is None:
+                    row[one.name] = float(value)
+                else:
+                    next(itertools.islice(words, parse_count(value), parse_count(value)), None)
+        except (StopIteration, ValueError) as error:
+            raise ScanError(f"the .ply file has a row {line[:60]!r} that is not what it promises") from error
+        yield row
+
+
+def _collect(file: BoundedFile, vertex: _Element, rows: Iterator[dict[str, float]]) -> Array:
+    if vertex.count > file.size:
+        raise ScanError(f"the .ply header promises {vertex.count} vertices in {file.size} bytes")
+    points, filled = make_room(file, vertex.count), 0
+    for row in rows:
+        points[filled] = row["x"], row["y"], row["z"]
+        filled += 1
+    return points[:filled]
