@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OrganismError
 
 SENSORS = (
@@ -27,7 +28,16 @@ SENSORS = (
 DEFAULT_SENSORS = SENSORS[:8]
 STARTS = ("floor", "pit")
 TRACK_CONTROLS = ("constant", "body", "modules")
-RANDOM_OPTIONS = ("friction", "torque_scale", "start_offset", "start_lateral", "yaw", "track_speed")
+RANDOM_LIMITS = {
+    "friction": FRICTION_LIMITS,
+    "torque_scale": (1e-3, 10.0),
+    "start_offset": (-5.0, 5.0),
+    "start_lateral": (-5.0, 5.0),
+    "yaw": (-np.pi, np.pi),
+    "track_speed": (0.0, 2.0),
+}
+"""Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
+RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
 
 
 @dataclass(frozen=True)
