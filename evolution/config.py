@@ -18,9 +18,9 @@ from evolution.limits import (
     MOST_TRIALS,
     MOST_WORKERS,
     SMALLEST_STEP,
+    as_counts,
     check_counts,
-    check_numbers,
-    check_values,
+    settle_numbers,
 )
 from evolution.stages import Stage
 from evolution.trials import Randomisation, Scoring
@@ -116,7 +116,7 @@ class EvolutionConfig:
 
     def _check(self) -> None:
         check_counts(self, _COUNTS)
-        check_numbers(self, dict.fromkeys(("sigma", "stage_sigma"), (SMALLEST_STEP, 1000.0)))
+        settle_numbers(self, dict.fromkeys(("sigma", "stage_sigma"), (SMALLEST_STEP, 1000.0)))
         if self.restart_after is not None:
             check_counts(self, {"restart_after": (1, MOST_GENERATIONS)})
         choices_by_name = {
@@ -129,10 +129,10 @@ class EvolutionConfig:
             if getattr(self, name) not in choices:
                 raise RunError(f"there is no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
         if self.body_lengths is not None:
-            object.__setattr__(self, "body_lengths", tuple(self.body_lengths))
-            check_values("body_lengths", self.body_lengths, 2, MOST_MODULES)
-            if len(self.body_lengths) != 2 or not self.body_lengths[0] < self.body_lengths[1]:
-                raise RunError(f"body_lengths is {self.body_lengths}; shortest < longest, from 2, is needed")
+            lengths = as_counts("body_lengths", self.body_lengths, 2, MOST_MODULES)
+            object.__setattr__(self, "body_lengths", lengths)
+            if len(lengths) != 2 or not lengths[0] < lengths[1]:
+                raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:

@@ -23,7 +23,7 @@ def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Opti
             raise RunError(f"environment.{name} is {value!r}; a number, text or list of these is needed")
     try:
         SnakePitConfig.from_options(dict(found))
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error
     return found
 

@@ -1,7 +1,7 @@
 """Ranges of the fields of a run's configuration: outside of them nothing sensible comes out, or no machine holds it."""
 
-import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from evolution.errors import RunError
 
@@ -26,28 +26,40 @@ def check_counts(config: object, limits: Limits) -> None:
         RunError: with field, value and range.
     """
     for name, (low, high) in limits.items():
-        value = getattr(config, name)
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise RunError(f"{name} is {value!r}; a whole number from {low} to {high} is needed")
+        as_counts(name, [getattr(config, name)], low, high)
 
 
-def check_numbers(config: object, limits: Limits) -> None:
-    """Refuse fields that are no finite numbers, or out of range.
+def settle_numbers(config: object, limits: Limits) -> None:
+    """Make fields of a frozen dataclass floats: a config is the same, and has one digest, once it was in a file.
 
     Raises:
-        RunError: with field, value and range.
+        RunError: a field is no finite number, or out of range; with field, value and range.
     """
     for name, (low, high) in limits.items():
-        check_values(name, [getattr(config, name)], low, high)
+        object.__setattr__(config, name, as_floats(name, [getattr(config, name)], low, high)[0])
 
 
-def check_values(name: str, values: Iterable[object], low: float, high: float) -> None:
-    """Refuse values of a field that are no finite numbers, or out of range.
+def as_counts(name: str, values: Iterable[Any], low: float, high: float) -> tuple[int, ...]:
+    """Return the values of a field; refuse those that are no whole numbers, or out of range.
 
     Raises:
         RunError: with field, value and range.
     """
-    for value in values:
-        is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not (is_number and low <= value <= high):
+    found = tuple(values)
+    for value in found:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise RunError(f"{name} is {value!r}; a whole number from {low:g} to {high:.15g} is needed")
+    return found
+
+
+def as_floats(name: str, values: Iterable[Any], low: float, high: float) -> tuple[float, ...]:
+    """Return the values of a field as floats; refuse those that are not finite, or out of range.
+
+    Raises:
+        RunError: with field, value and range.
+    """
+    found = tuple(values)
+    for value in found:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise RunError(f"{name} is {value!r}; a number from {low:g} to {high:g} is needed")
+    return tuple(map(float, found))

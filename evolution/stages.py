@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, check_counts, check_numbers
+from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, check_counts, settle_numbers
 
 Promotion = Literal["success", "stagnation", "either", "budget"]
 PROMOTIONS = ("success", "stagnation", "either", "budget")
@@ -42,7 +42,7 @@ class Stage:
             self, {name: limits for name, limits in optional.items() if getattr(self, name) is not None}
         )
         check_counts(self, {"patience": (1, MOST_GENERATIONS)})
-        check_numbers(self, {"success_share": (SMALLEST_STEP, 1.0)})
+        settle_numbers(self, {"success_share": (SMALLEST_STEP, 1.0)})
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")
 

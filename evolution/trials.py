@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.limits import check_numbers, check_values
+from evolution.limits import as_floats, settle_numbers
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
 FAILED_PROGRESS = -1.0
@@ -46,8 +46,11 @@ class Randomisation:
 
     def __post_init__(self) -> None:
         for name in ("friction", "torque_scale", "start_offset", "yaw"):
-            check_values(name, getattr(self, name), *RANDOM_LIMITS[name])
-        check_values("stretch", self.stretch, 0.1, 10.0)
+            limits = as_floats(name, getattr(self, name), *RANDOM_LIMITS[name])
+            if len(limits) != 2:
+                raise RunError(f"{name} is {limits}; a lowest and a highest value are needed")
+            object.__setattr__(self, name, limits)
+        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, 0.1, 10.0))
         if not 1 <= len(self.stretch) <= MOST_STRETCHES:
             raise RunError(f"stretch has {len(self.stretch)} values; 1 to {MOST_STRETCHES} are possible")
 
@@ -144,7 +147,7 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        check_numbers(self, dict.fromkeys(("success", "effort", "module"), (-LARGEST_WORTH, LARGEST_WORTH)))
+        settle_numbers(self, dict.fromkeys(("success", "effort", "module"), (-LARGEST_WORTH, LARGEST_WORTH)))
 
     def score(self, outcome: Outcome, modules: int) -> float:
         """Return the fitness, higher is better, always finite."""

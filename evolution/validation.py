@@ -24,9 +24,10 @@ from evolution.limits import (
     MOST_MODULES,
     MOST_TRIALS,
     SMALLEST_STEP,
+    as_counts,
+    as_floats,
     check_counts,
-    check_numbers,
-    check_values,
+    settle_numbers,
 )
 from evolution.record import SAMPLE, VALIDATION, Entry, Record
 from evolution.trials import Outcome
@@ -74,10 +75,10 @@ class Validation:
 
     def __post_init__(self) -> None:
         check_counts(self, {"candidates": (0, MOST_GENOTYPES)})
-        check_values("rounds", self.rounds, 1, MOST_TRIALS)
+        object.__setattr__(self, "rounds", as_counts("rounds", self.rounds, 1, MOST_TRIALS))
         if not 1 <= len(self.rounds) <= MOST_ROUNDS:
             raise RunError(f"rounds has {len(self.rounds)} values; 1 to {MOST_ROUNDS} are possible")
-        check_numbers(self, {"go_on": (0.0, 1.0), "solved": (0.0, 1.0), "centre": (SMALLEST_STEP, 1e9)})
+        settle_numbers(self, {"go_on": (0.0, 1.0), "solved": (0.0, 1.0), "centre": (SMALLEST_STEP, 1e9)})
         if self.start not in STARTS:
             raise RunError(f"there is no start {self.start!r}; there are {', '.join(STARTS)}")
 
@@ -118,7 +119,8 @@ class Champion:
     environment: Options = ()
 
     def __post_init__(self) -> None:
-        check_values("genotype", self.genotype, -LARGEST_GENE, LARGEST_GENE)
+        genotype = as_floats("genotype", self.genotype, -LARGEST_GENE, LARGEST_GENE)
+        object.__setattr__(self, "genotype", genotype)
         if len(self.genotype) != len(self.names):
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
@@ -126,7 +128,7 @@ class Champion:
         counts = {"modules": (1, MOST_MODULES), "generation": (0, MOST_GENERATIONS)}
         trials = MOST_TRIALS * MOST_ROUNDS
         check_counts(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
-        check_numbers(self, {"fitness": (-LARGEST_FITNESS, LARGEST_FITNESS)})
+        settle_numbers(self, {"fitness": (-LARGEST_FITNESS, LARGEST_FITNESS)})
         object.__setattr__(self, "environment", sort_options(self.environment))
 
     @property

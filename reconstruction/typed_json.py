@@ -8,9 +8,10 @@ import dataclasses
 import json
 import math
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -20,6 +21,7 @@ LARGEST_FILE = 64 * 2**20
 """Bytes; our own descriptions have some kilobytes."""
 DEEPEST = 50
 """Levels of nesting; our own descriptions have six."""
+_TOKEN = re.compile(r'"(?P<string>(?:[^"\\]|\\.)*)"\s*(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])')
 
 T = TypeVar("T")
 
@@ -40,15 +42,28 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     path = Path(path)
     try:
         if not path.is_file():
-            raise JsonError("no such file")
+            raise JsonError("there is no such file")
         if path.stat().st_size > LARGEST_FILE:
             raise JsonError(f"larger than {LARGEST_FILE // 2**20} MB")
-        content = json.loads(path.read_bytes(), parse_constant=_refuse_constant, parse_float=_parse_finite)
-        _refuse_deep(content)
-    except (OSError, ValueError) as error:
+        return parse_json(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise JsonError(f"cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
         raise JsonError(f"cannot be read as JSON ({error})") from error
-    except RecursionError:
-        raise JsonError("cannot be read as JSON (nested too deeply)") from None
+
+
+def parse_json(text: str) -> Any:
+    """Return JSON text as plain content.
+
+    Raises:
+        JsonError: damaged, nested too deeply, or with a number that is not finite.
+    """
+    _refuse_deep(text)
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise JsonError(f"cannot be read as JSON ({error})") from error
+    _refuse_non_finite(content, "")
     return content
 
 
@@ -68,6 +83,8 @@ def as_type(content: Any, kind: type[T], where: str = "", *, others_allowed: boo
         value = msgspec.convert(content, kind)
     except msgspec.ValidationError as error:
         raise JsonError(_describe(error, where)) from error
+    except UnicodeEncodeError:  # text that is no Unicode, where msgspec wants none
+        return as_type(_replace_surrogates(content), kind, where, others_allowed=others_allowed)
     if not others_allowed:
         _refuse_unknown(content, value, where)
     return value
@@ -79,6 +96,10 @@ def _describe(error: msgspec.ValidationError, where: str) -> str:
     field = f"{where}{path[:-1]}".lstrip(".") if what else where
     what = (what or path).replace("Object missing required field", "lacks the field")
     return f"{field}: {what}" if field else what
+
+
+def _replace_surrogates(content: Any) -> Any:
+    return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
 
 
 def _refuse_unknown(content: Any, value: Any, where: str) -> None:
@@ -95,26 +116,27 @@ def _refuse_unknown(content: Any, value: Any, where: str) -> None:
             _refuse_unknown(inner, each, f"{where}[{index}]")
 
 
-def _refuse_deep(content: Any) -> None:
-    level = [content]
-    for _ in range(DEEPEST):
-        level = [
-            inner
-            for each in level
-            if isinstance(each, dict | list)
-            for inner in (each.values() if isinstance(each, dict) else each)
-        ]
-        if not level:
-            return
-    raise JsonError("nested too deeply")
+def _refuse_deep(text: str) -> None:
+    """Refuse what would exhaust the stack of a parser; the message names the last field on the way down."""
+    depth, name = 0, ""
+    for token in _TOKEN.finditer(text):
+        if token["open"]:
+            depth += 1
+            if depth > DEEPEST:
+                raise JsonError(f"{name or 'it'} is nested deeper than {DEEPEST} levels")
+        elif token["close"]:
+            depth -= 1
+        elif token["is_name"]:
+            name = token["string"]
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise JsonError(f"{name} is no number")
-
-
-def _parse_finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise JsonError(f"{text} is too large")
-    return number
+def _refuse_non_finite(content: Any, where: str) -> None:
+    """Refuse NaN and infinities, which Python reads and JSON does not have."""
+    if isinstance(content, dict):
+        for name, inner in content.items():
+            _refuse_non_finite(inner, f"{where}.{name}".lstrip("."))
+    elif isinstance(content, list):
+        for index, inner in enumerate(content):
+            _refuse_non_finite(inner, f"{where}[{index}]")
+    elif isinstance(content, float) and not math.isfinite(content):
+        raise JsonError(f"{where or 'it'} is {content}; a finite number is needed")

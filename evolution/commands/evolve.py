@@ -10,7 +10,7 @@ import tyro
 
 import evolution as ev
 from evolution.cmaes import OnGeneration
-from evolution.commands.arguments import check_arena, check_modules
+from evolution.commands.arguments import check_arena, check_arena_folder, check_modules
 from evolution.commands.command import Command, SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
 from evolution.tensorboard_log import FOLDER, TensorBoardLog
@@ -81,6 +81,8 @@ class Evolve(SeededCommand):
         require_writable_folder(self.folder, "--folder")
 
     def run(self, console: Console) -> dict[str, Any]:
+        for arena in self.stages or (self.arena,):
+            check_arena_folder(arena)
         config = ev.EvolutionConfig(
             arena=self.arena,
             modules=self.modules,

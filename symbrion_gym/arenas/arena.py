@@ -206,16 +206,18 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
     if name in ("truth", "simple", "stairs"):
         return _make_exact(str(name), course)
     path = find_assets() / "arenas" / str(name) if name in NAMED_ARENAS else Path(name)
-    if path.is_dir():
-        return Arena.load(path)
-    if path.is_file():
-        return (
-            Arena.load(path.parent)
-            if path.name == "arena.json"
-            else make_arena(path, course=course, **options)
-        )
+    try:
+        if path.is_dir():
+            return Arena.load(path)
+        if path.is_file() and path.name == "arena.json":
+            return Arena.load(path.parent)
+        if path.is_file():
+            return make_arena(path, course=course, **options)
+    except OSError as error:
+        raise ArenaError(f"{make_printable(path, 200)}: cannot be read ({error.strerror})") from error
     raise ArenaError(
-        f"no arena {str(name)!r}: neither a folder nor a mesh file, nor one of {', '.join(NAMED_ARENAS)}"
+        f"no arena {make_printable(name, 200)!r}: neither a folder nor a mesh file, "
+        f"nor one of {', '.join(NAMED_ARENAS)}"
     )
 
 

@@ -59,35 +59,13 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
         ArenaError: it holds no arena, or a damaged one; the message names file and field.
     """
     folder = Path(folder)
-    fields, names = load_description(folder / "arena.json")
-    has_height_field = fields["kind"] == "hfield"
-    if has_height_field != (folder / "height_field.npz").is_file():
-        raise ArenaError(
-            f"{folder}: kind is {fields['kind']!r} and height_field.npz is "
-            f"{'missing' if has_height_field else 'there'}; build the arena again with make_arena"
-        )
-    surface = load_obj(folder / "surface.obj")
-    check_surface(surface, folder / "surface.obj")
-    return fields | {
-        "surface": surface,
-        "pieces": _load_pieces(folder, names),
-        "height_field": _load_height_field(folder / "height_field.npz") if has_height_field else None,
-    }
-
-
-def _load_pieces(folder: Path, names: list[str]) -> list[trimesh.Trimesh]:
-    """Read the contact pieces: those that are named, and no others lie there."""
-    there = {path.relative_to(folder).as_posix() for path in folder.glob("pieces/*.obj")}
-    unnamed = sorted(there - set(names))
-    if unnamed:
-        raise ArenaError(
-            f"{folder / unnamed[0]} is not among the pieces of arena.json (num_pieces is {len(names)}); "
-            "build the arena again with make_arena"
-        )
-    pieces = [load_obj(folder / name) for name in names]
-    for piece, name in zip(pieces, names, strict=True):
-        check_piece(piece, folder / name)
-    return pieces
+    fields, files = load_description(folder / "arena.json")
+    surface, pieces = load_obj(files.surface), [load_obj(path) for path in files.pieces]
+    check_surface(surface, files.surface)
+    for piece, path in zip(pieces, files.pieces, strict=True):
+        check_piece(piece, path)
+    height_field = None if files.height_field is None else _load_height_field(files.height_field)
+    return fields | {"surface": surface, "pieces": pieces, "height_field": height_field}
 
 
 def _load_height_field(path: Path) -> HeightField:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -97,8 +97,8 @@ class SnakePitConfig:
         _check_choice("track_control", self.track_control, TRACK_CONTROLS)
         if isinstance(self.start, str):
             _check_choice("start", self.start, STARTS)
-        if isinstance(self.sensors, str):
-            raise ValueError(f"sensors must be a sequence of names, got the string {self.sensors!r}")
+        if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
+            raise ValueError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
             _check_choice("sensors", name, SENSORS)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
@@ -127,7 +127,7 @@ def _check(config: SnakePitConfig, name: str, low: float, is_low_allowed: bool) 
     value = getattr(config, name)
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
     if not (low <= number if is_low_allowed else low < number) or not number < np.inf:
         raise ValueError(f"{name} must be {'at least' if is_low_allowed else 'above'} {low:g}, got {value}")
