@@ -19,7 +19,7 @@ from evolution.limits import (
     MOST_WORKERS,
     SMALLEST_STEP,
     as_counts,
-    check_counts,
+    settle_counts,
     settle_numbers,
 )
 from evolution.stages import Stage
@@ -115,10 +115,10 @@ class EvolutionConfig:
         self._check()
 
     def _check(self) -> None:
-        check_counts(self, _COUNTS)
+        settle_counts(self, _COUNTS)
         settle_numbers(self, dict.fromkeys(("sigma", "stage_sigma"), (SMALLEST_STEP, 1000.0)))
         if self.restart_after is not None:
-            check_counts(self, {"restart_after": (1, MOST_GENERATIONS)})
+            settle_counts(self, {"restart_after": (1, MOST_GENERATIONS)})
         choices_by_name = {
             "backend": BACKENDS,
             "controller": CONTROLLERS,

@@ -1,6 +1,7 @@
 """Ranges of the fields of a run's configuration: outside of them nothing sensible comes out, or no machine holds it."""
 
 from collections.abc import Iterable, Mapping
+from numbers import Integral, Real
 from typing import Any
 
 from evolution.errors import RunError
@@ -19,14 +20,14 @@ SMALLEST_STEP = 1e-9
 """Smallest of what must be above 0: step sizes, shares."""
 
 
-def check_counts(config: object, limits: Limits) -> None:
-    """Refuse fields that are no whole numbers, or out of range.
+def settle_counts(config: object, limits: Limits) -> None:
+    """Make fields of a frozen dataclass integers of Python's own, which JSON can hold.
 
     Raises:
-        RunError: with field, value and range.
+        RunError: a field is no whole number, or out of range; with field, value and range.
     """
     for name, (low, high) in limits.items():
-        as_counts(name, [getattr(config, name)], low, high)
+        object.__setattr__(config, name, as_counts(name, [getattr(config, name)], low, high)[0])
 
 
 def settle_numbers(config: object, limits: Limits) -> None:
@@ -40,16 +41,16 @@ def settle_numbers(config: object, limits: Limits) -> None:
 
 
 def as_counts(name: str, values: Iterable[Any], low: float, high: float) -> tuple[int, ...]:
-    """Return the values of a field; refuse those that are no whole numbers, or out of range.
+    """Return the values of a field as integers; refuse those that are no whole numbers, or out of range.
 
     Raises:
         RunError: with field, value and range.
     """
     found = tuple(values)
     for value in found:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        if isinstance(value, bool) or not isinstance(value, Integral) or not low <= value <= high:
             raise RunError(f"{name} is {value!r}; a whole number from {low:g} to {high:.15g} is needed")
-    return found
+    return tuple(map(int, found))
 
 
 def as_floats(name: str, values: Iterable[Any], low: float, high: float) -> tuple[float, ...]:
@@ -60,6 +61,6 @@ def as_floats(name: str, values: Iterable[Any], low: float, high: float) -> tupl
     """
     found = tuple(values)
     for value in found:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        if isinstance(value, bool) or not isinstance(value, Real) or not low <= value <= high:
             raise RunError(f"{name} is {value!r}; a number from {low:g} to {high:g} is needed")
     return tuple(map(float, found))

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from evolution.errors import RunError
-from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, check_counts, settle_numbers
+from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, settle_counts, settle_numbers
 
 Promotion = Literal["success", "stagnation", "either", "budget"]
 PROMOTIONS = ("success", "stagnation", "either", "budget")
@@ -38,10 +38,10 @@ class Stage:
         if self.promotion not in PROMOTIONS:
             raise RunError(f"there is no promotion {self.promotion!r}; there are {', '.join(PROMOTIONS)}")
         optional = {"generations": (1, MOST_GENERATIONS), "trials": (1, MOST_TRIALS)}
-        check_counts(
+        settle_counts(
             self, {name: limits for name, limits in optional.items() if getattr(self, name) is not None}
         )
-        check_counts(self, {"patience": (1, MOST_GENERATIONS)})
+        settle_counts(self, {"patience": (1, MOST_GENERATIONS)})
         settle_numbers(self, {"success_share": (SMALLEST_STEP, 1.0)})
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")

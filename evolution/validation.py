@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from evolution.controller import CONTROLLERS
 from evolution.environment_options import Options, open_options, sort_options
 from evolution.errors import RunError
 from evolution.limits import (
@@ -26,7 +27,7 @@ from evolution.limits import (
     SMALLEST_STEP,
     as_counts,
     as_floats,
-    check_counts,
+    settle_counts,
     settle_numbers,
 )
 from evolution.record import SAMPLE, VALIDATION, Entry, Record
@@ -37,6 +38,7 @@ from symbrion_gym.environment.config import STARTS
 HOLDS = 0.93
 """Expected success rate from which a body is long enough: a shorter one is preferred to a surer one."""
 MOST_ROUNDS = 100
+"""Of the fresh trials of a candidate."""
 LARGEST_GENE = LARGEST_FITNESS = 1e9
 """Far beyond what any controller reads or any trial is worth."""
 
@@ -74,7 +76,7 @@ class Validation:
         return trials >= self.trials and successes >= self.solved * trials
 
     def __post_init__(self) -> None:
-        check_counts(self, {"candidates": (0, MOST_GENOTYPES)})
+        settle_counts(self, {"candidates": (0, MOST_GENOTYPES)})
         object.__setattr__(self, "rounds", as_counts("rounds", self.rounds, 1, MOST_TRIALS))
         if not 1 <= len(self.rounds) <= MOST_ROUNDS:
             raise RunError(f"rounds has {len(self.rounds)} values; 1 to {MOST_ROUNDS} are possible")
@@ -105,6 +107,9 @@ class Champion:
         fitness: there, by few trials.
         successes: among its fresh trials.
         trials: number of fresh trials; 0 if no genotype earned any.
+
+    Raises:
+        RunError: a field is out of range, or there are not as many names as genes.
     """
 
     genotype: tuple[float, ...]
@@ -125,9 +130,11 @@ class Champion:
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
             )
+        if self.controller not in CONTROLLERS:
+            raise RunError(f"there is no controller {self.controller!r}; there are {', '.join(CONTROLLERS)}")
         counts = {"modules": (1, MOST_MODULES), "generation": (0, MOST_GENERATIONS)}
         trials = MOST_TRIALS * MOST_ROUNDS
-        check_counts(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
+        settle_counts(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
         settle_numbers(self, {"fitness": (-LARGEST_FITNESS, LARGEST_FITNESS)})
         object.__setattr__(self, "environment", sort_options(self.environment))
 

@@ -43,7 +43,7 @@ class ExperimentRecord:
     figures: dict[str, Any]
     seconds: float
     date: str
-    machine: dict[str, Any]
+    machine: str
     cpu_seconds: float | None = None
 
 

@@ -56,7 +56,7 @@ def test_a_run_goes_on_when_nobody_reads(folder):
 
 def test_any_name_in_any_locale(folder):
     done = shell(
-        f"{SYMBRION} compare ./* --out page.html && {SYMBRION} compare ./[* --json", folder.parent, **ASCII
+        f"{SYMBRION} compare ./*m --out page.html && {SYMBRION} compare ./*m --json", folder.parent, **ASCII
     )
     (folder.parent / "page.html").unlink()
     assert done.returncode == 0, done.stderr
