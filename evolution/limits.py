@@ -48,7 +48,7 @@ def as_counts(name: str, values: Iterable[Any], low: float, high: float) -> tupl
     """
     found = tuple(values)
     for value in found:
-        if isinstance(value, bool) or not isinstance(value, Integral) or not low <= value <= high:
+        if not (_is_number(value, Integral) and low <= value <= high):
             raise RunError(f"{name} is {value!r}; a whole number from {low:g} to {high:.15g} is needed")
     return tuple(map(int, found))
 
@@ -61,6 +61,10 @@ def as_floats(name: str, values: Iterable[Any], low: float, high: float) -> tupl
     """
     found = tuple(values)
     for value in found:
-        if isinstance(value, bool) or not isinstance(value, Real) or not low <= value <= high:
+        if not (_is_number(value, Real) and low <= value <= high):
             raise RunError(f"{name} is {value!r}; a number from {low:g} to {high:g} is needed")
     return tuple(map(float, found))
+
+
+def _is_number(value: Any, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
