@@ -8,7 +8,6 @@ import contextlib
 import io
 import json
 import logging
-import os
 import re
 import sys
 from collections.abc import Sequence
@@ -19,9 +18,11 @@ import tyro
 from evolution.commands import COMMANDS
 from evolution.commands.command import Command, UsageError
 from evolution.commands.console import Console
+from evolution.commands.streams import flush_streams, prepare_streams
 from evolution.errors import RunError
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.extras import MissingExtraError
+from reconstruction.printable import make_printable
 from symbrion_gym.errors import ArenaError, OrganismError
 
 DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the pit.
@@ -45,7 +46,16 @@ EXPECTED_ERRORS = (
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    prepare_streams()
+    problem: OSError | None = None
+    try:
+        code = run(sys.argv[1:] if arguments is None else arguments)
+    except OSError as error:  # of the streams: those of the work are told by `run`
+        code, problem = 0, error
+    problem = flush_streams() or problem
+    if problem is not None and not isinstance(problem, BrokenPipeError):
+        code = _fail(problem, 1)
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -104,7 +114,7 @@ def _parse(arguments: Sequence[str]) -> Command:
 def _flatten(report: str) -> str:
     """Make one line of the parser's boxed report: what is wrong, and where the help is."""
     lines = [re.sub(r"[╭╮╰╯│]", " ", line).strip() for line in report.splitlines()]
-    lines = [line for line in lines[1:] if line.strip("─ ")]
+    lines = [line for line in lines[1:] if line.strip("─- ")]
     text = " ".join(lines)
     text = re.sub(r"For full helptext, (?:run|see):? ", "See ", text)
     text = re.sub(r"Argument helptext:.*?(?=See )", "", text)
@@ -112,17 +122,15 @@ def _flatten(report: str) -> str:
 
 
 def _fail(error: object, code: int) -> int:
-    text = " ".join(str(error).split()) or type(error).__name__
-    sys.stderr.write(f"symbrion: {text}\n")
+    text = make_printable(" ".join(str(error).split())) or type(error).__name__
+    with contextlib.suppress(BrokenPipeError):
+        sys.stderr.write(f"symbrion: {text}\n")
     return code
 
 
 def _print_json(summary: dict) -> None:
-    try:
+    with contextlib.suppress(BrokenPipeError):
         sys.stdout.write(json.dumps(summary, default=_to_plain) + "\n")
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _to_plain(value: object) -> object:

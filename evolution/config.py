@@ -1,23 +1,43 @@
 """The configuration of a run: what it searches for, and who does the work."""
 
-import dataclasses
 import hashlib
 import json
-import math
-import types
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any
 
+from evolution.controller import CONTROLLERS
+from evolution.environment_options import Options, open_options, sort_options
 from evolution.errors import RunError
 from evolution.evaluation import BACKENDS
+from evolution.limits import (
+    LARGEST_SEED,
+    MOST_GENERATIONS,
+    MOST_GENOTYPES,
+    MOST_MODULES,
+    MOST_TRIALS,
+    MOST_WORKERS,
+    SMALLEST_STEP,
+    as_counts,
+    settle_counts,
+    settle_numbers,
+)
 from evolution.stages import Stage
 from evolution.trials import Randomisation, Scoring
 from evolution.validation import Validation
+from reconstruction.typed_json import JsonError, as_type
+from symbrion_gym.environment.config import STARTS
 
 HOW = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
 """Fields that may change when a run is resumed: they decide how far and by whom, not what comes out."""
+_COUNTS = {
+    "generations": (0, MOST_GENERATIONS),
+    "workers": (1, MOST_WORKERS),
+    "population_size": (4, MOST_GENOTYPES),
+    "trials": (1, MOST_TRIALS),
+    "modules": (2, MOST_MODULES),
+    "seed": (0, LARGEST_SEED),
+}
 
 
 @dataclass(frozen=True)
@@ -78,7 +98,7 @@ class EvolutionConfig:
     randomisation: Randomisation = field(default_factory=Randomisation)
     scoring: Scoring = field(default_factory=Scoring)
     validation: Validation = field(default_factory=Validation)
-    environment: tuple[tuple[str, Any], ...] = ()
+    environment: Options = ()
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -92,28 +112,28 @@ class EvolutionConfig:
                 "save the arena in a folder and name that"
             )
         set_field(self, "stages", tuple(self.stages))
-        pairs = self.environment.items() if isinstance(self.environment, Mapping) else self.environment
-        set_field(self, "environment", tuple(sorted((str(name), value) for name, value in pairs)))
+        set_field(self, "environment", sort_options(self.environment))
         self._check()
 
     def _check(self) -> None:
-        minima = {"generations": 0, "workers": 1, "population_size": 4, "trials": 1, "modules": 2, "seed": 0}
-        for name, smallest in minima.items():
-            value = getattr(self, name)
-            if not isinstance(value, int) or value < smallest:
-                raise RunError(f"{name} is {value!r}; a whole number of at least {smallest} is needed")
-        if not (math.isfinite(self.sigma) and self.sigma > 0):
-            raise RunError(f"sigma is {self.sigma}; it must be above 0")
-        if self.restart_after is not None and self.restart_after < 1:
-            raise RunError(f"restart_after is {self.restart_after}; at least 1 generation, or None for never")
-        choices_by_name = {"backend": BACKENDS, "start": ("pit", "floor"), "origin": ("hint", "zero")}
+        settle_counts(self, _COUNTS)
+        settle_numbers(self, dict.fromkeys(("sigma", "stage_sigma"), (SMALLEST_STEP, 1000.0)))
+        if self.restart_after is not None:
+            settle_counts(self, {"restart_after": (1, MOST_GENERATIONS)})
+        choices_by_name = {
+            "backend": BACKENDS,
+            "controller": CONTROLLERS,
+            "start": STARTS,
+            "origin": ("hint", "zero"),
+        }
         for name, choices in choices_by_name.items():
             if getattr(self, name) not in choices:
                 raise RunError(f"there is no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
         if self.body_lengths is not None:
-            object.__setattr__(self, "body_lengths", tuple(self.body_lengths))
-            if not 2 <= self.body_lengths[0] < self.body_lengths[1]:
-                raise RunError(f"body_lengths is {self.body_lengths}; shortest < longest, from 2, is needed")
+            lengths = as_counts("body_lengths", self.body_lengths, 2, MOST_MODULES)
+            object.__setattr__(self, "body_lengths", lengths)
+            if len(lengths) != 2 or not lengths[0] < lengths[1]:
+                raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:
@@ -151,36 +171,7 @@ class EvolutionConfig:
         Raises:
             RunError: a field is unknown or its value of the wrong kind.
         """
-        return _build(cls, content, "config")
-
-
-def _build(kind: Any, content: Any, where: str) -> Any:
-    """Turn JSON content into a dataclass, tuple or plain value of the wanted type."""
-    if kind is Any:
-        return content
-    if dataclasses.is_dataclass(kind):
-        types_by_name = get_type_hints(kind)
-        if not isinstance(content, dict) or not set(content) <= set(types_by_name):
-            unknown = sorted(set(content) - set(types_by_name)) if isinstance(content, dict) else content
-            raise RunError(f"{where} has unknown entries {unknown}; there are {', '.join(types_by_name)}")
-        values = {
-            name: _build(types_by_name[name], value, f"{where}.{name}") for name, value in content.items()
-        }
-        return kind(**values)  # pyright: ignore[reportCallIssue]
-    arguments = get_args(kind)
-    if get_origin(kind) in (Union, types.UnionType):
-        return None if content is None else _build(arguments[0], content, where)
-    if get_origin(kind) is tuple:
-        if isinstance(content, dict):
-            return tuple(sorted(content.items()))
-        if not isinstance(content, list):
-            raise RunError(f"{where} is {content!r}; a list is needed")
-        if arguments[-1] is ...:
-            return tuple(_build(arguments[0], value, where) for value in content)
-        return tuple(_build(one, value, where) for one, value in zip(arguments, content, strict=True))
-    if kind is float and isinstance(content, int) and not isinstance(content, bool):
-        return float(content)
-    plain = kind if isinstance(kind, type) else str
-    if not isinstance(content, plain) or (plain is int and isinstance(content, bool)):
-        raise RunError(f"{where} is {content!r}; a value of type {plain.__name__} is needed")
-    return content
+        try:
+            return as_type(open_options(content), cls, "config")
+        except JsonError as error:
+            raise RunError(str(error)) from error

@@ -29,6 +29,7 @@ from evolution.errors import RunError
 from evolution.provenance import find_revision
 from evolution.record import HISTORY, Record
 from evolution.validation import Champion
+from reconstruction.typed_json import JsonError, read_json
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
 LOCK = ".lock"
@@ -114,7 +115,9 @@ class RunFolder:
         try:
             return EvolutionConfig.from_json(content.get("config"))
         except RunError as error:
-            raise RunError(f"{self.path / CONFIG}: {error}") from error
+            raise RunError(
+                f"{self.path / CONFIG}: {error}; undo the change, or restore it from a copy"
+            ) from error
 
     def write(self, run: Run) -> None:
         """Write the record, then what is derived from it.
@@ -150,9 +153,9 @@ class RunFolder:
 
     def _read_json(self, name: str) -> dict[str, Any]:
         try:
-            content = json.loads((self.path / name).read_text())
-        except (OSError, ValueError) as error:
-            raise RunError(f"{self.path / name} cannot be read ({error}); restore it from a copy") from error
+            content = read_json(self.path / name)
+        except JsonError as error:
+            raise RunError(f"{self.path / name}: {error}; restore it from a copy") from error
         if not isinstance(content, dict):
             raise RunError(f"{self.path / name} holds no run's description")
         return content
@@ -183,14 +186,9 @@ def load_champion(path: str | Path) -> Champion:
     path = Path(path)
     path = path / CHAMPION if path.is_dir() else path
     try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise RunError(
-            f"{path} cannot be read ({error}); a run writes it after its first generation"
-        ) from error
-    if not isinstance(content, dict):
-        raise RunError(f"{path} holds no champion")
-    return Champion.from_dict(content)
+        return Champion.from_dict(read_json(path))
+    except (JsonError, RunError) as error:
+        raise RunError(f"{path}: {error}; a run writes it after each generation") from error
 
 
 def format_history(history: np.ndarray) -> str:

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from evolution.errors import RunError
+from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, settle_counts, settle_numbers
 
 Promotion = Literal["success", "stagnation", "either", "budget"]
 PROMOTIONS = ("success", "stagnation", "either", "budget")
@@ -36,14 +37,12 @@ class Stage:
     def __post_init__(self) -> None:
         if self.promotion not in PROMOTIONS:
             raise RunError(f"there is no promotion {self.promotion!r}; there are {', '.join(PROMOTIONS)}")
-        if self.generations is not None and self.generations < 1:
-            raise RunError(f"a stage of {self.generations} generations; at least 1, or None for no limit")
-        if self.patience < 1 or not 0 < self.success_share <= 1:
-            raise RunError(
-                f"patience {self.patience} must be >= 1, success_share {self.success_share} in (0, 1]"
-            )
-        if self.trials is not None and self.trials < 1:
-            raise RunError(f"a stage of {self.trials} trials a genotype; at least 1, or None for the run's")
+        optional = {"generations": (1, MOST_GENERATIONS), "trials": (1, MOST_TRIALS)}
+        settle_counts(
+            self, {name: limits for name, limits in optional.items() if getattr(self, name) is not None}
+        )
+        settle_counts(self, {"patience": (1, MOST_GENERATIONS)})
+        settle_numbers(self, {"success_share": (SMALLEST_STEP, 1.0)})
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")
 

@@ -10,8 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from evolution.errors import RunError
+from evolution.limits import as_floats, settle_numbers
+from symbrion_gym.environment.config import RANDOM_LIMITS
+
 FAILED_PROGRESS = -1.0
 """Progress [m] of a trial that could not be finished: worse than any that could."""
+MOST_STRETCHES = 100
+"""Each is an arena of its own in memory."""
+LARGEST_WORTH = 1e6
+"""Largest weight of a term of the fitness [m of progress]."""
 Range = tuple[float, float]
 
 
@@ -35,6 +43,16 @@ class Randomisation:
     start_offset: Range = (-0.05, 0.05)
     yaw: Range = (-0.0873, 0.0873)
     stretch: tuple[float, ...] = (0.975, 1.0, 1.025)
+
+    def __post_init__(self) -> None:
+        for name in ("friction", "torque_scale", "start_offset", "yaw"):
+            limits = as_floats(name, getattr(self, name), *RANDOM_LIMITS[name])
+            if len(limits) != 2:
+                raise RunError(f"{name} is {limits}; a lowest and a highest value are needed")
+            object.__setattr__(self, name, limits)
+        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, 0.1, 10.0))
+        if not 1 <= len(self.stretch) <= MOST_STRETCHES:
+            raise RunError(f"stretch has {len(self.stretch)} values; 1 to {MOST_STRETCHES} are possible")
 
     def draw(self, seed: Sequence[int], count: int) -> dict[str, np.ndarray]:
         """Return `[count]` values of each condition; equal seeds give equal values."""
@@ -127,6 +145,9 @@ class Scoring:
     success: float = 1.0
     effort: float = 0.2
     module: float = 0.05
+
+    def __post_init__(self) -> None:
+        settle_numbers(self, dict.fromkeys(("success", "effort", "module"), (-LARGEST_WORTH, LARGEST_WORTH)))
 
     def score(self, outcome: Outcome, modules: int) -> float:
         """Return the fitness, higher is better, always finite."""

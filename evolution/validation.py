@@ -11,17 +11,36 @@ References:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from evolution.controller import CONTROLLERS
+from evolution.environment_options import Options, open_options, sort_options
 from evolution.errors import RunError
+from evolution.limits import (
+    MOST_GENERATIONS,
+    MOST_GENOTYPES,
+    MOST_MODULES,
+    MOST_TRIALS,
+    SMALLEST_STEP,
+    as_counts,
+    as_floats,
+    settle_counts,
+    settle_numbers,
+)
 from evolution.record import SAMPLE, VALIDATION, Entry, Record
 from evolution.trials import Outcome
+from reconstruction.typed_json import JsonError, as_type
+from symbrion_gym.environment.config import STARTS
 
 HOLDS = 0.93
 """Expected success rate from which a body is long enough: a shorter one is preferred to a surer one."""
+MOST_ROUNDS = 100
+"""Of the fresh trials of a candidate."""
+LARGEST_GENE = LARGEST_FITNESS = 1e9
+"""Far beyond what any controller reads or any trial is worth."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +76,13 @@ class Validation:
         return trials >= self.trials and successes >= self.solved * trials
 
     def __post_init__(self) -> None:
-        if self.candidates < 0 or not self.rounds or min(self.rounds) < 1:
-            raise RunError(
-                f"candidates is {self.candidates} and rounds {self.rounds}; at least 0, and 1 each"
-            )
-        if not (0 <= self.go_on <= 1 and 0 <= self.solved <= 1):
-            raise RunError(f"go_on is {self.go_on} and solved {self.solved}; both are shares, 0 to 1")
-        if not self.centre > 0:
-            raise RunError(f"centre is {self.centre}; a share above 0 is needed, above 1 for never")
+        settle_counts(self, {"candidates": (0, MOST_GENOTYPES)})
+        object.__setattr__(self, "rounds", as_counts("rounds", self.rounds, 1, MOST_TRIALS))
+        if not 1 <= len(self.rounds) <= MOST_ROUNDS:
+            raise RunError(f"rounds has {len(self.rounds)} values; 1 to {MOST_ROUNDS} are possible")
+        settle_numbers(self, {"go_on": (0.0, 1.0), "solved": (0.0, 1.0), "centre": (SMALLEST_STEP, 1e9)})
+        if self.start not in STARTS:
+            raise RunError(f"there is no start {self.start!r}; there are {', '.join(STARTS)}")
 
     def choose(self, fitness: np.ndarray, outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the centre."""
@@ -89,6 +107,9 @@ class Champion:
         fitness: there, by few trials.
         successes: among its fresh trials.
         trials: number of fresh trials; 0 if no genotype earned any.
+
+    Raises:
+        RunError: a field is out of range, or there are not as many names as genes.
     """
 
     genotype: tuple[float, ...]
@@ -100,7 +121,22 @@ class Champion:
     fitness: float
     successes: int = 0
     trials: int = 0
-    environment: tuple[tuple[str, Any], ...] = ()
+    environment: Options = ()
+
+    def __post_init__(self) -> None:
+        genotype = as_floats("genotype", self.genotype, -LARGEST_GENE, LARGEST_GENE)
+        object.__setattr__(self, "genotype", genotype)
+        if len(self.genotype) != len(self.names):
+            raise RunError(
+                f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
+            )
+        if self.controller not in CONTROLLERS:
+            raise RunError(f"there is no controller {self.controller!r}; there are {', '.join(CONTROLLERS)}")
+        counts = {"modules": (1, MOST_MODULES), "generation": (0, MOST_GENERATIONS)}
+        trials = MOST_TRIALS * MOST_ROUNDS
+        settle_counts(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
+        settle_numbers(self, {"fitness": (-LARGEST_FITNESS, LARGEST_FITNESS)})
+        object.__setattr__(self, "environment", sort_options(self.environment))
 
     @property
     def score(self) -> float:
@@ -119,15 +155,9 @@ class Champion:
             RunError: a field is missing, unknown or of the wrong kind.
         """
         try:
-            champion = cls(**content)
-            genotype = tuple(float(gene) for gene in champion.genotype)
-            names = tuple(str(name) for name in champion.names)
-            if len(names) != len(genotype) or not np.all(np.isfinite(genotype)):
-                raise ValueError(f"{len(genotype)} genes for {len(names)} names, or one is not finite")
-            options = tuple(sorted(dict(champion.environment).items()))
-            return replace(champion, genotype=genotype, names=names, environment=options)
-        except (TypeError, ValueError) as error:
-            raise RunError(f"this is not a champion: {error}") from error
+            return as_type(open_options(content), cls)
+        except JsonError as error:
+            raise RunError(str(error)) from error
 
 
 def select(record: Record, is_in_stage: Sequence[bool], shortest: bool = False) -> Entry | None:

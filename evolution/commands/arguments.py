@@ -15,6 +15,16 @@ def check_arena(arena: str) -> None:
     )
 
 
+def check_arena_folder(arena: str) -> None:
+    """Refuse a damaged arena folder before anything is written; meshes are read when they are needed.
+
+    Raises:
+        ArenaError: the message names file and field.
+    """
+    if arena not in sg.NAMED_ARENAS and Path(arena).is_dir():
+        sg.load_arena(arena)
+
+
 def check_modules(modules: int) -> None:
     """Refuse a body of fewer than two modules: it has no hinge that could be controlled."""
     if modules < 2:

@@ -3,11 +3,14 @@
 import sys
 import time
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console as RichConsole
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from evolution.commands.streams import discard_output
+from reconstruction.printable import make_printable
 from reconstruction.progress import Progress as ProgressCallback
 
 
@@ -21,16 +24,16 @@ class Console:
 
     def __init__(self, quiet: bool = False, mute: bool = False):
         self.quiet = quiet
-        self._out = RichConsole(file=sys.stdout, quiet=mute, highlight=False, soft_wrap=True)
-        self._rich = RichConsole(file=sys.stderr, quiet=quiet, highlight=False)
+        self._out = _PlainConsole(file=sys.stdout, quiet=mute, soft_wrap=True)
+        self._rich = _PlainConsole(file=sys.stderr, quiet=quiet)
         self._bars = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24),
             TextColumn("{task.percentage:>3.0f}%"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            TextColumn("[dim]{task.fields[detail]}"),
+            TextColumn("{task.fields[detail]}", style="dim", markup=False),
             console=self._rich,
             disable=quiet or not self._rich.is_terminal,
         )
@@ -46,18 +49,32 @@ class Console:
 
     def say(self, text: str) -> None:
         """Print a line of results."""
-        self._out.print(text)
+        self._out.print(make_printable(text))
 
     def show_table(self, title: str, columns: list[str], rows: list[list[object]]) -> None:
         """Print a table of results."""
         table = Table(*columns, title=title, title_justify="left")
         for row in rows:
-            table.add_row(*(str(cell) for cell in row))
+            table.add_row(*(make_printable(cell) for cell in row))
         self._out.print(table)
 
     def track(self, title: str) -> "Step":
         """Return a step with a bar of its own, for use in a `with` block."""
-        return Step(title, self._bars, None if self.quiet or self._rich.is_terminal else self._rich)
+        return Step(
+            make_printable(title), self._bars, None if self.quiet or self._rich.is_terminal else self._rich
+        )
+
+
+class _PlainConsole(RichConsole):
+    """Prints text as it is: a name in square brackets is no markup. Goes on, mute, where nobody reads any more."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **options)
+
+    def on_broken_pipe(self) -> None:
+        """Let the work go on: what counts is in files, and the run is resumable."""
+        self.quiet = True
+        discard_output(self.file)
 
 
 class Step:

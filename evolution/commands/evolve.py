@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 import evolution as ev
-from evolution.commands.arguments import check_arena, check_modules
+from evolution.commands.arguments import check_arena, check_arena_folder, check_modules
 from evolution.commands.command import Command, SeededCommand, UsageError, require_writable_folder
 from evolution.commands.console import Console
 
@@ -82,6 +82,8 @@ class Evolve(SeededCommand):
         require_writable_folder(self.folder, "--folder")
 
     def run(self, console: Console) -> dict[str, Any]:
+        for arena in self.stages or (self.arena,):
+            check_arena_folder(arena)
         config = ev.EvolutionConfig(
             arena=self.arena,
             modules=self.modules,

@@ -1,7 +1,6 @@
 """`symbrion survey`: scan an arena with the virtual robot."""
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +11,7 @@ import symbrion_gym as sg
 from evolution.commands.arguments import check_arena
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
+from reconstruction.typed_json import as_type, read_json
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey_robot import SurveyRobot
 
@@ -95,11 +95,11 @@ def read_path(text: str) -> np.ndarray:
     try:
         if file.name.lower().endswith(PATH_ENDINGS):
             require_file(file, "--path")
-            words = file.read_text()
             if file.suffix.lower() == ".json":
-                rows = json.loads(words)
+                rows = as_type(read_json(file), list[tuple[float, float]], "waypoints")
             else:
-                rows = [line.replace(",", " ").split() for line in words.splitlines() if line.strip()]
+                lines = file.read_text(encoding="utf-8").splitlines()
+                rows = [line.replace(",", " ").split() for line in lines if line.strip()]
         else:
             rows = [place.split(",") for place in text.split()]
         waypoints = np.array(rows, dtype=float)
@@ -107,7 +107,7 @@ def read_path(text: str) -> np.ndarray:
         if isinstance(error, UsageError):
             raise
         raise UsageError(
-            f'--path {text}: no waypoints; give "X,Y X,Y ..." or a .csv or .json file'
+            f'--path {text}: no waypoints ({error}); give "X,Y X,Y ..." or a .csv or .json file'
         ) from error
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or len(waypoints) < 2:
         raise UsageError(f'--path {text}: give two waypoints or more, each x and y, like "0,2 3,2"')

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from evolution.errors import RunError
+from reconstruction.typed_json import JsonError, as_type
 from symbrion_gym.arenas.course import Course
 
 PIT = Course().pit
@@ -81,6 +82,18 @@ class PaperConfig:
     def to_json(self) -> dict[str, Any]:
         """Return plain JSON content."""
         return json.loads(json.dumps(dataclasses.asdict(self)))
+
+    @classmethod
+    def from_json(cls, content: Any) -> "PaperConfig":
+        """Return the configuration that `to_json` described.
+
+        Raises:
+            RunError: a field is unknown, of another type or out of range.
+        """
+        try:
+            return as_type(content, cls)
+        except JsonError as error:
+            raise RunError(str(error)) from error
 
 
 QUICK = PaperConfig(

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,31 @@ import filelock
 from evolution.errors import RunError
 from evolution.paper.config import PaperConfig
 from evolution.report.provenance import describe_machine
+from reconstruction.printable import make_printable
+from reconstruction.typed_json import JsonError, as_type, read_json
 from reconstruction.whole_file import write_whole
 
 Figures = dict[str, Any]
 """What an experiment returns: plain JSON content."""
+
+
+@dataclass(frozen=True)
+class ExperimentRecord:
+    """What is kept of an experiment.
+
+    Attributes:
+        figures: what the experiment returned.
+        seconds: it took.
+        date: when it was finished, ISO 8601.
+        machine: where, and with which versions.
+        cpu_seconds: of all threads and processes; not kept at first.
+    """
+
+    figures: dict[str, Any]
+    seconds: float
+    date: str
+    machine: str
+    cpu_seconds: float | None = None
 
 
 class PaperFolder:
@@ -67,7 +89,14 @@ class PaperFolder:
         processes, `date` and `machine`.
         """
         path = self._record(name)
-        return _read_json(path) if path.is_file() else None
+        if not path.is_file():
+            return None
+        try:
+            content = read_json(path)
+            as_type(content, ExperimentRecord)
+        except JsonError as error:
+            raise RunError(f"{path} is damaged ({error}); remove it, and it is made anew") from error
+        return content
 
     def keep(self, name: str, experiment: Callable[[], Figures]) -> Figures:
         """Return the record of an experiment; do it only where it is not there yet."""
@@ -94,12 +123,15 @@ class PaperFolder:
         if not path.is_file():
             write_json(path, mine)
             return
-        theirs = _read_json(path)
-        names = [name for name in {**mine, **theirs} if mine.get(name) != theirs.get(name)]
+        try:
+            theirs = PaperConfig.from_json(read_json(path)).to_json()
+        except (JsonError, RunError) as error:
+            raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
+        names = [name for name in mine if mine[name] != theirs[name]]
         if names:
-            differences = "; ".join(f"{name} {theirs.get(name)}, not {mine.get(name)}" for name in names)
+            differences = "; ".join(f"{name} {theirs[name]}, not {mine[name]}" for name in names)
             raise RunError(
-                f"{self.path} holds experiments of another configuration ({differences}); "
+                f"{path} tells of another configuration ({make_printable(differences, 400)}); "
                 "name another folder, or remove this one"
             )
 
@@ -113,13 +145,3 @@ def write_json(path: Path, content: Any) -> None:
 def _find_cpu_seconds() -> float:
     """Return the processor time of this process and of its children that have ended [s]."""
     return sum(os.times()[:4])
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text())
-    except (ValueError, OSError) as error:
-        raise RunError(f"{path} is damaged ({error}); remove it, and it is made anew") from error
-    if not isinstance(content, dict):
-        raise RunError(f"{path} holds {type(content).__name__}, not a record; remove it, and it is made anew")
-    return content

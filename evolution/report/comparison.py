@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from evolution.run import Run
+from reconstruction.printable import make_printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,13 +44,21 @@ def draw_comparison(runs: Mapping[str, Run]) -> Figure:
         history, colour = run.history, PALETTE[index % len(PALETTE)]
         if not len(history):
             continue
-        axes.plot(history["evaluations"], history["median"], color=colour, marker="o", ms=3, label=name)
+        axes.plot(
+            history["evaluations"],
+            history["median"],
+            color=colour,
+            marker="o",
+            ms=3,
+            label=make_printable(name),
+        )
         axes.plot(history["evaluations"], history["best"], color=colour, lw=0.8, ls=":")
         for generation in range(1, len(history)):
             if history["stage"][generation] != history["stage"][generation - 1]:
                 axes.axvline(history["evaluations"][generation - 1], color=colour, lw=0.8, alpha=0.5)
     axes.set(xlabel="genotypes evaluated", ylabel="fitness: median (line), best (dots)")
-    axes.legend(frameon=False, fontsize=8)
+    for text in axes.legend(frameon=False, fontsize=8).get_texts():
+        text.set_parse_math(False)  # a dollar in the name of a folder
     soften(axes)
     return figure
 
@@ -70,9 +79,9 @@ def tabulate(runs: Mapping[str, Run]) -> list[list[object]]:
                 f"{last['wall_seconds']:.0f}",
                 f"{best:.2f}",
             )
-        arenas = " -> ".join(stage.arena for stage in config.all_stages)
+        arenas = " -> ".join(make_printable(stage.arena) for stage in config.all_stages)
         modules = champion.modules if champion else config.modules
-        rows.append([name, arenas, modules, config.seed, len(run.history), *numbers, told])
+        rows.append([make_printable(name), arenas, modules, config.seed, len(run.history), *numbers, told])
     return rows
 
 

@@ -104,7 +104,7 @@ class Page:
             program=get_plotly_program() if has_scene else "",
         )
         with write_whole(path) as beside:
-            beside.write_text(html, encoding="utf-8")
+            beside.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 
 def _as_png(picture: bytes | Figure) -> bytes:

@@ -11,10 +11,12 @@ import mujoco
 import numpy as np
 import trimesh
 
+from reconstruction.printable import make_printable
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.cache import find_versions, get_or_make
+from symbrion_gym.arenas.checks import check_friction, check_name
 from symbrion_gym.arenas.contact_builder import Contact, ContactOptions, make_contact
-from symbrion_gym.arenas.contact_kinds import HeightField
+from symbrion_gym.arenas.contact_kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym.arenas.elevation import Elevation
 from symbrion_gym.arenas.folder import load_arena_folder, save_arena
@@ -39,6 +41,9 @@ class Arena:
         kind: the kind of contact geometry.
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
+
+    Raises:
+        ArenaError: name, friction or kind cannot be, or the kind does not go with the height field.
     """
 
     name: str
@@ -50,6 +55,14 @@ class Arena:
     kind: str = "convex"
     height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_name(self.name)
+        check_friction(self.friction)
+        if self.kind not in CONTACT_KINDS:
+            raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if (self.kind == "hfield") != (self.height_field is not None):
+            raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
 
     @classmethod
     def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
@@ -137,12 +150,15 @@ def make_arena(
     options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit)
     source = "mesh"
     if not isinstance(mesh, trimesh.Trimesh):
-        source = Path(mesh).name
-        name = name or Path(mesh).stem
+        source = make_printable(Path(mesh).name)
+        name = name or make_printable(Path(mesh).stem)
         mesh = load_surface(mesh)
     progress("repairing the mesh", 0.0)
     num_faces = len(mesh.faces)
-    mesh = repair_mesh(mesh)
+    try:
+        mesh = repair_mesh(mesh)
+    except ArenaError as error:
+        raise ArenaError(f"{source}: {error}") from error
 
     def make() -> Contact:
         return make_contact(mesh, options, progress)
@@ -189,16 +205,18 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
     if name in ("truth", "simple", "stairs"):
         return _make_exact(str(name), course)
     path = _find_scanned(str(name), course) if name in NAMED_ARENAS else Path(name)
-    if path.is_dir():
-        return Arena.load(path)
-    if path.is_file():
-        return (
-            Arena.load(path.parent)
-            if path.name == "arena.json"
-            else make_arena(path, course=course, **options)
-        )
+    try:
+        if path.is_dir():
+            return Arena.load(path)
+        if path.is_file() and path.name == "arena.json":
+            return Arena.load(path.parent)
+        if path.is_file():
+            return make_arena(path, course=course, **options)
+    except OSError as error:
+        raise ArenaError(f"{make_printable(path, 200)}: cannot be read ({error.strerror})") from error
     raise ArenaError(
-        f"no arena {str(name)!r}: neither a folder nor a mesh file, nor one of {', '.join(NAMED_ARENAS)}"
+        f"no arena {make_printable(name, 200)!r}: neither a folder nor a mesh file, "
+        f"nor one of {', '.join(NAMED_ARENAS)}"
     )
 
 

@@ -12,11 +12,14 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from reconstruction.typed_json import JsonError, as_type
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.pieces.hulls import make_hull
 
 _THICKNESS = 0.2
 """How far the ground reaches below the lowest floor [m]."""
+_LONGEST = 1e4
+"""Largest size [m], and number of steps."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +47,8 @@ class Course:
 
     def __post_init__(self) -> None:
         _refuse_unless_positive(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
-        if not 0.0 <= self.pit < np.inf:
-            raise ArenaError(f"Course: pit must be a width of 0 or more [m], got {self.pit}")
+        if not 0.0 <= self.pit <= _LONGEST:
+            raise ArenaError(f"Course: pit must be a width of 0 to {_LONGEST:g} m, got {self.pit}")
 
     @property
     def pit_edges(self) -> tuple[float, float]:
@@ -181,12 +184,12 @@ def make_course(fields: dict[str, Any]) -> Course | StairsCourse:
     """
     values = dict(fields)
     kind = values.pop("kind", None)
-    if kind not in COURSES:
-        raise ArenaError(f"unknown kind of course {kind!r}; there are: {', '.join(COURSES)}")
+    if not isinstance(kind, str) or kind not in COURSES:
+        raise ArenaError(f"course.kind is {kind!r}; there are: {', '.join(COURSES)}")
     try:
-        return COURSES[kind](**values)
-    except TypeError as error:
-        raise ArenaError(f"a course of kind {kind!r} cannot be made of {values}: {error}") from error
+        return as_type(values, COURSES[kind], "course")
+    except JsonError as error:
+        raise ArenaError(str(error)) from error
 
 
 def make_simple_surface(course: Course | StairsCourse) -> trimesh.Trimesh:
@@ -213,8 +216,10 @@ def make_simple_surface(course: Course | StairsCourse) -> trimesh.Trimesh:
 def _refuse_unless_positive(course: Course | StairsCourse, names: tuple[str, ...]) -> None:
     for name in names:
         value = getattr(course, name)
-        if not 0.0 < value < np.inf:
-            raise ArenaError(f"{type(course).__name__}: {name} must be above 0, got {value}")
+        if not 0.0 < value <= _LONGEST:
+            raise ArenaError(
+                f"{type(course).__name__}: {name} must be above 0, up to {_LONGEST:g}, got {value}"
+            )
 
 
 def _place(line: np.ndarray, y: float) -> np.ndarray:

@@ -19,16 +19,16 @@ import numpy as np
 import trimesh
 
 from reconstruction.bounded_read import read_npz
+from symbrion_gym.arenas.checks import check_height_field, check_piece, check_surface
 from symbrion_gym.arenas.contact_kinds import HeightField
-from symbrion_gym.arenas.course import make_course
-from symbrion_gym.arenas.quality import ArenaQuality
+from symbrion_gym.arenas.description import FORMAT, load_description
+from symbrion_gym.arenas.obj_mesh import load_obj
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
 
-_FORMAT = 1
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
 
 
@@ -57,35 +57,26 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
     """Return the fields of the arena in a folder.
 
     Raises:
-        ArenaError: it holds no arena, or a damaged one; the message names the file.
+        ArenaError: it holds no arena, or a damaged one; the message names file and field.
     """
     folder = Path(folder)
-    about_path = folder / "arena.json"
-    if not about_path.is_file():
-        raise ArenaError(f"{folder} holds no arena.json")
+    fields, files = load_description(folder / "arena.json")
+    surface, pieces = load_obj(files.surface), [load_obj(path) for path in files.pieces]
+    check_surface(surface, files.surface)
+    for piece, path in zip(pieces, files.pieces, strict=True):
+        check_piece(piece, path)
+    height_field = None if files.height_field is None else _load_height_field(files.height_field)
+    return fields | {"surface": surface, "pieces": pieces, "height_field": height_field}
+
+
+def _load_height_field(path: Path) -> HeightField:
     try:
-        about = json.loads(about_path.read_text())
-        if about["format"] > _FORMAT:
-            raise ArenaError(f"{about_path}: written by a newer version (format {about['format']})")
-        height_field = None
-        if (folder / "height_field.npz").is_file():
-            arrays = read_npz(folder / "height_field.npz", HeightField._fields)
-            height_field = HeightField(*(arrays[name] for name in HeightField._fields))
-        return {
-            "name": about["name"],
-            "kind": about["kind"],
-            "friction": about["friction"],
-            "course": make_course(about["course"]) if about["course"] else None,
-            "quality": ArenaQuality.from_dict(about["quality"]),
-            "provenance": about["provenance"],
-            "surface": _read_obj(folder / "surface.obj"),
-            "pieces": [_read_obj(folder / f"pieces/{i:03d}.obj") for i in range(about["num_pieces"])],
-            "height_field": height_field,
-        }
+        arrays = read_npz(path, HeightField._fields)
+        field = HeightField(*(arrays[name] for name in HeightField._fields))
     except (KeyError, TypeError, ValueError, OSError) as error:
-        if isinstance(error, ArenaError):
-            raise
-        raise ArenaError(f"{folder}: damaged arena ({error!r}); build it again with make_arena") from error
+        raise ArenaError(f"{path}: damaged ({error}); build the arena again with make_arena") from error
+    check_height_field(field, path)
+    return field
 
 
 def _write(arena: Arena, folder: Path) -> None:
@@ -98,7 +89,7 @@ def _write(arena: Arena, folder: Path) -> None:
     if arena.height_field is not None:
         np.savez_compressed(folder / "height_field.npz", **arena.height_field._asdict())
     about = {
-        "format": _FORMAT,
+        "format": FORMAT,
         "name": arena.name,
         "kind": arena.kind,
         "friction": arena.friction,
@@ -120,18 +111,3 @@ def _format_obj(mesh: trimesh.Trimesh, digits: int) -> str:
     lines = [f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f}" for x, y, z in vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
     return "\n".join(lines) + "\n"
-
-
-def _read_obj(path: Path) -> trimesh.Trimesh:
-    if not path.is_file():
-        raise ArenaError(f"{path} is missing; build the arena again with make_arena")
-    rows: dict[str, list[list[str]]] = {"v": [], "f": []}
-    for line in path.read_text().splitlines():
-        kind, _, rest = line.partition(" ")
-        if kind in rows:
-            rows[kind].append(rest.split())
-    vertices = np.array(rows["v"], dtype=np.float64).reshape(-1, 3)
-    faces = np.array(rows["f"], dtype=np.int64).reshape(-1, 3) - 1
-    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise ArenaError(f"{path}: a face names a vertex that is not there")
-    return trimesh.Trimesh(vertices, faces, process=False)

@@ -9,7 +9,9 @@ import numpy as np
 import trimesh
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from reconstruction.typed_json import JsonError, as_type
 from symbrion_gym.arenas.elevation import Elevation
+from symbrion_gym.errors import ArenaError
 
 _MAX_RAYS = 400_000
 
@@ -39,15 +41,29 @@ class ArenaQuality:
     uncovered: float = 0.0
     seconds: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("mean", "p95", "max", "num_pieces", "seconds"):
+            if not getattr(self, name) >= 0:
+                raise ArenaError(f"{name} is {getattr(self, name)}; 0 or more is needed")
+        if not 0 <= self.uncovered <= 1:
+            raise ArenaError(f"uncovered is {self.uncovered}; a share from 0 to 1 is needed")
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields, for JSON: None where nothing could be measured."""
         return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ArenaQuality:
-        """Return what `as_dict` was made of."""
-        known: dict[str, Any] = {name: np.inf if value is None else value for name, value in fields.items()}
-        return cls(**known)
+        """Return what `as_dict` was made of.
+
+        Raises:
+            ArenaError: a field is missing, unknown, of another type or out of range.
+        """
+        known = {name: np.inf if value is None else value for name, value in fields.items()}
+        try:
+            return as_type(known, cls, "quality")
+        except JsonError as error:
+            raise ArenaError(str(error)) from error
 
 
 class TerrainRuler:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OrganismError
 
 SENSORS = (
@@ -28,7 +29,16 @@ SENSORS = (
 DEFAULT_SENSORS = SENSORS[:8]
 STARTS = ("floor", "pit")
 TRACK_CONTROLS = ("constant", "body", "modules")
-RANDOM_OPTIONS = ("friction", "torque_scale", "start_offset", "start_lateral", "yaw", "track_speed")
+RANDOM_LIMITS = {
+    "friction": FRICTION_LIMITS,
+    "torque_scale": (1e-3, 10.0),
+    "start_offset": (-5.0, 5.0),
+    "start_lateral": (-5.0, 5.0),
+    "yaw": (-np.pi, np.pi),
+    "track_speed": (0.0, 2.0),
+}
+"""Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
+RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
 
 
 @dataclass(frozen=True)
@@ -89,8 +99,8 @@ class SnakePitConfig:
         _check_choice("track_control", self.track_control, TRACK_CONTROLS)
         if isinstance(self.start, str):
             _check_choice("start", self.start, STARTS)
-        if isinstance(self.sensors, str):
-            raise ValueError(f"sensors must be a sequence of names, got the string {self.sensors!r}")
+        if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
+            raise ValueError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
             _check_choice("sensors", name, SENSORS)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
@@ -119,7 +129,7 @@ def _check(config: SnakePitConfig, name: str, low: float, is_low_allowed: bool) 
     value = getattr(config, name)
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
     if not (low <= number if is_low_allowed else low < number) or not number < np.inf:
         raise ValueError(f"{name} must be {'at least' if is_low_allowed else 'above'} {low:g}, got {value}")

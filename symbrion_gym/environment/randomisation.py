@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from symbrion_gym.environment.config import RANDOM_OPTIONS
+from symbrion_gym.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym.environment.world import World
 from symbrion_gym.robot.tracks import find_track_field
 
@@ -32,16 +32,6 @@ class Domain(NamedTuple):
     track_speed: float
 
 
-_LIMITS = {
-    "friction": (1e-3, 5.0),
-    "torque_scale": (1e-3, 10.0),
-    "start_offset": (-5.0, 5.0),
-    "start_lateral": (-5.0, 5.0),
-    "yaw": (-np.pi, np.pi),
-    "track_speed": (0.0, 2.0),
-}
-
-
 def draw_domain(
     usual: Mapping[str, float], options: Mapping[str, Any] | None, generator: np.random.Generator
 ) -> Domain:
@@ -63,7 +53,7 @@ def draw_domain(
 
 
 def _draw(name: str, value: Any, generator: np.random.Generator) -> float:
-    low, high = _LIMITS[name]
+    low, high = RANDOM_LIMITS[name]
     try:
         bounds = np.asarray(value, dtype=np.float64).ravel()
     except (TypeError, ValueError):

@@ -13,6 +13,8 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from symbrion_gym.errors import ArenaError
 
+LARGEST_COORDINATE = 1e6
+"""[m]; MuJoCo keeps vertices in single precision, 6 cm apart out there."""
 _MAX_FACES = 30_000
 """Larger meshes are simplified first: planes need no more, and time is bounded."""
 _MIN_PART = 0.02
@@ -75,6 +77,12 @@ def _refuse_odd_sizes(points: np.ndarray) -> None:
     extent = float(np.ptp(points, axis=0).max())
     if not 1e-3 < extent < 1e4:
         raise ArenaError(f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units metres?")
+    farthest = float(np.abs(points).max())
+    if farthest > LARGEST_COORDINATE:
+        raise ArenaError(
+            f"the mesh lies {farthest:g} m from the origin, {LARGEST_COORDINATE:g} m is the most: "
+            "subtract an offset from its vertices"
+        )
 
 
 def _merge_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

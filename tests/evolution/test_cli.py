@@ -6,7 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import toys
 
+import evolution as ev
+import symbrion_gym as sg
 from evolution.cli import run
 from evolution.commands import COMMANDS
 
@@ -174,3 +177,52 @@ def test_evolution_may_choose_the_length_of_the_body(
     words = ["evolve", "--arena", "truth", "--body-lengths", "3", "4", "--population", "4", "--trials", "1"]
     assert run([*words, "--generations", "1", "--folder", str(tmp_path / "run"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["champion"]["modules"] in (3, 4)
+
+
+DAMAGE = {
+    "friction": lambda about: about | {"friction": "rough"},
+    "num_pieces": lambda about: about | {"num_pieces": 2},
+    "quality": lambda about: about | {"quality": None},
+}
+
+
+@pytest.mark.parametrize("field", DAMAGE)
+def test_a_damaged_arena_is_refused_by_file_and_field(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sg.load_arena("truth").save(tmp_path / "pit")
+    about = tmp_path / "pit" / "arena.json"
+    about.write_text(json.dumps(DAMAGE[field](json.loads(about.read_text()))))
+    for words in (
+        ["evolve", "--arena", str(tmp_path / "pit"), "--folder", str(tmp_path / "run")],
+        ["survey", str(tmp_path / "pit"), "--out", str(tmp_path / "log.npz")],
+    ):
+        said = refuse(words, 1, capsys)
+        assert "arena.json" in said
+        assert field in said
+    assert [path.name for path in tmp_path.iterdir()] == ["pit"]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("sigma", float("nan")), ("modules", 10**9), ("stages", 7), ("wings", 2)]
+)
+def test_a_damaged_run_is_refused_by_file_and_field(
+    field: str, value: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = ev.EvolutionConfig(arena="truth", generations=1, folder=str(tmp_path / "run"))
+    ev.evolve(config, simulate=toys.bowl)
+    path = tmp_path / "run" / "config.json"
+    content = json.loads(path.read_text())
+    content["config"][field] = value
+    path.write_text(json.dumps(content))
+    for command in ("resume", "replay", "compare"):
+        said = refuse([command, str(tmp_path / "run")], 1, capsys)
+        assert "config.json" in said
+        assert field in said
+
+
+def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "way.json"
+    for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}"):
+        path.write_text(text)
+        assert "way.json" in refuse(["survey", "truth", "--path", str(path)], 2, capsys)

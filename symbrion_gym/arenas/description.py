@@ -1,0 +1,145 @@
+"""`arena.json`: what an arena's folder says of itself, checked by type and range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from reconstruction.typed_json import JsonError, as_type, read_json
+from symbrion_gym.arenas.checks import check_friction, check_name
+from symbrion_gym.arenas.course import make_course
+from symbrion_gym.arenas.quality import ArenaQuality
+from symbrion_gym.errors import ArenaError
+
+FORMAT = 1
+PLAIN, SPARE = "", ".arena/"
+"""Where the meshes of an arena may lie in its folder; spare only while it takes the place of another."""
+_MOST_PIECES = 100_000
+
+
+class ArenaFiles(NamedTuple):
+    """The files of geometry in an arena's folder.
+
+    Attributes:
+        surface: the exact surface.
+        pieces: contact pieces, in order.
+        height_field: in place of pieces, for the kind "hfield".
+    """
+
+    surface: Path
+    pieces: list[Path]
+    height_field: Path | None
+
+
+@dataclass(frozen=True)
+class ArenaDescription:
+    """The content of `arena.json`.
+
+    Attributes:
+        format: of the folder.
+        name: of the arena.
+        kind: of contact geometry.
+        friction: sliding friction of the ground.
+        num_pieces: number of contact pieces in the folder.
+        quality: as `ArenaQuality.as_dict` returned it.
+        provenance: what the arena was made of.
+        course: as `Course.as_dict` returned it; None where there is no course.
+        place: where the meshes lie, relative to the folder.
+        files: the arena's own files, where the folder lists them.
+    """
+
+    format: int
+    name: str
+    kind: Literal["convex", "primitives", "hfield", "prisms"]
+    friction: float
+    num_pieces: int
+    quality: dict[str, Any]
+    provenance: dict[str, Any]
+    course: dict[str, Any] | None
+    place: Literal["", ".arena/"] = PLAIN
+    files: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.format < 1:
+            raise ArenaError(f"format is {self.format}; formats count from 1")
+        check_name(self.name)
+        check_friction(self.friction)
+        if not 0 <= self.num_pieces <= _MOST_PIECES:
+            raise ArenaError(f"num_pieces is {self.num_pieces}; 0 to {_MOST_PIECES} are possible")
+        if (self.kind == "hfield") != (self.num_pieces == 0):
+            raise ArenaError(
+                f"num_pieces is {self.num_pieces} and kind {self.kind!r}; "
+                "a height field has no pieces, every other kind has some"
+            )
+
+    def as_arena_fields(self) -> dict[str, Any]:
+        """Return the fields of an `Arena` that are not geometry.
+
+        Raises:
+            ArenaError: a field of quality or course is missing, unknown, of another type or out of range.
+        """
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "friction": self.friction,
+            "course": None if self.course is None else make_course(self.course),
+            "quality": ArenaQuality.from_dict(self.quality),
+            "provenance": self.provenance,
+        }
+
+    def find_files(self, folder: Path) -> ArenaFiles:
+        """Return the files of geometry that the arena in a folder consists of.
+
+        Raises:
+            ArenaError: the folder, or its list of files, holds more pieces or fewer than `num_pieces`.
+        """
+        meshes = folder / self.place
+        pieces = [f"pieces/{index:03d}.obj" for index in range(self.num_pieces)]
+        listed = {name for name in self.files or () if name.startswith("pieces/")}
+        if self.files is None:
+            listed = {path.relative_to(meshes).as_posix() for path in meshes.glob("pieces/*.obj")}
+        differing = sorted(listed.symmetric_difference(pieces))
+        if differing and self.place == PLAIN:  # elsewhere the pieces of two arenas are listed
+            is_or_not = "is" if differing[0] in listed else "is not"
+            raise ArenaError(
+                f"num_pieces is {self.num_pieces}, but {meshes / differing[0]} {is_or_not} there"
+            )
+        height_field = meshes / "height_field.npz"
+        has_height_field = self.kind == "hfield"
+        if has_height_field != height_field.is_file() and self.files is None:
+            raise ArenaError(
+                f"kind is {self.kind!r} and {height_field} {'missing' if has_height_field else 'there'}"
+            )
+        return ArenaFiles(
+            surface=meshes / "surface.obj",
+            pieces=[meshes / name for name in pieces],
+            height_field=height_field if has_height_field else None,
+        )
+
+
+def load_description(path: Path) -> tuple[dict[str, Any], ArenaFiles]:
+    """Read `arena.json`; entries that it does not know are left alone.
+
+    Returns:
+        The fields of an `Arena` that are not geometry, and the files of those that are.
+
+    Raises:
+        ArenaError: missing, damaged, of a newer format, or a field is wrong; the message names file and field.
+    """
+    if not path.is_file():
+        raise ArenaError(f"{path.parent} holds no {path.name}")
+    try:
+        content = read_json(path)
+        _refuse_newer(content)
+        description = as_type(content, ArenaDescription, others_allowed=True)
+        return description.as_arena_fields(), description.find_files(path.parent)
+    except (JsonError, ArenaError, OSError) as error:
+        raise ArenaError(f"{path}: {error}; build the arena again with make_arena") from error
+
+
+def _refuse_newer(content: Any) -> None:
+    """Refuse a folder of a later release, whose other fields may be anything."""
+    version = content.get("format") if isinstance(content, dict) else None
+    if isinstance(version, int) and version > FORMAT:
+        raise ArenaError(f"format is {version}, of a newer release; this one reads up to {FORMAT}")
