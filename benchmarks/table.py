@@ -17,6 +17,7 @@ from typing import Any
 from benchmarks.claims import CLAIMS, GROUPS, LIMITS
 from benchmarks.figures import Claim, ClaimError
 from benchmarks.report import RESULTS, load_records
+from reconstruction.atomic_write import write_atomically
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"
@@ -40,7 +41,7 @@ def main() -> None:
     options = parser.parse_args()
     records = load_records()
     if options.table_only:
-        write_whole(TABLE, make_table(records, is_patient=True))
+        _write(TABLE, make_table(records, is_patient=True))
         print(TABLE.read_text())
         return
     try:
@@ -51,7 +52,7 @@ def main() -> None:
     if options.check and old:
         sys.exit(f"out of date: {', '.join(old)}; run `python -m benchmarks.table`")
     for path, text in wanted.items():
-        write_whole(path, text)
+        _write(path, text)
     absent = [claim for claim in (*CLAIMS, *LIMITS) if not claim.is_measured(records)]
     for claim in absent:
         print(f"left out, not measured: {claim.file}: {claim.what}")
@@ -119,12 +120,10 @@ def describe_origin(records: Records, files: list[str]) -> str:
     return f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file beside its place, then move it there."""
+def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    beside.write_text(text)
-    beside.replace(path)
+    with write_atomically(path) as beside:
+        beside.write_text(text)
 
 
 def _make_line(claim: Claim, records: Records, is_patient: bool = False) -> str:

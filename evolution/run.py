@@ -12,7 +12,6 @@ a folder runs none of its content.
 import csv
 import io
 import json
-import os
 import platform
 import subprocess
 from collections.abc import Iterator
@@ -29,6 +28,7 @@ from evolution.config import EvolutionConfig
 from evolution.errors import RunError
 from evolution.record import HISTORY, Record
 from evolution.validation import Champion
+from reconstruction.atomic_write import write_atomically
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
 LOCK = ".lock"
@@ -158,16 +158,10 @@ class RunFolder:
         return content
 
     def _replace(self, name: str, content: bytes) -> None:
-        """Write beside and rename: a reader, or a kill, meets the old file or the new one."""
-        beside = self.path / f".{name}.new"
         try:
-            with open(beside, "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(beside, self.path / name)
+            with write_atomically(self.path / name) as beside:
+                beside.write_bytes(content)
         except OSError as error:
-            beside.unlink(missing_ok=True)
             raise RunError(
                 f"{self.path / name} cannot be written ({error}); the last checkpoint is kept, "
                 "make room and resume"

@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks import growing_grid, gsrm
 from reconstruction.networks.compilation import keep_compiled_programs
@@ -22,7 +23,6 @@ from reconstruction.scans.rays import read_rays
 from reconstruction.scans.scan import ScanLog
 from reconstruction.surfaces.orientation import orient_outwards
 from reconstruction.surfaces.quality import Quality, measure_quality
-from reconstruction.whole_file import write_whole
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -148,7 +148,7 @@ class Reconstruction:
         arrays["points"] = self.points
         if self.viewpoint is not None:
             arrays["viewpoint"] = self.viewpoint
-        with write_whole(path) as beside, beside.open("wb") as file:
+        with write_atomically(path) as beside, beside.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
     @classmethod

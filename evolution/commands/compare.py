@@ -12,7 +12,7 @@ from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report.comparison import COLUMNS, draw_comparison, make_comparison_page, tabulate
 from evolution.report.pictures import to_png
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class Compare(Command):
         if self.out.suffix.lower() == ".html":
             make_comparison_page(runs).write(self.out)
         else:
-            with write_whole(self.out) as beside:
+            with write_atomically(self.out) as beside:
                 beside.write_bytes(to_png(draw_comparison(runs)))
         console.say(f"{self.out}: {len(runs)} runs")
         return summary

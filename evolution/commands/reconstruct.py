@@ -11,7 +11,7 @@ import tyro
 import reconstruction as rc
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
 from evolution.commands.console import Console
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 from symbrion_gym.arenas.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -105,7 +105,7 @@ def is_scan_log(path: Path) -> bool:
 
 def export_mesh(mesh: Any, path: Path) -> None:
     """Write a mesh file; it appears whole or not at all."""
-    with write_whole(path) as beside:
+    with write_atomically(path) as beside:
         mesh.export(beside)
 
 

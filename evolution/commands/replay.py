@@ -13,7 +13,7 @@ from evolution.commands.command import SeededCommand, UsageError, require_writab
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report import encode_video
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class Replay(SeededCommand):
             console.say("no video: this machine has no OpenGL; everything else is done")
             return None
         self.video.parent.mkdir(parents=True, exist_ok=True)
-        with write_whole(self.video) as beside:
+        with write_atomically(self.video) as beside:
             beside.write_bytes(encode_video(recording.frames, recording.fps))
         verdict = "crosses" if recording.success else "does not cross"
         console.say(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")

@@ -19,7 +19,7 @@ import filelock
 from evolution.errors import RunError
 from evolution.paper.config import PaperConfig
 from evolution.report.provenance import describe_machine
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 Figures = dict[str, Any]
 """What an experiment returns: plain JSON content."""
@@ -106,7 +106,7 @@ class PaperFolder:
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON; the file appears whole or not at all."""
-    with write_whole(path) as beside:
+    with write_atomically(path) as beside:
         beside.write_text(json.dumps(content, indent=2) + "\n")
 
 

@@ -14,7 +14,7 @@ import symbrion_gym as sg
 from evolution.demo import find_insufficient
 from evolution.paper.config import PaperConfig
 from evolution.report.video import encode_video
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 SHORT = 4
 """Modules of a body that is too short for the pit, whatever law moves it."""
@@ -136,12 +136,14 @@ def choose_moments(positions: np.ndarray, num_frames: int, near: float = -0.35) 
 
 
 def _keep_film(folder: Path, name: str, film: ev.Recording) -> list[float]:
-    np.savez_compressed(folder / f"{name}.npz", positions=film.positions, rotations=film.rotations)
+    with write_atomically(folder / f"{name}.npz") as beside:
+        np.savez_compressed(beside, positions=film.positions, rotations=film.rotations)
     if not film.frames:
         return []
-    with write_whole(folder / f"{name}.mp4") as beside:
+    with write_atomically(folder / f"{name}.mp4") as beside:
         beside.write_bytes(encode_video(film.frames, film.fps))
     chosen = choose_moments(film.positions, len(film.frames))
     for index, frame in enumerate(chosen):
-        Image.fromarray(film.frames[frame]).save(folder / f"{name}_{index + 1}.png", optimize=True)
+        with write_atomically(folder / f"{name}_{index + 1}.png") as beside:
+            Image.fromarray(film.frames[frame]).save(beside, optimize=True)
     return [round(min(frame * FILM_SPEED / film.fps, film.seconds), 2) for frame in chosen]

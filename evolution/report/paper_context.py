@@ -18,7 +18,7 @@ from evolution.paper.config import QUICK, PaperConfig
 from evolution.report.page import Page
 from evolution.report.paper_tables import Table
 from evolution.report.pictures import to_png, to_svg
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 
 @dataclasses.dataclass
@@ -83,6 +83,6 @@ class PaperContext:
         (self.folder / "figures").mkdir(exist_ok=True)
         png = to_png(figure)
         for ending, content in (("png", png), ("svg", to_svg(figure))):
-            with write_whole(self.folder / "figures" / f"{name}.{ending}") as beside:
+            with write_atomically(self.folder / "figures" / f"{name}.{ending}") as beside:
                 beside.write_bytes(content)
         return png

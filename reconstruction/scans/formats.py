@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from plyfile import PlyData, PlyElement, PlyParseError
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.errors import ScanError
 from reconstruction.scans.pcd import read_pcd
 from reconstruction.scans.scan import Array
 from reconstruction.scans.text_points import read_obj, read_text, read_vtk
-from reconstruction.whole_file import write_whole
 
 _LOG = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
         raise ScanError(f"{path}: cannot write {path.suffix!r}; there are: {' '.join(_WRITERS)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with write_whole(path) as beside, beside.open("wb") as file:
+        with write_atomically(path) as beside, beside.open("wb") as file:
             _WRITERS[path.suffix](file, points)
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error

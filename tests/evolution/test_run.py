@@ -162,7 +162,7 @@ def test_a_folder_that_turns_read_only_is_a_clear_error(folder, monkeypatch):
         raise PermissionError(30, "Read-only file system")
 
     before = (folder / "record.npz").read_bytes()
-    monkeypatch.setattr("evolution.run.os.replace", refuse)
+    monkeypatch.setattr("os.replace", refuse)
     with pytest.raises(RunError, match="Read-only file system"):
         resume(folder, generations=5, simulate=toys.bowl)
     assert (folder / "record.npz").read_bytes() == before
@@ -178,7 +178,7 @@ def test_the_old_checkpoint_survives_a_full_disk(folder):
             resume(folder, generations=30, simulate=toys.bowl)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert not list(folder.glob("*.new"))
+    assert not list(folder.glob(".*.part*"))
     survived = load_run(folder)
     assert len(survived.history) >= 3
     assert len(resume(folder, generations=8, simulate=toys.bowl).history) == 8
