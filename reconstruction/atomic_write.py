@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import secrets
 import shutil
 import stat
@@ -11,6 +12,7 @@ from pathlib import Path
 
 _LONGEST_STEM = 40
 """Characters of a name that its file beside keeps: the whole must not exceed 255 bytes."""
+_LEFTOVER = re.compile(r"\.(?P<stem>.+)\.[0-9a-f]{12}\.part(?P<suffix>(?:\.[^.]*)?)")
 
 
 @contextmanager
@@ -30,7 +32,7 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(os.path.realpath(path))
     _refuse_irreplaceable(path)
-    beside = _name_beside(path)
+    beside = path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
     try:
         yield beside
         if path.exists():
@@ -45,29 +47,14 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
-@contextmanager
-def make_folder_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield an empty folder beside `path` to fill; it becomes `path` at the end.
+def find_leftovers(folder: str | os.PathLike[str]) -> dict[Path, str]:
+    """Return what killed writers left in a folder, and what others write at this moment: path -> name meant.
 
-    Args:
-        path: the folder wanted; there is none, or an empty one. Folders above it are made.
-
-    Raises:
-        OSError: there is something by now, or it cannot be written.
+    Of a name longer than 40 characters the first 40 are known.
     """
-    path = Path(os.path.realpath(path))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = _name_beside(path)
-    beside.mkdir()
-    try:
-        yield beside
-        os.replace(beside, path)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-
-
-def _name_beside(path: Path) -> Path:
-    return path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
+    entries = Path(folder).iterdir() if Path(folder).is_dir() else ()
+    matches = {path: _LEFTOVER.fullmatch(path.name) for path in entries}
+    return {path: f"{match['stem']}{match['suffix']}" for path, match in matches.items() if match}
 
 
 def _refuse_irreplaceable(path: Path) -> None:

@@ -9,7 +9,13 @@ import numpy as np
 import tyro
 
 import reconstruction as rc
-from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
+from evolution.commands.command import (
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_own_archive,
+    require_writable_file,
+)
 from evolution.commands.console import Console
 from reconstruction.atomic_write import write_atomically
 from symbrion_gym.arenas.ready_made import SPACING
@@ -48,6 +54,10 @@ class Reconstruct(SeededCommand):
         super().__post_init__()
         require_file(self.source, "SCAN")
         require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
+        if self.out == Reconstruct.out:
+            require_own_archive(self.out, "--out", "header")
+        if self.out.exists() and self.out.samefile(self.source):
+            raise UsageError(f"--out {self.out} is the scan itself; give another name")
         if self.units < MINIMUM_UNITS:
             raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
         if self.thin is not None and not self.thin > 0:

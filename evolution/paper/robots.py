@@ -1,7 +1,6 @@
 """Fig. 7: the evolution, its champion judged in the true arena, and an insufficiently evolved robot beside it."""
 
 import dataclasses
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import symbrion_gym as sg
 from evolution.demo import find_insufficient
 from evolution.paper.config import PaperConfig
 from evolution.report.video import encode_video
+from evolution.run import RunFolder
 from reconstruction.atomic_write import write_atomically
 
 SHORT = 4
@@ -45,12 +45,20 @@ def evolve_champion(
         workers=workers,
         folder=str(place),
     )
-    if (place / "config.json").is_file():
-        try:
-            return ev.resume(str(place), workers=workers, progress=progress)
-        except ev.RunError:  # damaged, or of an arena that has moved
-            shutil.rmtree(place)
+    if _goes_on(wanted, place):
+        return ev.resume(place, workers=workers, progress=progress)
+    former = RunFolder(place)
+    with former.lock():
+        former.remove()
     return ev.evolve(wanted, progress=progress)
+
+
+def _goes_on(wanted: ev.EvolutionConfig, place: Path) -> bool:
+    """Tell whether a run is there that can be gone on with: neither damaged, nor of an arena that has moved."""
+    try:
+        return not ev.load_run(place).config.differences(wanted)
+    except ev.RunError:
+        return False
 
 
 def make_part(progress: rc.Progress, title: str, start: float, share: float) -> rc.Progress:

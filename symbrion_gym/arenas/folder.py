@@ -5,6 +5,8 @@ arena.json           name, kind, friction, course, quality, provenance
 surface.obj          the exact surface, to 0.1 mm
 pieces/000.obj ...   the contact pieces, to 1 µm
 height_field.npz     in place of pieces, for the kind "hfield"
+
+While an arena takes the place of another, its meshes lie in `.arena/`; `arena.json` says where (`saving`).
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from symbrion_gym.arenas.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
 FORMAT = 1
+PLAIN, SPARE = "", ".arena/"
+"""Where the meshes of an arena may lie in its folder."""
 
 
 def load_arena_folder(folder: str | Path) -> dict[str, Any]:
@@ -38,9 +42,10 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
         about = json.loads(about_path.read_text())
         if about["format"] > FORMAT:
             raise ArenaError(f"{about_path}: written by a newer version (format {about['format']})")
+        meshes = folder / find_place(about)
         height_field = None
-        if (folder / "height_field.npz").is_file():
-            with np.load(folder / "height_field.npz", allow_pickle=False) as arrays:
+        if (meshes / "height_field.npz").is_file():
+            with np.load(meshes / "height_field.npz", allow_pickle=False) as arrays:
                 height_field = HeightField(*(arrays[name] for name in HeightField._fields))
         return {
             "name": about["name"],
@@ -49,14 +54,22 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
             "course": make_course(about["course"]) if about["course"] else None,
             "quality": ArenaQuality.from_dict(about["quality"]),
             "provenance": about["provenance"],
-            "surface": _read_obj(folder / "surface.obj"),
-            "pieces": [_read_obj(folder / f"pieces/{i:03d}.obj") for i in range(about["num_pieces"])],
+            "surface": _read_obj(meshes / "surface.obj"),
+            "pieces": [_read_obj(meshes / f"pieces/{i:03d}.obj") for i in range(about["num_pieces"])],
             "height_field": height_field,
         }
     except (KeyError, TypeError, ValueError, OSError) as error:
         if isinstance(error, ArenaError):
             raise
         raise ArenaError(f"{folder}: damaged arena ({error!r}); build it again with make_arena") from error
+
+
+def find_place(about: dict[str, Any]) -> str:
+    """Return where the meshes lie, given the content of `arena.json`: `PLAIN` or `SPARE`."""
+    place = about.get("place", PLAIN)
+    if place not in (PLAIN, SPARE):
+        raise ArenaError(f"arena.json: place {place!r} is none; there are {PLAIN!r} and {SPARE!r}")
+    return place
 
 
 def _read_obj(path: Path) -> trimesh.Trimesh:

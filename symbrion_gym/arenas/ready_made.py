@@ -9,6 +9,7 @@ from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.saving import find_own_files
 from symbrion_gym.sensing.survey import survey
 
 
@@ -41,7 +42,12 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
 
     Returns:
         Name -> arena, as saved.
+
+    Raises:
+        ArenaError: one of these folders holds something else.
     """
+    for name in (*EXACT, *RECIPES):
+        find_own_files(folder / name)  # refuses now what saving would refuse in the end
     arenas = {name: load_arena(name) for name in EXACT}
     progress("survey", 0.0)
     points = thin(preprocess(survey("truth", seed=seed)), SPACING)

@@ -1,5 +1,6 @@
 """A file appears whole or not at all."""
 
+import contextlib
 import os
 import resource
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.atomic_write import make_folder_atomically, write_atomically
+from reconstruction.atomic_write import find_leftovers, write_atomically
 
 
 def test_the_file_is_replaced_and_the_old_one_readable_until_then(tmp_path: Path) -> None:
@@ -53,12 +54,9 @@ def test_others_may_read_what_the_umask_allows(tmp_path: Path, umask: int) -> No
     try:
         with write_atomically(tmp_path / "a.npz") as beside:
             np.savez(beside, a=np.zeros(3))
-        with make_folder_atomically(tmp_path / "folder"):
-            pass
     finally:
         os.umask(before)
     assert (tmp_path / "a.npz").stat().st_mode & 0o777 == 0o666 & ~umask
-    assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o777 & ~umask
 
 
 def test_a_file_keeps_its_mode(tmp_path: Path) -> None:
@@ -121,26 +119,11 @@ def test_a_full_disk_is_told_of_the_file_that_was_wanted(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    with make_folder_atomically(tmp_path / "a" / "b") as beside:
-        (beside / "c.txt").write_text("c")
-        assert not (tmp_path / "a" / "b").exists()
-    assert (tmp_path / "a" / "b" / "c.txt").read_text() == "c"
-
-    def fail() -> None:
-        with make_folder_atomically(tmp_path / "a" / "d") as beside:
-            (beside / "c.txt").write_text("c")
-            raise KeyError("x")
-
-    with pytest.raises(KeyError):
-        fail()
-    assert [path.name for path in (tmp_path / "a").iterdir()] == ["b"]
-
-
-def test_a_folder_that_holds_something_is_not_replaced(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a" / "mine.txt").write_text("mine")
-    with pytest.raises(OSError, match="not empty"), make_folder_atomically(tmp_path / "a"):
-        pass
-    assert (tmp_path / "a" / "mine.txt").read_text() == "mine"
-    assert len(list(tmp_path.iterdir())) == 1
+def test_leftovers_of_killed_writers_are_found(tmp_path: Path) -> None:
+    names = ("a+b.tar.npz", "c", ".lock")
+    with contextlib.ExitStack() as stack:
+        besides = {stack.enter_context(write_atomically(tmp_path / name)): name for name in names}
+        for path in (*besides, tmp_path / ".mine.part.npz", tmp_path / "c"):
+            path.touch()
+        assert find_leftovers(tmp_path) == besides
+    assert find_leftovers(tmp_path) == find_leftovers(tmp_path / "nowhere") == {}
