@@ -247,8 +247,8 @@ def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
             stdout=subprocess.DEVNULL,
         )
         while process.poll() is None and _list(out.parent) == before:
-            time.sleep(0.0005)
-        time.sleep(rng.uniform(0, 0.05))
+            time.sleep(0.002)
+        time.sleep(10 ** rng.uniform(-4, 0))
         process.send_signal(signal.SIGKILL)
         assert process.wait() in (0, -signal.SIGKILL)
         if command == "arena":
