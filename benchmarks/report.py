@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from evolution.provenance import find_revision
+from reconstruction.atomic_write import write_atomically
 
 RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))
 PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "trimesh")
@@ -95,7 +96,6 @@ def write_results(name: str, measured: dict[str, Any]) -> Path:
     }
     RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"
-    beside = path.with_suffix(".json.part")
-    beside.write_text(json.dumps(record, indent=2) + "\n")
-    beside.replace(path)
+    with write_atomically(path) as beside:
+        beside.write_text(json.dumps(record, indent=2) + "\n")
     return path

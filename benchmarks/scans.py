@@ -16,6 +16,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from benchmarks.report import write_results
+from reconstruction.atomic_write import write_atomically
 from reconstruction.scans.levelling import level_floor
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels, thin
 from reconstruction.scans.scan import ScanLog, load_scan_log
@@ -192,7 +193,8 @@ def draw_real_scan(path: Path, picture: Path) -> None:
         axis.scatter(ends[which][:, 1], ends[which][:, 0], s=0.3, c=ends[which][:, 2], vmin=-1, vmax=2, lw=0)
         axis.set(title=f"{name}: {which.sum()} beams", aspect="equal", xlim=(5, -5), ylim=(0, 12))
     figure.tight_layout()
-    figure.savefig(picture, dpi=90)
+    with write_atomically(picture) as beside:
+        figure.savefig(beside, dpi=90)
     plt.close(figure)
 
 

@@ -34,6 +34,7 @@ from benchmarks.report import write_results
 from evolution.controller import SENSORS
 from evolution.policy import ChampionPolicy
 from evolution.validation import Champion
+from reconstruction.atomic_write import write_atomically
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.formats import load_points
 from symbrion_gym.arenas.arena import Arena, make_arena
@@ -287,7 +288,8 @@ def draw(mesh: trimesh.Trimesh, points: np.ndarray, arena: Arena, folder: Path) 
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
         axes.set_box_aspect(high - low)
         axes.view_init(elev=25, azim=-110)
-        figure.savefig(folder / f"staircase_{name}.png", dpi=90, bbox_inches="tight")
+        with write_atomically(folder / f"staircase_{name}.png") as beside:
+            figure.savefig(beside, dpi=90, bbox_inches="tight")
         pyplot.close(figure)
     figure, axes = pyplot.subplots(figsize=(18, 8))
     x = np.arange(4.6, 9.6, 0.005)
@@ -303,11 +305,13 @@ def draw(mesh: trimesh.Trimesh, points: np.ndarray, arena: Arena, folder: Path) 
     axes.plot(x, heights, "r", label="pieces, on the snake's lane")
     axes.set(xlim=(4.6, 9.7), xlabel="along the stairs [m]", ylabel="height [m]", aspect="equal")
     axes.legend()
-    figure.savefig(folder / "staircase_section.png", dpi=70, bbox_inches="tight")
+    with write_atomically(folder / "staircase_section.png") as beside:
+        figure.savefig(beside, dpi=70, bbox_inches="tight")
     pyplot.close(figure)
     _, picture = drive(arena, STAIRS_CHAMPION, render_mode="rgb_array")
     if picture is not None:
-        Image.fromarray(picture).save(folder / "staircase_snake.png")
+        with write_atomically(folder / "staircase_snake.png") as beside:
+            Image.fromarray(picture).save(beside)
 
 
 def _print_surfaces(results: dict[str, Any]) -> None:

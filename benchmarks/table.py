@@ -23,6 +23,7 @@ from benchmarks.claims import CLAIMS, GROUPS, LIMITS
 from benchmarks.figures import Claim, ClaimError
 from benchmarks.origins import LEGEND, SET_AFTER, Records, describe_measuring, find_origins, strip_ages
 from benchmarks.report import RESULTS, load_records
+from reconstruction.atomic_write import write_atomically
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"
@@ -45,7 +46,7 @@ def main() -> None:
     options = parser.parse_args()
     records, ages = load_records(), open_ages()
     if options.table_only:
-        write_whole(TABLE, make_table(records, is_patient=True))
+        _write(TABLE, make_table(records, is_patient=True))
         print(TABLE.read_text())
         return
     if ages is None and not options.check:
@@ -66,7 +67,7 @@ def main() -> None:
     if options.check:
         return
     for path, text in wanted.items():
-        write_whole(path, text)
+        _write(path, text)
     absent = [claim for claim in (*CLAIMS, *LIMITS) if not claim.is_measured(records)]
     for claim in absent:
         print(f"left out, not measured: {claim.file}: {claim.what}")
@@ -146,12 +147,10 @@ def describe_origin(records: Records, claims: Sequence[Claim]) -> str:
     return f"{told}\n\n{LEGEND}"
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file beside its place, then move it there."""
+def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    beside.write_text(text)
-    beside.replace(path)
+    with write_atomically(path) as beside:
+        beside.write_text(text)
 
 
 def _make_line(claim: Claim, records: Records, ages: Ages | None, is_patient: bool = False) -> str:

@@ -52,11 +52,7 @@ def evolve(
         return _run(config, Record(), None, simulate, on_generation, progress)
     folder = RunFolder(config.folder)
     with folder.lock():
-        if folder.holds_run():
-            differences = folder.read_config().differences(config)
-            what = f"another run ({'; '.join(differences)})" if differences else "this run already"
-            raise RunError(f"{folder.path} holds {what}; resume it, or name another folder")
-        folder.write_config(config)
+        folder.begin(config)
         return _run(config, Record(), folder, simulate, on_generation, progress)
 
 

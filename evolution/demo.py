@@ -1,8 +1,8 @@
 """The whole road, walked once: survey, networks, arenas, evolution, judgement, film."""
 
 import dataclasses
+import json
 import os
-import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -13,9 +13,14 @@ import numpy as np
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution.output_folder import refuse_foreign
+from evolution.run import RunFolder
+from reconstruction.atomic_write import write_atomically
 from symbrion_gym.arenas.ready_made import SPACING
 
 TRIALS = 20
+MARK = "demo.json"
+"""What the demo writes first; it tells its folder from any other."""
 
 
 class Step(Protocol):
@@ -98,10 +103,11 @@ def walk_road(config: DemoConfig, track: Track) -> Road:
         track: begins a step of the progress display.
 
     Raises:
+        RunError: the folder holds something else.
         ScanError, ReconstructionError, ArenaError, RunError: when a step fails.
     """
     seconds: dict[str, float] = {}
-    config.folder.mkdir(parents=True, exist_ok=True)
+    claim_folder(config)
     with track("1/7 survey of the true arena") as step:
         log = sg.survey("truth", seed=config.seed, progress=step.progress)
         log.save(config.folder / "survey.npz")
@@ -138,10 +144,34 @@ def walk_road(config: DemoConfig, track: Track) -> Road:
     return Road(config, log, log.points(), points, surfaces, arenas, run, judgements, films, seconds)
 
 
+def claim_folder(config: DemoConfig) -> None:
+    """Write `demo.json`, which says that a demo may replace what it makes there.
+
+    Raises:
+        RunError: the folder holds something of that which is no demo's.
+    """
+    names = (
+        "survey.npz",
+        "cloud.ply",
+        "gsrm.npz",
+        "gg.npz",
+        "arenas/gsrm",
+        "arenas/gg",
+        "run",
+        "report.html",
+    )
+    refuse_foreign(config.folder, MARK, names)
+    config.folder.mkdir(parents=True, exist_ok=True)
+    with write_atomically(config.folder / MARK) as beside:
+        beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")
+
+
 def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
     """Evolve in the reconstructed arena; an earlier run of the demo is replaced."""
     folder = config.folder / "run"
-    shutil.rmtree(folder, ignore_errors=True)
+    former = RunFolder(folder)
+    with former.lock():
+        former.remove()
     return ev.evolve(
         ev.EvolutionConfig(
             arena=str(config.folder / "arenas" / "gsrm"),

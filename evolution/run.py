@@ -5,8 +5,8 @@
     history.csv     one row a generation
     champion.json   the genotype the run stands for
 
-`record.npz` is replaced as a whole after each generation; the two others are derived from it. Reading
-a folder runs none of its content.
+`record.npz` is there, without a generation, before `config.json` is; so a run without it has lost it. It is replaced
+as a whole after each generation; the two others are derived from it. Reading a folder runs none of its content.
 """
 
 import csv
@@ -29,6 +29,7 @@ from evolution.errors import RunError
 from evolution.provenance import find_revision
 from evolution.record import HISTORY, Record
 from evolution.validation import Champion
+from reconstruction.atomic_write import find_leftovers, write_atomically
 from reconstruction.typed_json import JsonError, read_json
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
@@ -90,6 +91,7 @@ class RunFolder:
         except OSError as error:
             raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
         try:
+            self._remove_leftovers()
             yield
         finally:
             lock.release()
@@ -98,10 +100,36 @@ class RunFolder:
         """Tell whether a run has begun here."""
         return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
 
+    def begin(self, config: EvolutionConfig) -> None:
+        """Write an empty record, then `config.json`.
+
+        Raises:
+            RunError: the folder holds a run, a part of one, or files that a run would replace.
+        """
+        if (self.path / CONFIG).exists():
+            differences = self.read_config().differences(config)
+            what = f"another run ({'; '.join(differences)})" if differences else "this run already"
+            raise RunError(f"{self.path} holds {what}; resume it, or name another folder")
+        taken = [name for name in (RECORD, HISTORY_FILE, CHAMPION) if os.path.lexists(self.path / name)]
+        if taken and not (taken == [RECORD] and self._is_empty_record()):
+            raise RunError(
+                f"{self.path} holds {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
+                "or name another folder"
+            )
+        self._replace(RECORD, Record().to_bytes(config.digest()))
+        self.write_config(config)
+
     def write_config(self, config: EvolutionConfig) -> None:
         """Write `config.json`; the versions are those that the run began with."""
         began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else _describe_origin()
-        self._replace(CONFIG, _to_json(began | {"config": config.to_json()}))
+        has_record = {"record": RECORD} if (self.path / RECORD).exists() else {}
+        self._replace(CONFIG, _to_json(began | has_record | {"config": config.to_json()}))
+
+    def remove(self) -> None:
+        """Remove the files of a run, and nothing else; only who holds the lock may."""
+        for name in (CHAMPION, HISTORY_FILE, RECORD, CONFIG):
+            (self.path / name).unlink(missing_ok=True)
+        self._remove_leftovers()
 
     def read_config(self) -> EvolutionConfig:
         """Read `config.json`.
@@ -131,15 +159,18 @@ class RunFolder:
             self._replace(CHAMPION, _to_json(run.champion.as_dict()))
 
     def read_record(self, config: EvolutionConfig) -> Record:
-        """Read `record.npz`; an empty record where the first generation was never finished.
+        """Read `record.npz`.
+
+        A run that an older release began has none before its first generation is finished.
 
         Raises:
-            RunError: damaged, of another program, or of another configuration.
+            RunError: missing, damaged, of another program, or of another configuration.
         """
         path = self.path / RECORD
         try:
             content = path.read_bytes()
         except FileNotFoundError:
+            self._refuse_lost_record()
             return Record()
         except OSError as error:
             raise RunError(f"{path} cannot be read ({error})") from error
@@ -151,6 +182,26 @@ class RunFolder:
             )
         return record
 
+    def _refuse_lost_record(self) -> None:
+        told = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
+        if self._read_json(CONFIG).get("record") == RECORD:
+            told.append(CONFIG)
+        if told:
+            raise RunError(
+                f"{self.path / RECORD} is missing, though the run has begun ({' and '.join(told)} tell so); "
+                "restore it from a copy, or start anew in another folder"
+            )
+
+    def _is_empty_record(self) -> bool:
+        """Tell whether the record is that of a run which was killed before it had a `config.json`."""
+        record, _ = Record.from_bytes((self.path / RECORD).read_bytes(), str(self.path / RECORD))
+        return record.num_generations == 0
+
+    def _remove_leftovers(self) -> None:
+        for path, name in find_leftovers(self.path).items():
+            if name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
+                path.unlink(missing_ok=True)
+
     def _read_json(self, name: str) -> dict[str, Any]:
         try:
             content = read_json(self.path / name)
@@ -161,16 +212,10 @@ class RunFolder:
         return content
 
     def _replace(self, name: str, content: bytes) -> None:
-        """Write beside and rename: a reader, or a kill, meets the old file or the new one."""
-        beside = self.path / f".{name}.new"
         try:
-            with open(beside, "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(beside, self.path / name)
+            with write_atomically(self.path / name) as beside:
+                beside.write_bytes(content)
         except OSError as error:
-            beside.unlink(missing_ok=True)
             raise RunError(
                 f"{self.path / name} cannot be written ({error}); the last checkpoint is kept, "
                 "make room and resume"

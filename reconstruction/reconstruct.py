@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import MAX_BYTES, read_npz
 from reconstruction.errors import ReconstructionError
 from reconstruction.networks.compilation import keep_compiled_programs
@@ -20,7 +21,6 @@ from reconstruction.networks.passages import check_origins, check_scale
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points
 from reconstruction.scans.scan import ScanLog
-from reconstruction.whole_file import write_whole
 
 if TYPE_CHECKING:
     import trimesh
@@ -156,7 +156,7 @@ class Reconstruction:
         arrays["points"] = self.points
         if self.viewpoint is not None:
             arrays["viewpoint"] = self.viewpoint
-        with write_whole(path) as beside, beside.open("wb") as file:
+        with write_atomically(path) as beside, beside.open("wb") as file:
             np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
 
     @classmethod

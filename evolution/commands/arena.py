@@ -11,6 +11,7 @@ import symbrion_gym as sg
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_folder
 from evolution.commands.console import Console
 from evolution.commands.reconstruct import format_value
+from symbrion_gym.arenas.saving import find_own_files
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -23,7 +24,7 @@ class Arena(SeededCommand):
     mesh: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
     """A reconstruction of `symbrion reconstruct` (.npz) or a mesh file (.ply .obj .stl .off .glb)."""
     out: Path = Path("arena")
-    """The arena's folder: MJCF for MuJoCo's viewer, meshes, arena.json."""
+    """The arena's folder: MJCF for MuJoCo's viewer, meshes, arena.json. Of what it holds, only an arena is replaced."""
     accuracy: float = 0.003
     """Wanted mean distance of the contact surface from the mesh [m]."""
     kind: Literal["convex", "hfield", "prisms", "primitives"] = "convex"
@@ -33,6 +34,10 @@ class Arena(SeededCommand):
         super().__post_init__()
         require_file(self.mesh, "MESH")
         require_writable_folder(self.out, "--out")
+        try:
+            find_own_files(self.out)
+        except sg.ArenaError as error:
+            raise UsageError(f"--out {error}") from error
         if not self.accuracy > 0:
             raise UsageError(f"--accuracy {self.accuracy} is no distance; give metres above 0, 0.003 say")
 

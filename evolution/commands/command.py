@@ -3,6 +3,7 @@
 import abc
 import dataclasses
 import os
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,20 @@ def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> 
         raise UsageError(f"{option} {path} has no known ending; use one of {', '.join(endings)}")
     if path.is_dir():
         raise UsageError(f"{option} {path} is a folder; give a file name")
+    if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
+        raise UsageError(f"{option} {path} is write-protected or no regular file; give another name")
     require_writable_folder(path.parent, option)
+
+
+def require_own_archive(path: Path, option: str, member: str) -> None:
+    """Refuse a default name under which something else lies than this command writes: nobody asked to replace it."""
+    if not path.exists():
+        return
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            if f"{member}.npy" in archive.namelist():
+                return
+    raise UsageError(f"{path} is there and was not written by this command; name another file with {option}")
 
 
 def require_writable_folder(path: Path, option: str) -> None:

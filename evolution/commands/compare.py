@@ -11,8 +11,8 @@ from evolution.commands.command import Command, UsageError, require_writable_fil
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
 from evolution.report.comparison import COLUMNS, draw_comparison, make_comparison_page, tabulate
+from reconstruction.atomic_write import write_atomically
 from reconstruction.extras import require_extras
-from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ class Compare(Command):
         else:
             from evolution.report.pictures import to_png
 
-            with write_whole(self.out) as beside:
+            with write_atomically(self.out) as beside:
                 beside.write_bytes(to_png(draw_comparison(runs)))
         console.say(f"{self.out}: {len(runs)} runs")
         return summary

@@ -19,7 +19,7 @@ class Demo(SeededCommand):
     """
 
     out: Path = Path("demo")
-    """Everything goes here; report.html is the page to open. An earlier demo there is replaced."""
+    """Everything goes here; report.html is the page to open. The files of an earlier demo there are replaced."""
     modules: int = 8
     """Modules in the snake."""
     generations: int = 30

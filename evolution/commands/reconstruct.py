@@ -8,10 +8,17 @@ import numpy as np
 import tyro
 
 import reconstruction as rc
-from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
+from evolution.commands.command import (
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_own_archive,
+    require_writable_file,
+)
 from evolution.commands.console import Console
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
-from reconstruction.whole_file import write_whole
+from symbrion_gym.arenas.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
@@ -49,6 +56,10 @@ class Reconstruct(SeededCommand):
         super().__post_init__()
         require_file(self.source, "SCAN")
         require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
+        if self.out == Reconstruct.out:
+            require_own_archive(self.out, "--out", "header")
+        if self.out.exists() and self.out.samefile(self.source):
+            raise UsageError(f"--out {self.out} is the scan itself; give another name")
         if self.units < MINIMUM_UNITS:
             raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
         if not self.max_gigabytes > 0:
@@ -93,7 +104,6 @@ class Reconstruct(SeededCommand):
             points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
-        from symbrion_gym.arenas.ready_made import SPACING
 
         spacing = SPACING if self.thin is None and isinstance(source, rc.ScanLog) else self.thin
         return points if spacing is None else rc.thin(points, spacing)
@@ -111,7 +121,7 @@ def is_scan_log(path: Path) -> bool:
 
 def export_mesh(mesh: Any, path: Path) -> None:
     """Write a mesh file; it appears whole or not at all."""
-    with write_whole(path) as beside:
+    with write_atomically(path) as beside:
         mesh.export(beside)
 
 

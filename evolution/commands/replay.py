@@ -12,8 +12,8 @@ from evolution.commands.arguments import check_arena
 from evolution.commands.command import SeededCommand, UsageError, require_writable_file
 from evolution.commands.console import Console
 from evolution.commands.evolve import require_run
+from reconstruction.atomic_write import write_atomically
 from reconstruction.extras import require_extras
-from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ class Replay(SeededCommand):
             console.say("no video: this machine has no OpenGL; everything else is done")
             return None
         self.video.parent.mkdir(parents=True, exist_ok=True)
-        with write_whole(self.video) as beside:
+        with write_atomically(self.video) as beside:
             beside.write_bytes(encode_video(recording.frames, recording.fps))
         verdict = "crosses" if recording.success else "does not cross"
         console.say(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")

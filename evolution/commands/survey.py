@@ -9,7 +9,13 @@ import tyro
 
 import symbrion_gym as sg
 from evolution.commands.arguments import check_arena
-from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_file
+from evolution.commands.command import (
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_own_archive,
+    require_writable_file,
+)
 from evolution.commands.console import Console
 from reconstruction.typed_json import as_type, read_json
 from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -52,6 +58,8 @@ class Survey(SeededCommand):
         super().__post_init__()
         check_arena(self.arena)
         require_writable_file(self.out, "--out", (".npz",))
+        if self.out == Survey.out:
+            require_own_archive(self.out, "--out", "ranges")
         for name in ("speed", "rate", "max_range"):
             if not 0 < getattr(self, name) < np.inf:
                 raise UsageError(f"--{name.replace('_', '-')} {getattr(self, name)} must be above 0")

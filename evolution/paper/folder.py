@@ -18,12 +18,19 @@ from typing import Any
 import filelock
 
 from evolution.errors import RunError
+from evolution.output_folder import refuse_foreign
 from evolution.paper.config import PaperConfig
 from evolution.report.provenance import describe_machine
+from reconstruction.atomic_write import write_atomically
 from reconstruction.printable import make_printable
 from reconstruction.typed_json import JsonError, as_type, read_json
-from reconstruction.whole_file import write_whole
 
+CONFIG = "config.json"
+MADE = (
+    "experiments", "survey.npz", "cloud.ply", "narrow_survey.npz", "narrow_cloud.ply", "surfaces", "arenas", "run",
+    "runs", "films", "figures", "results.json", "report.html",
+)  # fmt: skip
+"""What the experiments and their page make in the folder."""
 Figures = dict[str, Any]
 """What an experiment returns: plain JSON content."""
 
@@ -55,13 +62,13 @@ class PaperFolder:
         config: what is measured.
 
     Raises:
-        RunError: it holds the experiments of another configuration, or something damaged.
+        RunError: it holds the experiments of another configuration, something damaged, or something else.
     """
 
     def __init__(self, path: Path, config: PaperConfig) -> None:
         self.path, self.config = path, config
-        (path / "experiments").mkdir(parents=True, exist_ok=True)
         self._check_config()
+        (path / "experiments").mkdir(exist_ok=True)
 
     @contextmanager
     def lock(self) -> Iterator[None]:
@@ -119,8 +126,10 @@ class PaperFolder:
         return self.path / "experiments" / f"{name}.json"
 
     def _check_config(self) -> None:
-        path, mine = self.path / "config.json", self.config.to_json()
+        path, mine = self.path / CONFIG, self.config.to_json()
         if not path.is_file():
+            refuse_foreign(self.path, CONFIG, MADE)
+            self.path.mkdir(parents=True, exist_ok=True)
             write_json(path, mine)
             return
         try:
@@ -138,7 +147,7 @@ class PaperFolder:
 
 def write_json(path: Path, content: Any) -> None:
     """Write JSON; the file appears whole or not at all."""
-    with write_whole(path) as beside:
+    with write_atomically(path) as beside:
         beside.write_text(json.dumps(content, indent=2) + "\n")
 
 

@@ -1,7 +1,6 @@
 """Fig. 7: the evolution, its champion judged in the true arena, and an insufficiently evolved robot beside it."""
 
 import dataclasses
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,8 @@ import symbrion_gym as sg
 from evolution.demo import find_insufficient
 from evolution.paper.config import PaperConfig
 from evolution.report.video import encode_video
-from reconstruction.whole_file import write_whole
+from evolution.run import RunFolder
+from reconstruction.atomic_write import write_atomically
 
 SHORT = 4
 """Modules of a body that is too short for the pit, whatever law moves it."""
@@ -45,12 +45,20 @@ def evolve_champion(
         workers=workers,
         folder=str(place),
     )
-    if (place / "config.json").is_file():
-        try:
-            return ev.resume(str(place), workers=workers, progress=progress)
-        except ev.RunError:  # damaged, or of an arena that has moved
-            shutil.rmtree(place)
+    if _goes_on(wanted, place):
+        return ev.resume(place, workers=workers, progress=progress)
+    former = RunFolder(place)
+    with former.lock():
+        former.remove()
     return ev.evolve(wanted, progress=progress)
+
+
+def _goes_on(wanted: ev.EvolutionConfig, place: Path) -> bool:
+    """Tell whether a run is there that can be gone on with: neither damaged, nor of an arena that has moved."""
+    try:
+        return not ev.load_run(place).config.differences(wanted)
+    except ev.RunError:
+        return False
 
 
 def make_part(progress: rc.Progress, title: str, start: float, share: float) -> rc.Progress:
@@ -136,12 +144,14 @@ def choose_moments(positions: np.ndarray, num_frames: int, near: float = -0.35) 
 
 
 def _keep_film(folder: Path, name: str, film: ev.Recording) -> list[float]:
-    np.savez_compressed(folder / f"{name}.npz", positions=film.positions, rotations=film.rotations)
+    with write_atomically(folder / f"{name}.npz") as beside:
+        np.savez_compressed(beside, positions=film.positions, rotations=film.rotations)
     if not film.frames:
         return []
-    with write_whole(folder / f"{name}.mp4") as beside:
+    with write_atomically(folder / f"{name}.mp4") as beside:
         beside.write_bytes(encode_video(film.frames, film.fps))
     chosen = choose_moments(film.positions, len(film.frames))
     for index, frame in enumerate(chosen):
-        Image.fromarray(film.frames[frame]).save(folder / f"{name}_{index + 1}.png", optimize=True)
+        with write_atomically(folder / f"{name}_{index + 1}.png") as beside:
+            Image.fromarray(film.frames[frame]).save(beside, optimize=True)
     return [round(min(frame * FILM_SPEED / film.fps, film.seconds), 2) for frame in chosen]

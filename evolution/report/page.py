@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from evolution.report.pictures import find_width, to_png
 from evolution.report.scene import Scene, get_plotly_program
-from reconstruction.whole_file import write_whole
+from reconstruction.atomic_write import write_atomically
 
 _TEMPLATE = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
@@ -103,7 +103,7 @@ class Page:
             blocks=self._blocks,
             program=get_plotly_program() if has_scene else "",
         )
-        with write_whole(path) as beside:
+        with write_atomically(path) as beside:
             beside.write_text(html, encoding="utf-8", errors="backslashreplace")
 
 

@@ -19,8 +19,8 @@ from evolution.paper.config import QUICK, PaperConfig
 from evolution.report.page import Page
 from evolution.report.paper_tables import Table
 from evolution.report.pictures import to_png, to_svg
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import UnreadableFileError, read_npz
-from reconstruction.whole_file import write_whole
 
 
 @dataclasses.dataclass
@@ -97,6 +97,6 @@ class PaperContext:
         (self.folder / "figures").mkdir(exist_ok=True)
         png = to_png(figure)
         for ending, content in (("png", png), ("svg", to_svg(figure))):
-            with write_whole(self.folder / "figures" / f"{name}.{ending}") as beside:
+            with write_atomically(self.folder / "figures" / f"{name}.{ending}") as beside:
                 beside.write_bytes(content)
         return png

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import (
     MAX_BYTES,
     BoundedFile,
@@ -26,7 +27,6 @@ from reconstruction.scans.ply import read_ply, write_ply
 from reconstruction.scans.scan import Array, ScanLog
 from reconstruction.scans.scan_3dtk import to_right_handed
 from reconstruction.scans.text_points import read_obj, read_text, read_vtk
-from reconstruction.whole_file import write_whole
 
 _LOG = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ def save_points(path: str | os.PathLike[str], points: ArrayLike) -> Path:
         raise ScanError(f"{path}: cannot write {path.suffix!r}; there are: {' '.join(_WRITERS)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with write_whole(path) as beside, beside.open("wb") as file:
+        with write_atomically(path) as beside, beside.open("wb") as file:
             _WRITERS[path.suffix](file, points)
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error

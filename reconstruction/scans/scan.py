@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, read_npz
 from reconstruction.errors import ScanError
-from reconstruction.whole_file import write_whole
 
 Array = NDArray[np.float64]
 
@@ -231,7 +231,7 @@ def write_npz(path: str | os.PathLike[str], arrays: dict[str, ArrayLike]) -> Pat
         raise ScanError(f"{path}: a scan log is written as .npz, not {path.suffix or 'without a suffix'}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with write_whole(path) as beside:
+        with write_atomically(path) as beside:
             np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error

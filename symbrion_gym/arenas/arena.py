@@ -19,8 +19,9 @@ from symbrion_gym.arenas.contact_builder import Contact, ContactOptions, make_co
 from symbrion_gym.arenas.contact_kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym.arenas.elevation import Elevation
-from symbrion_gym.arenas.folder import load_arena_folder, save_arena
+from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.quality import ArenaQuality
+from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS, find_assets
 from symbrion_gym.errors import ArenaError

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
-import tempfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,6 +13,7 @@ import numpy as np
 import trimesh
 from filelock import FileLock
 
+from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import read_npz
 from reconstruction.cache import find_cache_folder
 from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
@@ -85,7 +84,7 @@ def get_or_make(
 
 
 def write_entry(path: Path, contact: Contact) -> None:
-    """Write an entry beside and rename it."""
+    """Write an entry; it appears whole or not at all."""
     arrays = {
         "vertices": np.concatenate([p.vertices for p in contact.pieces] or [np.zeros((0, 3))]),
         "faces": np.concatenate([p.faces for p in contact.pieces] or [np.zeros((0, 3), dtype=np.int64)]),
@@ -96,9 +95,8 @@ def write_entry(path: Path, contact: Contact) -> None:
     if contact.height_field is not None:
         arrays |= {f"field_{name}": value for name, value in contact.height_field._asdict().items()}
     arrays["digest"] = np.array(_hash_arrays(arrays))
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        np.savez_compressed(file, **arrays)
-    os.replace(file.name, path)
+    with write_atomically(path) as beside:
+        np.savez_compressed(beside, **arrays)
 
 
 def read_entry(path: Path) -> Contact | None:

@@ -9,6 +9,7 @@ from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena, name_scanned
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.saving import find_own_files
 from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.sensing.survey import survey
 
@@ -44,7 +45,13 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
 
     Returns:
         Name -> arena, as saved.
+
+    Raises:
+        ArenaError: one of these folders holds something else.
     """
+    scanned = [name_scanned(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
+    for name in (*EXACT, *scanned):
+        find_own_files(folder / name)  # refuses now what saving would refuse in the end
     arenas = {name: load_arena(name) for name in EXACT}
     pits = dict.fromkeys(pit for pits in SCANNED_PITS.values() for pit in pits)
     for index, pit in enumerate(pits):

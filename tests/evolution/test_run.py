@@ -3,6 +3,7 @@
 import io
 import json
 import resource
+import shutil
 import subprocess
 import sys
 import threading
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 import toys
 from damage import flip_bits
+from kills import kill_at_each_moment
 
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
@@ -196,7 +198,7 @@ def test_a_folder_that_turns_read_only_is_a_clear_error(folder, monkeypatch):
         raise PermissionError(30, "Read-only file system")
 
     before = (folder / "record.npz").read_bytes()
-    monkeypatch.setattr("evolution.run.os.replace", refuse)
+    monkeypatch.setattr("os.replace", refuse)
     with pytest.raises(RunError, match="Read-only file system"):
         resume(folder, generations=5, simulate=toys.bowl)
     assert (folder / "record.npz").read_bytes() == before
@@ -212,15 +214,86 @@ def test_the_old_checkpoint_survives_a_full_disk(folder):
             resume(folder, generations=30, simulate=toys.bowl)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert not list(folder.glob("*.new"))
+    assert not list(folder.glob(".*.part*"))
     survived = load_run(folder)
     assert len(survived.history) >= 3
     assert len(resume(folder, generations=8, simulate=toys.bowl).history) == 8
 
 
-def test_a_run_killed_before_its_first_generation_begins_anew(folder):
-    (folder / "record.npz").unlink()
+def forget_promise(folder: Path) -> None:
+    """Turn `config.json` into that of a release which wrote no empty record."""
+    content = json.loads((folder / "config.json").read_text())
+    assert content.pop("record") == "record.npz"
+    (folder / "config.json").write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize(
+    ("is_old", "left"), [(False, ()), (True, ("history.csv", "champion.json")), (True, ("champion.json",))]
+)
+def test_a_run_that_lost_its_record_is_refused(folder, is_old, left):
+    for name in {"record.npz", "history.csv", "champion.json"} - set(left):
+        (folder / name).unlink()
+    if is_old:
+        forget_promise(folder)
+    before = sorted(folder.iterdir())
+    for read in (lambda: resume(folder, simulate=toys.bowl), lambda: load_run(folder)):
+        with pytest.raises(RunError, match=r"record\.npz is missing, .*restore it"):
+            read()
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_run_of_an_old_release_killed_before_its_first_generation_begins_anew(folder):
+    for name in ("record.npz", "history.csv", "champion.json"):
+        (folder / name).unlink()
+    forget_promise(folder)
     assert len(resume(folder, simulate=toys.bowl).history) == 3
+
+
+def test_a_run_killed_in_its_first_generation_begins_anew(tmp_path):
+    def die(*arguments):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evolve(replace(TOY, folder=str(tmp_path)), simulate=die)
+    assert load_run(tmp_path).champion is None
+    assert len(resume(tmp_path, simulate=toys.bowl).history) == 3
+
+
+def test_a_kill_at_any_moment_leaves_a_run_that_can_be_begun_or_resumed(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.fsync", lambda descriptor: None)
+    folder = tmp_path / "run"
+    config = replace(TOY, folder=str(folder), generations=2)
+    expected = evolve(replace(config, folder=None), simulate=toys.bowl).history["best"].tolist()
+
+    def work() -> None:
+        evolve(config, simulate=toys.bowl)
+
+    for _ in kill_at_each_moment(lambda: shutil.rmtree(folder, ignore_errors=True), work):
+        if (folder / "config.json").exists():
+            run = resume(folder, simulate=toys.bowl)
+        else:
+            run = evolve(config, simulate=toys.bowl)
+        assert run.history["best"].tolist() == expected
+        names = {path.name for path in folder.iterdir()}
+        assert names - {".lock"} == {"config.json", "record.npz", "history.csv", "champion.json"}
+
+
+@pytest.mark.parametrize("name", ["history.csv", "champion.json", "record.npz"])
+def test_a_run_begins_where_it_writes_over_nothing(folder, tmp_path, name):
+    other = tmp_path / "other"
+    other.mkdir()
+    (folder / name).rename(other / name)
+    content = (other / name).read_bytes()
+    (other / "notes.txt").write_text("mine")
+    with pytest.raises(RunError, match=f"{name}.* but no config.json"):
+        evolve(replace(TOY, folder=str(other)), simulate=toys.bowl)
+    assert (other / name).read_bytes() == content
+
+
+def test_removing_a_run_leaves_what_is_not_its_own(folder):
+    (folder / "notes.txt").write_text("mine")
+    RunFolder(folder).remove()
+    assert {path.name for path in folder.iterdir()} - {".lock"} == {"notes.txt"}
 
 
 def test_history_is_written_exactly(folder):

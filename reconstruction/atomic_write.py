@@ -1,0 +1,76 @@
+"""The one way in which this project writes files: beside their place, then renamed, so that none is ever half."""
+
+import errno
+import os
+import re
+import secrets
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_LONGEST_STEM = 40
+"""Characters of a name that its file beside keeps: the whole must not exceed 255 bytes."""
+_LEFTOVER = re.compile(r"\.(?P<stem>.+)\.[0-9a-f]{12}\.part(?P<suffix>(?:\.[^.]*)?)")
+
+
+@contextmanager
+def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a path beside `path` to write to; it takes the place of `path` at the end.
+
+    Whoever reads `path`, at any time and after any kill, meets the old file or the new one. After an error `path`
+    is as it was, and nothing lies beside it. A link stays a link: the file that it leads to is replaced. A file
+    that was there keeps its mode.
+
+    Args:
+        path: the file wanted; its folder exists.
+
+    Raises:
+        OSError: it cannot be written, or what is there is a folder, a device or write-protected; the message
+            names `path`.
+    """
+    path = Path(os.path.realpath(path))
+    _refuse_irreplaceable(path)
+    beside = path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
+    try:
+        yield beside
+        if path.exists():
+            shutil.copymode(path, beside)
+        _flush(beside)
+        os.replace(beside, path)
+    except OSError as error:
+        if error.filename not in (None, str(beside)):
+            raise
+        raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def find_leftovers(folder: str | os.PathLike[str]) -> dict[Path, str]:
+    """Return what killed writers left in a folder, and what others write at this moment: path -> name meant.
+
+    Of a name longer than 40 characters the first 40 are known.
+    """
+    entries = Path(folder).iterdir() if Path(folder).is_dir() else ()
+    matches = {path: _LEFTOVER.fullmatch(path.name) for path in entries}
+    return {path: f"{match['stem']}{match['suffix']}" for path, match in matches.items() if match}
+
+
+def _refuse_irreplaceable(path: Path) -> None:
+    """Refuse what a rename would replace though writing would not: a folder, a device, a write-protected file."""
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "Not a regular file", str(path))
+    if path.exists() and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+
+def _flush(path: Path) -> None:
+    """Have the disk hold what was written before a rename makes it count."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,210 @@
+"""Saving an arena as a folder: a kill at any moment leaves the old arena or the new one, and what is not ours stays.
+
+`arena.json` decides: it says where the meshes lie, and lists the arena's own files. Saving writes everything twice,
+first with the meshes in `.arena/`, then under the names that `folder` tells. Either time the meshes come first,
+`arena.json` after them, and what it names no longer is removed last.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from collections.abc import Set
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import trimesh
+
+from reconstruction.atomic_write import find_leftovers, write_atomically
+from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
+from symbrion_gym.arenas.spec import make_arena_spec
+from symbrion_gym.errors import ArenaError
+
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.arena import Arena
+
+ABOUT, MODEL = "arena.json", "arena.xml"
+_SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
+_MESH = r"surface\.obj|height_field\.npz|pieces/\d{3,}\.obj"
+_OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.escape(ABOUT)}")
+"""Every name that a file of an arena may have; whatever a manifest says, no other is touched."""
+
+
+class OwnFiles(NamedTuple):
+    """What a folder holds of an arena.
+
+    Attributes:
+        place: where its meshes lie.
+        names: its files, relative to the folder; all else is somebody else's.
+    """
+
+    place: str
+    names: frozenset[str]
+
+
+def save_arena(arena: Arena, folder: str | Path) -> None:
+    """Write an arena as a folder; of what is there, the files of a former arena alone are replaced.
+
+    Raises:
+        ArenaError: the folder holds files that are no arena's, and no arena or one of the new one's names.
+    """
+    folder = Path(folder)
+    meshes, about = _format_meshes(arena), _describe(arena)
+    model = _format_model(arena, meshes)
+    models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
+    own = find_own_files(folder)
+    wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
+    _refuse_foreign(folder, wanted, own.names)
+    _drop_stale_model(folder, own.place)
+    for place in (PLAIN,) if own.place == SPARE else (SPARE, PLAIN):
+        current = {f"{place}{name}" for name in meshes} | {MODEL, ABOUT}
+        for name, content in meshes.items():
+            _write(folder / f"{place}{name}", content)
+        files = sorted(current if place == PLAIN else own.names | wanted)
+        _write(folder / ABOUT, _to_json(about | {"place": place, "files": files}))
+        _write(folder / MODEL, models[place].encode())
+        _remove(folder, own.names | wanted, keep=current)
+
+
+def find_own_files(folder: Path) -> OwnFiles:
+    """Return which files in a folder are an arena's; none where there is no folder, or nothing in it.
+
+    Raises:
+        ArenaError: it holds something else, and no arena that could be replaced.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ArenaError(f"{folder} is a file; choose another folder")
+    spare = {f"{SPARE}{name}" for name in _list_files(folder / SPARE)}
+    spare = {name for name in spare if _OWN.fullmatch(name)}
+    if not (folder / ABOUT).exists():
+        entries = set(folder.iterdir()) if folder.exists() else set()
+        if entries - find_leftovers(folder).keys() - {folder / SPARE}:
+            raise ArenaError(f"{folder} is not empty and holds no arena; choose another folder")
+        return OwnFiles(PLAIN, frozenset(spare))
+    about = _read_about(folder / ABOUT)
+    files = about.get("files")
+    if files is None:  # saved before there was a manifest
+        files = [name for name in _list_files(folder) if _was_in_format_1(name, about)]
+    named = {name for name in files if isinstance(name, str) and _OWN.fullmatch(name)}
+    return OwnFiles(about.get("place", PLAIN), frozenset(named | spare | {ABOUT}))
+
+
+def _read_about(path: Path) -> dict[str, Any]:
+    try:
+        about = json.loads(path.read_text())
+        if about["format"] > FORMAT:
+            raise ArenaError(f"{path}: written by a newer version; choose another folder")
+        if not isinstance(about.get("files", []), list) or about["num_pieces"] < 0 or not about["kind"]:
+            raise ValueError("not an arena's")
+        if about.get("place", PLAIN) not in (PLAIN, SPARE):
+            raise ValueError("no place of an arena's meshes")
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        if isinstance(error, ArenaError):
+            raise
+        raise ArenaError(
+            f"{path} is damaged or of another program, so that nobody knows which files beside it are an arena's; "
+            "choose another folder"
+        ) from error
+    return about
+
+
+def _was_in_format_1(name: str, about: dict[str, Any]) -> bool:
+    if name.startswith("pieces/"):
+        return bool(_OWN.fullmatch(name)) and int(Path(name).stem) < about["num_pieces"]
+    return name in (MODEL, "surface.obj") or (name == "height_field.npz" and about["kind"] == "hfield")
+
+
+def _list_files(folder: Path) -> list[str]:
+    """Return the files of a folder and of its `pieces`, relative to it."""
+    paths = [path for place in (folder, folder / "pieces") if place.is_dir() for path in place.iterdir()]
+    return [path.relative_to(folder).as_posix() for path in paths if path.is_file()]
+
+
+def _refuse_foreign(folder: Path, wanted: Set[str], own: Set[str]) -> None:
+    """Refuse to write where something lies that is no file of the arena: a file, a folder, a link."""
+    for name in sorted(wanted):
+        path = folder / name
+        is_free = not os.path.lexists(path) and (path.parent.is_dir() or not os.path.lexists(path.parent))
+        if not _is_inside(folder, name) or not (is_free or (name in own and path.is_file())):
+            raise ArenaError(
+                f"{path} is in the way and no file of the arena in {folder}; move it, or choose another folder"
+            )
+
+
+def _is_inside(folder: Path, name: str) -> bool:
+    """Tell whether a name leads to that place in the folder, and by no link elsewhere."""
+    return (folder / name).resolve() == folder.resolve() / name
+
+
+def _drop_stale_model(folder: Path, place: str) -> None:
+    """Remove an `arena.xml` that a killed saving did not come to: its meshes are written over next."""
+    path = folder / MODEL
+    if path.is_file() and (f'file="{SPARE}' in path.read_text()) != (place == SPARE):
+        path.unlink()
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as beside:
+        beside.write_bytes(content)
+
+
+def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
+    """Remove own files but some, what killed savings left beside them, and the folders that are empty then."""
+    for name in names - keep:
+        if _is_inside(folder, name) and (folder / name).is_file():
+            (folder / name).unlink()
+    for place in (f"{SPARE}pieces/", SPARE, "pieces/", ""):
+        for path, name in find_leftovers(folder / place).items():
+            if f"{place}{name}" in names and _is_inside(folder, f"{place}{path.name}"):
+                path.unlink(missing_ok=True)
+        if place and (folder / place).is_dir() and not any((folder / place).iterdir()):
+            (folder / place).rmdir()
+
+
+def _format_meshes(arena: Arena) -> dict[str, bytes]:
+    """Return name -> content."""
+    files = {"surface.obj": _format_obj(arena.surface, _SURFACE_DIGITS)}
+    for i, piece in enumerate(arena.pieces):
+        files[f"pieces/{i:03d}.obj"] = _format_obj(piece, _PIECE_DIGITS)
+    if arena.height_field is not None:
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **arena.height_field._asdict())
+        files["height_field.npz"] = buffer.getvalue()
+    return files
+
+
+def _describe(arena: Arena) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "name": arena.name,
+        "kind": arena.kind,
+        "friction": arena.friction,
+        "num_pieces": len(arena.pieces),
+        "course": arena.course.as_dict() if arena.course is not None else None,
+        "quality": arena.quality.as_dict(),
+        "provenance": arena.provenance,
+    }
+
+
+def _format_model(arena: Arena, meshes: dict[str, bytes]) -> str:
+    """Return `arena.xml`; it compiles."""
+    spec = make_arena_spec(arena, use_files=True)
+    spec.assets = meshes
+    spec.compile()
+    return spec.to_xml()
+
+
+def _format_obj(mesh: trimesh.Trimesh, digits: int) -> bytes:
+    # + 0.0 turns -0.0 into 0.0.
+    vertices = np.round(np.asarray(mesh.vertices, dtype=np.float64), digits) + 0.0
+    lines = [f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _to_json(about: dict[str, Any]) -> bytes:
+    return (json.dumps(about, indent=2, allow_nan=False) + "\n").encode()
