@@ -11,7 +11,6 @@ import symbrion_gym as sg
 from evolution.commands.command import SeededCommand, UsageError, require_file, require_writable_folder
 from evolution.commands.console import Console
 from evolution.commands.reconstruct import format_value
-from symbrion_gym.arenas.saving import find_own_files
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,6 +34,8 @@ class Arena(SeededCommand):
         require_file(self.mesh, "MESH")
         require_writable_folder(self.out, "--out")
         try:
+            from symbrion_gym.arenas.saving import find_own_files
+
             find_own_files(self.out)
         except sg.ArenaError as error:
             raise UsageError(f"--out {error}") from error

@@ -18,7 +18,6 @@ from evolution.commands.command import (
 from evolution.commands.console import Console
 from reconstruction.atomic_write import write_atomically
 from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
-from symbrion_gym.arenas.ready_made import SPACING
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
@@ -104,6 +103,7 @@ class Reconstruct(SeededCommand):
             points = points if self.raw else rc.preprocess(points)
         if self.crop is not None:
             points = rc.crop(points, np.reshape(self.crop, (3, 2)).T)
+        from symbrion_gym.arenas.ready_made import SPACING
 
         spacing = SPACING if self.thin is None and isinstance(source, rc.ScanLog) else self.thin
         return points if spacing is None else rc.thin(points, spacing)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
-import trimesh
+from typing import TYPE_CHECKING
 
-from symbrion_gym.arenas.contact_kinds import HeightField
+import numpy as np
+
 from symbrion_gym.errors import ArenaError
-from symbrion_gym.pieces.hulls import make_hull
-from symbrion_gym.pieces.mesh_repair import LARGEST_COORDINATE
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from symbrion_gym.arenas.contact_kinds import HeightField
 
 FRICTION_LIMITS = (1e-3, 5.0)
 """Sliding friction of ground and robot; MuJoCo's contacts are sound within."""
@@ -51,6 +54,8 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: not finite, too far out, open, or flat.
     """
+    from symbrion_gym.pieces.hulls import make_hull
+
     check_vertices(piece, source)
     if len(piece.vertices) < 4 or not piece.is_watertight:
         raise ArenaError(f"{source}: not a closed solid; a contact piece is one of 4 or more vertices")
@@ -84,6 +89,8 @@ def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: with the vertex.
     """
+    from symbrion_gym.pieces.mesh_repair import LARGEST_COORDINATE
+
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     is_wrong = ~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)
     if is_wrong.any():
@@ -100,6 +107,8 @@ def check_height_field(field: HeightField, source: object) -> None:
     Raises:
         ArenaError: with the array that is wrong.
     """
+    from symbrion_gym.pieces.mesh_repair import LARGEST_COORDINATE
+
     for name, array in field._asdict().items():
         if not (np.issubdtype(array.dtype, np.floating) and np.isfinite(array).all()):
             raise ArenaError(f"{source}: {name} must be floats, all finite")

@@ -96,18 +96,12 @@ class ArenaDescription:
         """
         meshes = folder / self.place
         pieces = [f"pieces/{index:03d}.obj" for index in range(self.num_pieces)]
-        listed = {name for name in self.files or () if name.startswith("pieces/")}
-        if self.files is None:
-            listed = {path.relative_to(meshes).as_posix() for path in meshes.glob("pieces/*.obj")}
-        differing = sorted(listed.symmetric_difference(pieces))
-        if differing and self.place == PLAIN:  # elsewhere the pieces of two arenas are listed
-            is_or_not = "is" if differing[0] in listed else "is not"
-            raise ArenaError(
-                f"num_pieces is {self.num_pieces}, but {meshes / differing[0]} {is_or_not} there"
-            )
+        if self.place == PLAIN:  # elsewhere the files of two arenas are listed
+            self._check_pieces(meshes)
         height_field = meshes / "height_field.npz"
         has_height_field = self.kind == "hfield"
-        if has_height_field != height_field.is_file() and self.files is None:
+        is_there = height_field.is_file() if self.files is None else height_field.name in self.files
+        if has_height_field != is_there and self.place == PLAIN:
             raise ArenaError(
                 f"kind is {self.kind!r} and {height_field} {'missing' if has_height_field else 'there'}"
             )
@@ -116,6 +110,17 @@ class ArenaDescription:
             pieces=[meshes / name for name in pieces],
             height_field=height_field if has_height_field else None,
         )
+
+    def _check_pieces(self, meshes: Path) -> None:
+        """Refuse another number of pieces than is listed, or lies there in a row where none is listed."""
+        listed = set(self.files or ())
+        for index in range(self.num_pieces + 1):
+            name, is_wanted = f"pieces/{index:03d}.obj", index < self.num_pieces
+            is_there = (meshes / name).is_file() if self.files is None else name in listed
+            if is_there != is_wanted:
+                how = "" if is_there else "not "
+                what = f"is {how}there" if self.files is None else f"is {how}listed in files"
+                raise ArenaError(f"num_pieces is {self.num_pieces}, but {meshes / name} {what}")
 
 
 def load_description(path: Path) -> tuple[dict[str, Any], ArenaFiles]:

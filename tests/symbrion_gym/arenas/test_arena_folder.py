@@ -60,8 +60,8 @@ def test_every_field_of_a_description_is_checked(folder):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"num_pieces": 4}, r"num_pieces is 4, but .*004\.obj is there"),
-        ({"num_pieces": 6}, r"num_pieces is 6, but .*005\.obj is not there"),
+        ({"num_pieces": 4}, r"num_pieces is 4, but .*004\.obj is listed in files"),
+        ({"num_pieces": 6}, r"num_pieces is 6, but .*005\.obj is not listed in files"),
         ({"num_pieces": 0}, "num_pieces is 0 and kind 'convex'"),
         ({"num_pieces": True}, "num_pieces: Expected `int`, got `bool`"),
         ({"quality": None}, "quality: Expected `object`, got `null`"),
@@ -83,7 +83,14 @@ def test_a_wrong_field_is_named(folder, changes, said):
 
 def test_no_ground_goes_missing(folder):
     (folder / "pieces" / "002.obj").unlink()
-    with pytest.raises(ArenaError, match=r"num_pieces is 5, but .*002\.obj is not there"):
+    with pytest.raises(ArenaError, match=r"002\.obj is missing"):
+        Arena.load(folder)
+
+
+@pytest.mark.parametrize(("num_pieces", "said"), [(4, r"004\.obj is there"), (6, r"005\.obj is not there")])
+def test_no_ground_goes_missing_where_no_files_are_listed(folder, num_pieces, said):
+    edit(folder / "arena.json", files=None, num_pieces=num_pieces)
+    with pytest.raises(ArenaError, match=rf"num_pieces is {num_pieces}, but .*{said}"):
         Arena.load(folder)
 
 
@@ -93,7 +100,7 @@ def test_a_listed_arena_agrees_with_its_list(folder):
     (folder / "pieces" / "mine.obj").write_text("not the arena's")
     assert len(Arena.load(folder).pieces) == 5
     edit(folder / "arena.json", num_pieces=4)
-    with pytest.raises(ArenaError, match=r"num_pieces is 4, but .*004\.obj is there"):
+    with pytest.raises(ArenaError, match=r"num_pieces is 4, but .*004\.obj is listed in files"):
         Arena.load(folder)
     edit(folder / "arena.json", num_pieces=5, place="../elsewhere/")
     with pytest.raises(ArenaError, match="place: Invalid enum value"):
@@ -206,6 +213,8 @@ def test_a_wrong_height_field_is_named(hfield, changes, said):
 
 def test_a_height_field_goes_with_its_kind(folder, hfield):
     shutil.copy(hfield / "height_field.npz", folder)
+    edit(folder / "arena.json", files=None)
+    edit(hfield / "arena.json", files=None)
     with pytest.raises(ArenaError, match=r"kind is 'convex' and .*height_field\.npz there"):
         Arena.load(folder)
     (hfield / "height_field.npz").unlink()
