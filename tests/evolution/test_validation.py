@@ -1,12 +1,16 @@
 """Stages and champions: rules known by hand."""
 
+from collections import defaultdict
 from typing import Any
 
 import numpy as np
 import pytest
+import toys
 
+from evolution.cmaes import evolve
+from evolution.config import EvolutionConfig
 from evolution.errors import RunError
-from evolution.record import HISTORY, SAMPLE, VALIDATION, Entry, Record
+from evolution.record import AGAIN, HISTORY, SAMPLE, VALIDATION, Entry, Record
 from evolution.stages import Stage
 from evolution.trials import Outcome
 from evolution.validation import Champion, Validation, select
@@ -136,3 +140,71 @@ def test_champions_go_through_json():
     assert champion.score == pytest.approx(16 / 18)
     with pytest.raises(RunError, match="wings"):
         Champion.from_dict(champion.as_dict() | {"wings": 2})
+
+
+def test_no_candidate_and_no_round_meets_conditions_that_were_met_before():
+    """Genotypes of a generation share theirs, so do those tried again; nothing else ever does."""
+    observed = toys.Observed()
+    validation = Validation(candidates=2, rounds=(3, 3))
+    config = EvolutionConfig(generations=3, handle_noise=True, stop_when_solved=False, validation=validation)
+    run = evolve(config, simulate=observed)
+    groups, rounds = defaultdict(set), defaultdict(int)
+    for entry, job in zip(run.record.entries, observed.jobs, strict=True):
+        group = (entry.generation, entry.kind)
+        if entry.kind == VALIDATION:
+            candidate = (*group, entry.index)
+            group = (*candidate, rounds[candidate])
+            rounds[candidate] += 1
+        groups[group].add(toys.find_conditions(job))
+    assert {group[1] for group in groups} == {SAMPLE, AGAIN, VALIDATION}
+    assert len(rounds) == 9  # two genotypes and the centre, in each of three generations
+    assert all(len(conditions) == 1 for conditions in groups.values())
+    values = [value for conditions in groups.values() for each in conditions for value in each]
+    assert len(set(values)) == len(values)
+
+
+@pytest.mark.parametrize(
+    ("held", "tried"),
+    [
+        ({10: 8}, (10,)),
+        ({10: 9}, (10, 5, 4)),
+        ({10: 9, 5: 4}, (10, 5)),
+        ({10: 10, 5: 4}, (10, 5, 4)),
+        ({10: 10, 5: 3}, (10, 5)),
+    ],
+)
+def test_a_candidate_goes_on_while_enough_of_all_its_trials_hold(held, tried):
+    validation = Validation(rounds=(10, 5, 4), go_on=0.9)
+    config = EvolutionConfig(generations=1, trials=3, validation=validation)
+    run = evolve(config, simulate=toys.Observed(held))
+    entries = [entry for entry in run.record.entries if entry.kind == VALIDATION]
+    for index in {entry.index for entry in entries}:
+        assert tuple(entry.outcome.trials for entry in entries if entry.index == index) == tried
+    assert len({entry.index for entry in entries}) == 2  # the fittest and the centre
+
+
+def test_one_candidate_that_drops_out_takes_no_other_with_it():
+    class FirstFails(toys.Observed):
+        def __call__(self, jobs, threads):
+            outcomes = super().__call__(jobs, threads)
+            if jobs[0].trials.start == "floor" and len(jobs) == 2:
+                outcomes[0] = Outcome(0.0, 0.0, (False,) * outcomes[0].trials)
+            return outcomes
+
+    run = evolve(EvolutionConfig(generations=1), simulate=FirstFails())
+    tried = defaultdict(int)
+    for entry in run.record.entries:
+        if entry.kind == VALIDATION:
+            tried[entry.index] += entry.outcome.trials
+    assert sorted(tried.values()) == [Validation().rounds[0], Validation().trials]
+
+
+@pytest.mark.parametrize(("samples", "fresh"), [("pit", "floor"), ("floor", "pit"), ("floor", "floor")])
+def test_fresh_trials_begin_where_validation_says(samples, fresh):
+    observed = toys.Observed()
+    run = evolve(
+        EvolutionConfig(generations=1, start=samples, validation=Validation(start=fresh)), simulate=observed
+    )
+    for entry, job in zip(run.record.entries, observed.jobs, strict=True):
+        assert job.trials.start == (fresh if entry.kind == VALIDATION else samples)
+    assert any(entry.kind == VALIDATION for entry in run.record.entries)
