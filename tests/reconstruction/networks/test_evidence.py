@@ -302,3 +302,63 @@ def test_what_rays_pass_through_is_gone(sheet):
     inside = (np.abs(sheet[0][:, :2] - 1) < 0.35).all(axis=1)
     assert gone[inside].all()
     assert not gone[(np.abs(sheet[0][:, :2] - 1) > 0.65).any(axis=1)].any()
+
+
+def test_nothing_depends_on_where_the_world_is(sheet):
+    """The same sheet as a wall far from the origin."""
+
+    def stand_up(points):
+        return points @ np.array([[0.6, 0.8, 0], [0, 0, 1], [0.8, -0.6, 0]]) + [30.0, -20.0, 5.0]
+
+    old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
+    new = new[np.linalg.norm(new[:, :2] - [1.5, 0.5], axis=1) > 0.25]
+    here = weigh_evidence(*sheet, old, new, SPACING)
+    there = weigh_evidence(stand_up(sheet[0]), sheet[1], stand_up(old), stand_up(new), SPACING)
+    assert here.is_moved.any()
+    assert here.is_gone.any()
+    for name in ("winners", "is_moved", "is_strong", "is_gone", "is_read"):
+        assert np.array_equal(getattr(here, name), getattr(there, name)), name
+    for name in ("distance", "tolerance", "density"):
+        assert getattr(here, name) == pytest.approx(getattr(there, name), abs=1e-6), name
+
+
+@pytest.mark.parametrize(("low", "high", "noise"), [(0.2, 0.8, 0.003), (1.2, 1.8, 0.03)])
+def test_readings_of_a_part_are_compared_with_what_is_near_them(sheet, low, high, noise):
+    """Half of the sheet was read ten times less exactly than the other."""
+    old = read(8000)
+    old[old[:, 0] > 1, 2] *= 10
+    new = read(8000, seed=1)
+    new = new[((new[:, :2] > low) & (new[:, :2] < high)).all(axis=1)]
+    evidence = weigh_evidence(*sheet, old, new, SPACING)
+    assert evidence.distance == pytest.approx(np.abs(new[:, 2]), abs=1e-9)
+    assert np.linalg.norm(sheet[0][evidence.winners] - new, axis=1) == pytest.approx(
+        cKDTree(sheet[0]).query(new)[0]
+    )
+    assert evidence.tolerance == pytest.approx(4 * noise * np.sqrt(2 / np.pi), rel=0.2)
+    assert not (evidence.is_moved | evidence.is_gone).any()
+
+
+def test_where_few_old_points_are_near_all_are_asked(sheet):
+    old = read(8000)
+    old = old[old[:, 0] > 0.5]
+    evidence = weigh_evidence(*sheet, old, read(3000, seed=1) * [0.1, 0.1, 1], SPACING)
+    assert evidence.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.2)
+
+
+@pytest.mark.parametrize(("side", "is_believed"), [(0.25, True), (0.35, False)])
+def test_three_readings_within_three_spacings_are_strong_together(sheet, side, is_believed):
+    new = read(3000, seed=1)
+    corners = side * np.array([[0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
+    stray = np.column_stack([0.72 + corners, np.full(3, 0.06)])
+    for some in (stray, stray[:2]):
+        evidence = weigh_evidence(*sheet, read(8000), np.concatenate([new, some]), SPACING)
+        assert not evidence.is_moved.any()
+        assert evidence.is_strong.any() == (is_believed and len(some) == 3)
+
+
+def test_three_are_a_crowd():
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    assert find_crowded(np.arange(3), points, 0.5).tolist() == [True] * 3
+    assert find_crowded(np.arange(3), points, 0.15).tolist() == [False, True, False]
+    assert find_crowded(np.zeros(3, dtype=int), 100 * points, 0.5).tolist() == [True] * 3
+    assert find_crowded(np.zeros(2, dtype=int), points[:2], 0.5).dtype == bool

@@ -142,26 +142,6 @@ def test_a_mixed_pixel_goes_and_its_surroundings_stay():
     assert find_mixed_beams(ranges, max_share=1.0)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
 
 
-def lay_steps(*places: int, height: float = 0.04) -> np.ndarray:
-    """Ranges of 60 beams on a wall 1 m away, farther by a step of some height [m] from each of these beams on."""
-    return (1.0 + height * sum((np.arange(60) >= place).astype(float) for place in places))[None]
-
-
-def test_a_ledge_of_four_centimetres_is_an_edge_and_one_of_two_is_not():
-    """At 1 m; where there is an edge, either beam beside it is in doubt."""
-    assert np.flatnonzero(find_mixed_beams(lay_steps(30), max_share=1.0)).tolist() == [29, 30]
-    assert not find_mixed_beams(lay_steps(30, height=0.02), max_share=1.0).any()
-
-
-def test_among_many_doubtful_beams_all_are_doubtful():
-    """An edge along the scan: two jumps within nine beams leave none of these that can be trusted."""
-    one, apart = (find_mixed_beams(lay_steps(*places), max_share=1.0) for places in ((25,), (25, 40)))
-    assert np.flatnonzero(one).tolist() == [24, 25]
-    assert np.flatnonzero(apart).tolist() == [24, 25, 39, 40]
-    near = np.flatnonzero(find_mixed_beams(lay_steps(25, 30), max_share=1.0))
-    assert near.tolist() == list(range(24, 31))
-
-
 def test_the_share_of_doubtful_beams_is_kept():
     ranges = np.random.default_rng(0).uniform(1, 5, (50, 100))
     least, most = find_mixed_beams(ranges, max_share=0.0), find_mixed_beams(ranges, max_share=0.1)
