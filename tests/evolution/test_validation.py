@@ -13,7 +13,7 @@ from evolution.errors import RunError
 from evolution.record import AGAIN, HISTORY, SAMPLE, VALIDATION, Entry, Record
 from evolution.stages import Stage
 from evolution.trials import Outcome
-from evolution.validation import Champion, Validation, select
+from evolution.validation import Champion, Validation, find_candidates, select
 
 
 def make_entry(
@@ -208,3 +208,109 @@ def test_fresh_trials_begin_where_validation_says(samples, fresh):
     for entry, job in zip(run.record.entries, observed.jobs, strict=True):
         assert job.trials.start == (fresh if entry.kind == VALIDATION else samples)
     assert any(entry.kind == VALIDATION for entry in run.record.entries)
+
+
+def test_a_run_is_solved_by_enough_successes_in_all_rounds():
+    validation = Validation(rounds=(8, 8), solved=0.75)
+    for successes, trials, is_solved in ((12, 16, True), (11, 16, False), (15, 15, False), (24, 32, True)):
+        assert validation.is_solved(successes, trials) is is_solved
+
+
+def test_validation_takes_its_limits():
+    for arguments in (
+        {"candidates": 0},
+        {"rounds": (1,)},
+        {"go_on": 0, "solved": 0},
+        {"go_on": 1, "solved": 1},
+        {"centre": 0.01},
+    ):
+        assert Validation(**arguments)
+    assert Validation(rounds=(3, 4)).trials == 7
+
+
+def test_of_equally_fit_genotypes_the_first_are_candidates():
+    outcomes = [Outcome(0.0, 0.0, (True,))] * 4
+    assert Validation(candidates=2, centre=2).choose(np.array([1.0, 3.0, 1.0, 3.0]), outcomes) == [1, 3]
+    assert Validation(candidates=3, centre=2).choose(np.array([1.0, 3.0, 1.0, 3.0]), outcomes) == [1, 3, 0]
+    assert Validation(candidates=0, centre=1).choose(np.zeros(4), outcomes) == [4]
+
+
+def test_fresh_trials_of_all_rounds_are_pooled():
+    first = make_entry(3, VALIDATION, "1110")._replace(
+        outcome=Outcome(1.0, 0.4, (True, True, True, False), 10.0, 1)
+    )
+    second = make_entry(3, VALIDATION, "11")._replace(outcome=Outcome(4.0, 0.1, (True, True), 5.0, 2))
+    other = make_entry(3, VALIDATION, "1", generation=1)
+    pooled, alone = find_candidates([first, make_entry(3, SAMPLE, "11"), other, second])
+    assert alone is other
+    assert pooled.outcome.succeeded == (True, True, True, False, True, True)
+    assert (pooled.outcome.progress, pooled.outcome.effort) == pytest.approx((2.0, 0.3))
+    assert (pooled.outcome.seconds, pooled.outcome.diverged) == (15.0, 3)
+    assert (pooled.index, pooled.generation, pooled.kind) == (3, 0, VALIDATION)
+
+
+def test_many_trials_count_for_more_than_a_few_lucky_ones():
+    few, many = make_entry(0, VALIDATION, "1" * 8), make_entry(1, VALIDATION, "1" * 47 + "0")
+    assert getattr(select(make_record(few, many), [True]), "index", None) == 1
+
+
+def test_of_equal_champions_the_later_one_stands_and_only_generations_of_the_stage_count():
+    entries = [make_entry(g, VALIDATION, "1" * 8, generation=g) for g in range(3)]
+    entries += [make_entry(9, SAMPLE, "1", generation=g, fitness=float(g)) for g in range(3)]
+    record = make_record(*entries)
+    for is_in_stage, chosen in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
+        found = select(record, is_in_stage)
+        assert found is not None
+        assert (found.generation, found.kind) == (chosen, VALIDATION)
+    assert select(record, [False] * 3) is None
+
+
+def test_a_shorter_body_must_hold_to_be_preferred():
+    """It holds from an expected success rate of 0.93 on: 26 of 26 do, 25 of 26 do not."""
+    long, short = (
+        make_entry(0, VALIDATION, "1" * 48, modules=8),
+        make_entry(1, VALIDATION, "1" * 26, modules=6),
+    )
+    almost = make_entry(2, VALIDATION, "1" * 25 + "0", modules=5)
+    worse = make_entry(3, VALIDATION, "1" * 20 + "0" * 6, modules=4)
+    surer = make_entry(4, VALIDATION, "1" * 30, modules=6)
+    for entries, index in (
+        ([long, short, almost], 1),
+        ([long, almost], 0),
+        ([almost, worse], 2),
+        ([short, surer, long], 4),
+    ):
+        assert getattr(select(make_record(*entries), [True], shortest=True), "index", None) == index
+
+
+def test_a_champion_says_what_it_is():
+    champion = Champion(
+        (0.1,), ("a",), "posture", 3, "truth", 4, 1.5, environment=(("pit", 0.3), ("abyss", True))
+    )
+    content = champion.as_dict()
+    assert content["environment"] == {"pit": 0.3, "abyss": True}
+    assert content["genotype"] == (0.1,)
+    assert champion.score == 0.0
+    again = Champion.from_dict(content | {"genotype": [1], "names": [5]})
+    assert again.genotype == (1.0,)
+    assert isinstance(again.genotype[0], float)
+    assert again.names == ("5",)
+    assert again.environment == (("abyss", True), ("pit", 0.3))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"names": ("a", "b")},
+        {"genotype": (np.nan,)},
+        {"genotype": (np.inf,)},
+        {"genotype": ("x",)},
+        {"names": 3},
+    ],
+)
+def test_what_is_no_champion_is_refused(change):
+    champion = Champion((0.1,), ("a",), "posture", 3, "truth", 4, 1.5)
+    with pytest.raises(RunError, match="not a champion"):
+        Champion.from_dict(champion.as_dict() | change)
+    with pytest.raises(RunError, match="not a champion"):
+        Champion.from_dict({"genotype": (0.1,), "names": ("a",)})
