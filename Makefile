@@ -30,9 +30,10 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-# Break the code in small ways and count what no test notices; goes on where it was stopped. AGAIN=1: survivors alone.
+# Break the code in small ways and count what no test notices; goes on where it was stopped. AGAIN=1: survivors
+# alone; SHARE=0.3: a sample.
 mutants: $(MUTANTS_STAMP)
-	PATH="$(CURDIR)/$(BIN):$$PATH" OMP_NUM_THREADS=1 nice -n 15 $(BIN)/python -m benchmarks.mutants $(if $(AGAIN),--again)
+	OMP_NUM_THREADS=1 nice -n 15 $(BIN)/python -m benchmarks.mutants $(if $(AGAIN),--again) $(if $(SHARE),--share $(SHARE))
 
 $(MUTANTS_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[mutants]"

@@ -14,7 +14,7 @@ from evolution.errors import RunError
 from evolution.record import AGAIN, SAMPLE, VALIDATION, Record
 from evolution.run import Run
 from evolution.stages import Stage
-from evolution.trials import Randomisation, Scoring
+from evolution.trials import Outcome, Randomisation, Scoring
 from evolution.validation import Validation, find_candidates
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
@@ -228,3 +228,61 @@ def test_a_folder_that_holds_a_run_says_in_what_it_differs(tmp_path):
         RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.15, not 0.2\); resume it"
     ):
         evolve(replace(config, seed=1, sigma=0.2))
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_workers_are_those_of_the_configuration_and_are_let_go(monkeypatch, fails):
+    made: list[tuple] = []
+    closed: list[bool] = []
+
+    class Workers:
+        def run(self, jobs):
+            if fails:
+                raise KeyboardInterrupt
+            return toys.bowl(jobs, 1)
+
+        def close(self):
+            closed.append(True)
+
+    def make(*arguments):
+        made.append(arguments)
+        return Workers()
+
+    monkeypatch.setattr("evolution.cmaes.make_backend", make)
+    config = replace(SHORT, backend="processes", workers=3, address="here")
+    if fails:
+        with pytest.raises(KeyboardInterrupt):
+            evolve(config, simulate=toys.hopeless)
+    else:
+        assert len(evolve(config, simulate=toys.hopeless).history) == 3
+    assert made == [("processes", 3, "here", toys.hopeless)]
+    assert closed == [True]
+
+
+def test_a_run_in_a_folder_reports_as_one_in_memory_does(tmp_path):
+    for folder in (None, str(tmp_path / "run")):
+        heard, told = [], []
+        evolve(
+            replace(SHORT, folder=folder),
+            simulate=toys.bowl,
+            on_generation=lambda run, heard=heard: heard.append(len(run.history)),
+            progress=lambda message, share, told=told: told.append((message, share)),
+        )
+        assert heard == [1, 2, 3]
+        assert [share for _, share in told] == pytest.approx([1 / 3, 2 / 3, 1.0])
+
+
+def test_where_noise_decides_there_are_more_trials():
+    """Two of the same conditions never agree: the ranks of what is tried again are mere chance."""
+    rng = np.random.default_rng(0)
+
+    def chance(jobs, threads):
+        return [Outcome(float(rng.normal()), 0.0, (False,) * job.trials.count) for job in jobs]
+
+    run = evolve(replace(SHORT, generations=12, handle_noise=True), simulate=chance)
+    counts = [entry.outcome.trials for entry in run.record.entries]
+    assert counts[0] == 3
+    assert min(counts) == 3
+    assert max(counts) > 3
+    for entries, _ in run.record.generations():
+        assert len({entry.outcome.trials for entry in entries}) == 1
