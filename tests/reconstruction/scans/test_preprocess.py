@@ -228,8 +228,8 @@ def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(s
 def test_a_log_with_a_box_is_cropped_unless_told_otherwise():
     log = make_log([0.0] * 40)
     everything = preprocess(log)
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    box = np.array([low - 1, [high[0] + 1, *((low + high) / 2)[1:] + [0, 1]]])
+    low, high = everything.min(axis=0) - 1, everything.max(axis=0) + 1
+    box = np.array([low, [high[0], (low[1] + high[1]) / 2, high[2]]])
     boxed = ScanLog(log.ranges, log.angles, log.poses, mount=log.mount, box=box)
     np.testing.assert_allclose(preprocess(boxed, cropped=False), everything)
     cropped = preprocess(boxed)
