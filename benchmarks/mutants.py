@@ -38,12 +38,13 @@ def read_statuses() -> dict[str, dict[str, str]]:
 
 
 def draw_names(share: float, seed: int = 0) -> list[str]:
-    """Return the names of some share of the mutants of each file, the same in every run."""
+    """Return the names of some share of the mutants of each file: the same in every run, a larger one has all of them."""
     drawn = []
     for path in config().only_mutate:
         mutated = mutate_file_contents(path, Path(path).read_text())
         names = [get_mutant_name(Path(path), name) for name in mutated.mutant_names]
-        drawn += random.Random(seed).sample(names, math.ceil(share * len(names)))
+        random.Random(seed).shuffle(names)
+        drawn += names[: math.ceil(share * len(names))]
     return drawn
 
 
