@@ -38,7 +38,7 @@ def read_statuses() -> dict[str, dict[str, str]]:
 
 
 def draw_names(share: float, seed: int = 0) -> list[str]:
-    """Return the names of some share of the mutants of each file: the same in every run, a larger one has all of them."""
+    """Return the names of a share of the mutants of each file; a larger share holds a smaller one."""
     drawn = []
     for path in config().only_mutate:
         mutated = mutate_file_contents(path, Path(path).read_text())
