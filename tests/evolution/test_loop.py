@@ -1,5 +1,6 @@
 """What the loop hands out, what it keeps, and what it refuses to live again."""
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,6 +79,7 @@ def test_a_champion_without_fresh_trials_has_none():
 @pytest.mark.parametrize("simulate", [toys.bowl, toys.fragile])
 def test_history_follows_from_the_entries(simulate):
     config = replace(SHORT, generations=12, sigma=0.3, handle_noise=True)
+    began = time.perf_counter()
     run = evolve(config, simulate=simulate)
     evaluations = trials = 0
     for generation, (entries, row) in enumerate(run.record.generations()):
@@ -108,7 +110,7 @@ def test_history_follows_from_the_entries(simulate):
         run.champion.successes,
         run.champion.trials,
     )
-    assert 0 < last["wall_seconds"] < 600
+    assert 0 < last["wall_seconds"] <= time.perf_counter() - began + 0.001
     assert np.array_equal(run.history["wall_seconds"], run.history["wall_seconds"].round(3))
 
 
@@ -188,6 +190,16 @@ def test_how_far_and_by_whom_may_change(tmp_path, changes):
     run = resume(tmp_path, simulate=toys.bowl, **changes)
     assert {name: getattr(run.config, name) for name in changes} == changes
     assert load_run(tmp_path).config == run.config
+
+
+def test_a_folder_that_was_moved_goes_on_where_it_is(tmp_path):
+    before = make_run(tmp_path / "old")
+    (tmp_path / "old").rename(tmp_path / "new")
+    run = resume(tmp_path / "new", generations=4, simulate=toys.bowl)
+    assert run.folder == tmp_path / "new"
+    assert run.config.folder == load_run(tmp_path / "new").config.folder == str(tmp_path / "new")
+    assert run.history["best"][:3].tolist() == before.history["best"].tolist()
+    assert not (tmp_path / "old").exists()
 
 
 def test_what_decides_the_outcome_may_not_change(tmp_path):
