@@ -165,13 +165,13 @@ def test_a_patch_is_gone_if_readings_lie_just_beyond_it_on_all_sides(sheet, read
 
 
 def test_what_is_gone_does_not_depend_on_where_the_world_is(sheet):
-    """A wall far from the origin instead of a floor beside it."""
+    """A wall that faces the origin from 50 m away instead of a floor beside it."""
     vertices, faces = sheet
     patch = np.linalg.norm(vertices - [1, 1, 0], axis=1) < 0.31
     is_read = ~patch & (vertices[:, 0] > 0.45)
 
     def stand_up(points):
-        return points @ np.array([[0.6, 0.8, 0], [0, 0, 1], [0.8, -0.6, 0]]) + [30.0, -20.0, 5.0]
+        return points @ np.array([[0.6, 0.8, 0], [0, 0, 1], [0.8, -0.6, 0]]) + [39.4, -30.8, -1.0]
 
     for readings in (lay_ring(0.4, 0.5), lay_ring(0.4, 0.5, missing=70)):
         here = find_gone(vertices, faces, readings, is_read, SPACING)

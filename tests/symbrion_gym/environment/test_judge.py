@@ -172,6 +172,15 @@ def test_on_a_turned_way_all_is_measured_along_it(turned: Judge):
     assert across == pytest.approx(aside)
 
 
+def test_a_way_along_x_need_not_be_in_the_middle():
+    config = SnakePitConfig(modules=3, arena="truth", start=(-2.9, 0.5), goal=(-2.1, 0.5))
+    judge = Judge(World(config))
+    places = np.array([[-2.4, 0.45, HALF], [-2.5, 0.5, HALF], [-2.6, 0.58, HALF]])
+    measured = measure(judge, places)
+    assert (measured.head, measured.mean, measured.aside) == pytest.approx((-2.4, -2.5, 0.08))
+    assert np.array(judge.find_places(places)) == pytest.approx(places[:, :2].T - [[0], [0.5]])
+
+
 def test_places_on_a_straight_way_are_x_and_y(judge: Judge):
     places = np.array([[0.3, 0.02, 0.31], [0.0, -0.07, 0.29]])
     assert judge.find_distance(places[None]) == pytest.approx(places[None, :, 0])
