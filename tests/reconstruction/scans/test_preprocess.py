@@ -208,6 +208,15 @@ def test_a_log_loses_veils_and_lonely_readings_and_keeps_the_rest_as_it_is(spaci
     assert np.array_equal(clean.poses, log.poses)
 
 
+def test_two_readings_side_by_side_are_not_alone():
+    log = make_veiled_log()
+    ranges = log.ranges.copy()
+    ranges[10, 345:347] = 1.0
+    pair = log.replace(ranges=ranges)
+    assert remove_mixed_pixels(pair).is_valid.sum() == remove_mixed_pixels(log).is_valid.sum() + 2
+    assert len(preprocess(pair)) == len(preprocess(log)) + 2
+
+
 @pytest.mark.parametrize("spacing", [1, 2, 3])
 def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(spacing):
     log = make_veiled_log(spacing)
