@@ -139,6 +139,24 @@ def test_a_body_is_solved_once_it_is_as_short_as_it_may_be():
     assert len(run.history) < 20
 
 
+def test_a_shorter_body_that_holds_stands_before_a_surer_longer_one():
+    def simulate(jobs, threads):
+        outcomes = toys.Observed()(jobs, threads)
+        return [
+            replace(outcome, succeeded=(False, *outcome.succeeded[1:]))
+            if job.trials.modules < 6 and outcome.trials == 16
+            else outcome
+            for job, outcome in zip(jobs, outcomes, strict=True)
+        ]
+
+    run = evolve(replace(SHORT, body_lengths=(4, 9), generations=12), simulate=simulate)
+    tried = find_candidates(run.record.entries)
+    assert any(entry.modules >= 6 and all(entry.outcome.succeeded) for entry in tried)
+    assert run.champion is not None
+    assert run.champion.modules == min(entry.modules for entry in tried) < 6
+    assert (run.champion.successes, run.champion.trials) == (46, 48)
+
+
 def make_run(folder: Path) -> Run:
     return evolve(replace(SHORT, handle_noise=True, folder=str(folder)), simulate=toys.bowl)
 

@@ -86,6 +86,8 @@ def test_validation_refuses():
         {"rounds": (8, 0)},
         {"go_on": 1.5},
         {"solved": -0.1},
+        {"solved": 1.1},
+        {"go_on": -0.1},
         {"centre": 0.0},
     ):
         with pytest.raises(RunError):
