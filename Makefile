@@ -3,9 +3,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 DOCS_STAMP := .venv/.installed-docs
+MUTANTS_STAMP := .venv/.installed-mutants
 export MUJOCO_GL ?= egl
 
-.PHONY: setup demo test test-slow check bench figures paper docs assets clean
+.PHONY: setup demo test test-slow check mutants bench figures paper docs assets clean
 
 setup: $(STAMP)
 
@@ -29,6 +30,15 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/python -m tools.licenses
+
+# Break the code in small ways and count what no test notices; goes on where it was stopped. AGAIN=1: survivors
+# alone; SHARE=0.3: a sample.
+mutants: $(MUTANTS_STAMP)
+	OMP_NUM_THREADS=1 nice -n 15 $(BIN)/python -m benchmarks.mutants $(if $(AGAIN),--again) $(if $(SHARE),--share $(SHARE))
+
+$(MUTANTS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[mutants]"
+	@touch $@
 
 # All benchmarks, then the tables of README and docs; QUICK=1: small sizes, into benchmarks/results/quick.
 bench: setup
@@ -54,4 +64,4 @@ assets: setup
 	$(BIN)/symbrion assets --out assets/arenas
 
 clean:
-	rm -rf .venv demo paper site build dist
+	rm -rf .venv demo paper site build dist mutants

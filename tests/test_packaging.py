@@ -98,7 +98,7 @@ def test_constraints_pin_what_is_declared() -> None:
         "versions alone, no addresses"
     )
     pinned = {_normalise(line) for line in lines}
-    groups = ("cli", "scan", "report", "embree", "docs", "dev")
+    groups = ("cli", "scan", "report", "embree", "docs", "mutants", "dev")
     wanted = [
         *project["dependencies"],
         *(one for name in groups for one in project["optional-dependencies"][name]),

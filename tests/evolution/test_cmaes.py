@@ -16,7 +16,7 @@ from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.controller import REFLEX
 from evolution.errors import RunError
-from evolution.record import AGAIN, SAMPLE, TIMES, VALIDATION, Entry
+from evolution.record import AGAIN, HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.run import Run
 from evolution.stages import Stage
 from evolution.validation import Validation
@@ -233,6 +233,21 @@ def test_generations_live_again_must_come_out_as_recorded(tmp_path):
     (folder / "record.npz").write_bytes(run.record.to_bytes(run.config.digest()))
     with pytest.raises(RunError, match=r"generation 1 .* does not come out as recorded"):
         resume(folder, simulate=toys.bowl)
+
+
+def test_a_history_that_was_changed_does_not_come_out(tmp_path):
+    """Whatever it tells, but for the time that passed, follows from the entries."""
+    config = replace(TOY, generations=4, seed=3, folder=str(tmp_path / "run"))
+    record = evolve(config, simulate=toys.bowl).record
+    for name in set(HISTORY.names or ()) - {"generation", *TIMES}:
+        changed = Record()
+        for entries, row in record.generations():
+            values = {column: row[column] for column in HISTORY.names or ()}
+            values[name] += float(row["generation"] == 2)
+            changed.add_generation(entries, values)
+        (tmp_path / "run" / "record.npz").write_bytes(changed.to_bytes(config.digest()))
+        with pytest.raises(RunError, match=r"generation 2 .* does not come out as recorded"):
+            load_run(tmp_path / "run")
 
 
 PROGRAM = """

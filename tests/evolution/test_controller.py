@@ -13,6 +13,7 @@ from evolution.controller import (
     make_controller,
 )
 from evolution.errors import RunError
+from symbrion_gym.environment.config import SnakePitConfig
 
 MODULES = 6
 STRUCTURE = {
@@ -94,6 +95,25 @@ def place_head(odometry: float) -> np.ndarray:
     observation = np.zeros((1, SIZE))
     observation[0, STRUCTURE["track_odometry"]] = odometry
     return observation
+
+
+def test_touch_lost_for_a_moment_is_touch_and_a_head_beyond_an_edge_lifts_within_half_a_second():
+    """A head that drives over an edge goes on by 2.5 cm in that time."""
+    tick = SnakePitConfig().dt
+    hanging = np.ones((1, SIZE))
+    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
+    genes = make_reactive(front_air=0.8)
+    assert not act("reactive", genes, hanging, ticks=round(0.2 / tick)).any()
+    assert act("reactive", genes, hanging, ticks=round(0.5 / tick))[0] == pytest.approx([0.8, 0, 0, 0, 0])
+
+
+def test_a_head_that_is_raised_comes_down_again():
+    tick = SnakePitConfig().dt
+    hanging = np.ones((1, SIZE))
+    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
+    genes = make_reactive(front_air=0.8)
+    assert act("reactive", genes, hanging, ticks=round(3.0 / tick)).any()
+    assert not act("reactive", genes, hanging, ticks=round(4.0 / tick)).any()
 
 
 def test_travelling_holds_a_posture_fixed_to_the_ground():

@@ -2,8 +2,12 @@
 
 import numpy as np
 import pytest
+import toys
 
+from evolution.cmaes import evolve
+from evolution.config import EvolutionConfig
 from evolution.controller import make_controller
+from evolution.evaluation import make_backend
 from evolution.playback import judge, play
 from evolution.validation import Champion
 from symbrion_gym.environment.snake_pit import SnakePitEnv
@@ -30,6 +34,22 @@ def test_equal_seeds_give_equal_judgements(champion: Champion) -> None:
     assert first == second
     assert first.trials == 3
     assert judge(champion, trials=3, seed=5) != first
+
+
+def test_a_judgement_repeats_no_conditions_of_a_run_with_the_same_seed(
+    champion: Champion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_run, in_judgement = toys.Observed(), toys.Observed()
+    config = EvolutionConfig(seed=4, trials=3, generations=5, handle_noise=True, stop_when_solved=False)
+    evolve(config, simulate=in_run)
+    monkeypatch.setattr(
+        "evolution.playback.make_backend",
+        lambda backend, workers: make_backend(backend, workers, simulate=in_judgement),
+    )
+    assert judge(champion, trials=3, seed=4).successes == 3
+    (job,) = in_judgement.jobs
+    assert (job.trials.count, job.trials.start, job.trials.modules) == (3, "floor", 3)
+    assert not toys.find_conditions(job) & frozenset().union(*map(toys.find_conditions, in_run.jobs))
 
 
 def test_a_recording_holds_the_whole_body(champion: Champion) -> None:

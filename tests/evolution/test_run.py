@@ -1,7 +1,9 @@
 """The run folder: one writer, atomic, and clear about what is wrong with it."""
 
+import csv
 import io
 import json
+import platform
 import resource
 import shutil
 import subprocess
@@ -19,7 +21,7 @@ from kills import kill_at_each_moment
 from evolution.cmaes import evolve, load_run, resume
 from evolution.config import EvolutionConfig
 from evolution.errors import RunError
-from evolution.record import Record
+from evolution.record import HISTORY, Record
 from evolution.run import RunFolder, format_history, load_champion
 from evolution.stages import Stage
 
@@ -42,6 +44,57 @@ def test_a_folder_holds_what_it_promises(folder):
     assert header.startswith("generation,evaluations,wall_seconds,stage,best,median,sigma,successes")
     assert len(rows) == 3
     assert load_champion(folder) == load_champion(folder / "champion.json") == load_run(folder).champion
+
+
+def test_it_says_what_it_began_with(folder):
+    content = json.loads((folder / "config.json").read_text())
+    assert set(content) == {"versions", "commit", "machine", "config"}
+    assert content["versions"]["python"] == platform.python_version()
+    assert content["versions"]["numpy"] == np.__version__
+    assert content["machine"] == platform.platform()
+    assert EvolutionConfig.from_json(content["config"]) == replace(TOY, folder=str(folder))
+
+
+def test_who_goes_on_does_not_change_what_it_began_with(folder):
+    content = json.loads((folder / "config.json").read_text())
+    content["versions"]["numpy"], content["machine"], content["commit"] = "1.0", "another", "abc"
+    (folder / "config.json").write_text(json.dumps(content))
+    resume(folder, generations=4, simulate=toys.bowl)
+    again = json.loads((folder / "config.json").read_text())
+    assert again["config"]["generations"] == 4
+    again["config"]["generations"] = 3
+    assert again == content
+
+
+def test_champion_and_history_say_what_the_run_says(folder):
+    run = load_run(folder)
+    assert run.champion is not None
+    assert run.folder == folder
+    assert load_champion(folder) == run.champion
+    assert load_champion(str(folder)) == run.champion
+    rows = list(csv.reader((folder / "history.csv").read_text().splitlines()))
+    assert tuple(rows[0]) == HISTORY.names
+    assert [[float(cell) for cell in row] for row in rows[1:]] == [list(row.item()) for row in run.history]
+    for name in ("config.json", "champion.json"):
+        text = (folder / name).read_text()
+        assert text == json.dumps(json.loads(text), indent=2) + "\n", "one field a line"
+
+
+def test_a_run_without_generations_has_no_champion(tmp_path):
+    run = evolve(replace(TOY, generations=0, folder=str(tmp_path / "run")), simulate=toys.bowl)
+    assert (run.champion, run.stage_champions, run.is_solved, len(run.history)) == (None, (), False, 0)
+    assert {path.name for path in (tmp_path / "run").iterdir()} <= {"config.json", ".lock"}
+    assert len(resume(tmp_path / "run", generations=2, simulate=toys.bowl).history) == 2
+
+
+@pytest.mark.parametrize("left", ["config.json", "record.npz"])
+def test_what_is_left_of_a_run_is_not_overwritten(folder, left):
+    for path in folder.iterdir():
+        if path.name not in (left, ".lock"):
+            path.unlink()
+    with pytest.raises(RunError):
+        evolve(replace(TOY, folder=str(folder), seed=1), simulate=toys.bowl)
+    assert (folder / left).exists()
 
 
 def test_nothing_in_it_is_a_pickle(folder):

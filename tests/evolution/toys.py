@@ -81,6 +81,28 @@ def deadly(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     return bowl(jobs, threads)
 
 
+class Observed:
+    """Stand-in that keeps the jobs it is given, in order; of `count` trials so many hold as `held` tells, all else."""
+
+    def __init__(self, held: dict[int, int] | None = None) -> None:
+        self.jobs: list[Job] = []
+        self._held = held or {}
+
+    def __call__(self, jobs: Sequence[Job], threads: int) -> list[Outcome]:
+        self.jobs += jobs
+        counts = [job.trials.count for job in jobs]
+        flags = [[trial < self._held.get(count, count) for trial in range(count)] for count in counts]
+        return [
+            Outcome(float(job.genotype.sum()), 0.0, tuple(held), seconds=1.0)
+            for job, held in zip(jobs, flags, strict=True)
+        ]
+
+
+def find_conditions(job: Job) -> frozenset[float]:
+    """Return what tells the conditions of a job's trials from those of others."""
+    return frozenset(job.trials.randomisation.draw(job.trials.seed, job.trials.count)["friction"])
+
+
 def _roll(job: Job) -> Outcome:
     conditions = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
     distance = float(((job.genotype - 0.5) ** 2).sum())

@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
 from reconstruction.scans.levelling import find_declination, level_floor
-from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams
+from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams, find_step
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
 from reconstruction.scans.scan import ScanLog, load_scan_log, make_pose
 from reconstruction.scans.smoothing import find_creases, smooth_ranges
@@ -179,6 +180,80 @@ def test_points_of_another_shape_are_refused():
     for bad in (np.ones(3), np.ones((3, 2)), [["a", "b", "c"]]):
         with pytest.raises(ScanError, match="points"):
             as_points(bad)
+
+
+def make_veiled_log(spacing: int = 1) -> ScanLog:
+    """A floor with a ledge on the left, a veil at its edge, and one reading alone in the air, beams thinned."""
+    log = make_log([0.0] * 40)
+    ranges = log.ranges.copy()
+    ranges[:, :150] -= 0.5
+    ranges[:, 150] = (ranges[:, 149] + ranges[:, 151]) / 2
+    ranges[20, 330] = 1.0
+    return ScanLog(ranges[:, ::spacing], ANGLES[::spacing], log.poses, mount=log.mount)
+
+
+@pytest.mark.parametrize("spacing", [1, 2, 3])
+def test_a_log_loses_veils_and_lonely_readings_and_keeps_the_rest_as_it_is(spacing):
+    log = make_veiled_log(spacing)
+    clean = remove_mixed_pixels(log)
+    assert isinstance(clean, ScanLog)
+    is_mixed = find_mixed_beams(log.ranges, step=find_step(log.angles))
+    place = 150 // spacing
+    assert is_mixed[:, place].all()
+    assert np.isnan(clean.ranges[is_mixed]).all()
+    assert np.isnan(clean.ranges[20, 330 // spacing])
+    kept = clean.is_valid
+    assert np.array_equal(clean.ranges[kept], log.ranges[kept])
+    assert kept.sum() >= (log.is_valid & ~is_mixed).sum() * 0.995
+    assert np.array_equal(clean.poses, log.poses)
+
+
+def test_two_readings_side_by_side_are_not_alone():
+    log = make_veiled_log()
+    ranges = log.ranges.copy()
+    ranges[10, 345:347] = 1.0
+    pair = log.replace(ranges=ranges)
+    assert remove_mixed_pixels(pair).is_valid.sum() == remove_mixed_pixels(log).is_valid.sum() + 2
+    assert len(preprocess(pair)) == len(preprocess(log)) + 2
+
+
+@pytest.mark.parametrize("spacing", [1, 2, 3])
+def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(spacing):
+    log = make_veiled_log(spacing)
+    level = level_floor(log)
+    is_mixed = find_mixed_beams(level.ranges, step=find_step(level.angles))
+    for across_jumps in (False, True):
+        filtered = level.replace(ranges=np.where(is_mixed, np.nan, level.ranges))
+        expected = smooth_ranges(filtered, across_jumps=across_jumps).points()
+        points = preprocess(log, across_jumps=across_jumps)
+        distance, _ = cKDTree(points).query(expected)
+        lonely = cKDTree(points).query(log.points())[0]
+        assert 0.995 * len(expected) <= len(points) < len(expected)
+        assert (distance < 1e-9).sum() == len(points)
+        assert lonely.max() > 0.3, "the reading in the air"
+    assert len(preprocess(log)) == len(preprocess(log, across_jumps=False))
+
+
+def test_a_log_with_a_box_is_cropped_unless_told_otherwise():
+    log = make_log([0.0] * 40)
+    everything = preprocess(log)
+    low, high = everything.min(axis=0) - 1, everything.max(axis=0) + 1
+    box = np.array([low, [high[0], (low[1] + high[1]) / 2, high[2]]])
+    boxed = ScanLog(log.ranges, log.angles, log.poses, mount=log.mount, box=box)
+    np.testing.assert_allclose(preprocess(boxed, cropped=False), everything)
+    cropped = preprocess(boxed)
+    assert 0.1 * len(everything) < len(cropped) < 0.6 * len(everything)
+    assert len(cropped) == pytest.approx(len(crop(everything, box)), abs=5)
+    assert (cropped <= box[1] + 0.1).all()
+
+
+def test_progress_is_told_before_each_step():
+    told = []
+    preprocess(make_log([0.0]), progress=lambda text, share: told.append((text, share)))
+    assert told == [("levelling", 0.0), ("filtering", 0.3), ("smoothing", 0.6)]
+    told.clear()
+    preprocess(np.zeros((3, 3)), progress=lambda text, share: told.append((text, share)))
+    assert told == [("filtering", 0.0)]
 
 
 RANGES = arrays.arrays(

@@ -1,0 +1,98 @@
+"""Break the code in small ways and count what no test notices (mutation testing, by mutmut).
+
+    python -m benchmarks.mutants [--share S] [--again] [--children N] [--table]
+
+What to break and which tests ask stands in `[tool.mutmut]` of pyproject.toml. A run that was stopped goes on where
+it was; it works in `mutants/`. Survivors are explained in docs/mutants.md.
+"""
+
+import argparse
+import math
+import random
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+from mutmut.configuration import config
+from mutmut.mutation.data import SourceFileMutationData
+from mutmut.mutation.file_mutation import mutate_file_contents
+from mutmut.stats import status_by_exit_code
+from mutmut.utils.format_utils import get_mutant_name
+
+WANTED = 0.85
+"""Share of the mutants of each file that must be killed; those that never end count as killed."""
+COLUMNS = ("killed", "timeout", "survived", "no tests")
+NOT_CHECKED = "not checked"
+
+
+def read_statuses() -> dict[str, dict[str, str]]:
+    """Return what came of each mutant that was tried, by file and name."""
+    statuses = {}
+    for path in config().only_mutate:
+        mutants = SourceFileMutationData(path=Path(path))
+        mutants.load()
+        named = {name: status_by_exit_code[code] for name, code in mutants.exit_code_by_key.items()}
+        statuses[path] = {name: status for name, status in named.items() if status != NOT_CHECKED}
+    return statuses
+
+
+def draw_names(share: float, seed: int = 0) -> list[str]:
+    """Return the names of a share of the mutants of each file; a larger share holds a smaller one."""
+    drawn = []
+    for path in config().only_mutate:
+        mutated = mutate_file_contents(path, Path(path).read_text())
+        names = [get_mutant_name(Path(path), name) for name in mutated.mutant_names]
+        random.Random(seed).shuffle(names)
+        drawn += names[: math.ceil(share * len(names))]
+    return drawn
+
+
+def choose_names(share: float, again: bool) -> list[str] | None:
+    """Return the mutants to try, None for all that were not tried yet."""
+    statuses = {name: status for each in read_statuses().values() for name, status in each.items()}
+    if again:
+        return [name for name, status in statuses.items() if status != "killed"]
+    return None if share >= 1 else [name for name in draw_names(share) if name not in statuses]
+
+
+def print_table() -> bool:
+    """Print what came of the mutants of each file; return whether enough were killed in all of them."""
+    print(f"\n{'file':48}" + "".join(f"{name:>10}" for name in (*COLUMNS, "other", "score")))
+    is_good = True
+    for path, statuses in read_statuses().items():
+        counts = Counter(statuses.values())
+        cells = [counts[name] for name in COLUMNS]
+        score = (counts["killed"] + counts["timeout"]) / max(len(statuses), 1)
+        is_good &= score >= WANTED
+        numbers = "".join(f"{cell:10}" for cell in (*cells, len(statuses) - sum(cells)))
+        print(f"{path:48}{numbers}{score:10.1%}")
+    print("\n`mutmut results` names what survived, `mutmut show NAME` shows what was changed.")
+    return is_good
+
+
+def main() -> None:
+    """Run and print a table; the exit code is 1 if a file has too few killed."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.mutants",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--share", type=float, default=1.0, help="try a sample of this share of each file (default: all)"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="only those that survived, after tests were added"
+    )
+    parser.add_argument("--children", type=int, default=2, help="processes at once (default: 2)")
+    parser.add_argument("--table", action="store_true", help="only print what came of those tried so far")
+    options = parser.parse_args()
+    names = [] if options.table else choose_names(options.share, options.again)
+    if names is None or names:
+        command = [sys.executable, "-m", "mutmut", "run", "--max-children", str(options.children)]
+        subprocess.run([*command, *(names or ())], check=True)
+    sys.exit(not print_table())
+
+
+if __name__ == "__main__":
+    main()
