@@ -88,7 +88,6 @@ EVOLUTION = (
         bar="<= 4 in each, as 4 suffice",
         judged=1,
         set_after=True,
-        is_headline=True,
     ),
     Claim(
         "genotypes of still shorter bodies that these runs tried in vain",

@@ -135,7 +135,7 @@ def test_a_body_is_solved_once_it_is_as_short_as_it_may_be():
     assert run.is_solved
     assert run.champion is not None
     assert run.champion.modules == 4
-    assert len(run.champion.genotype) == len(run.champion.names) == 8
+    assert len(run.champion.genotype) == len(run.champion.names) == 12
     assert len(run.history) < 20
 
 
@@ -255,7 +255,7 @@ def test_a_folder_that_holds_a_run_says_in_what_it_differs(tmp_path):
     with pytest.raises(RunError, match="holds this run already; resume it, or name another folder"):
         evolve(config)
     with pytest.raises(
-        RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.15, not 0.2\); resume it"
+        RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
     ):
         evolve(replace(config, seed=1, sigma=0.2))
 
