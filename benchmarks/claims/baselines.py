@@ -9,8 +9,8 @@ def _value(path: str) -> Value:
 
 BASELINES = (
     Claim(
-        "default course, 8 modules, from the floor: crossings of 200 by doing nothing; by 50 random genotypes of the law "
-        "`path` / `reactive`, four trials each",
+        "default course, 8 modules, from the floor: crossings of 200 by doing nothing; by 50 random genotypes of "
+        "the law `path` / `reactive`, four trials each",
         "{0}; {1} / {2}",
         tuple(_value(f"default_course/{who}") for who in ("zero", "random of path", "random of reactive")),
         bar="<= 10 of 200",
