@@ -6,6 +6,7 @@ One file a benchmark. `python -m benchmarks.table` turns these lists into text; 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
+from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -16,6 +17,7 @@ from benchmarks.figures import Claim
 GROUPS: dict[str, tuple[Claim, ...]] = {
     "Scans": SCANS,
     "Reconstruction": RECONSTRUCTION,
+    "Folds and self-intersections": FOLDS,
     "An arena that has changed": REFINE,
     "Arenas": ARENA,
     "Environment": ENVIRONMENT,

@@ -118,8 +118,8 @@ def add_surfaces(page: Page, road: "Road") -> None:
         ["network", "triangles", "time [s]", "truth to mesh, mean [mm]", "p95 [mm]", "mesh to truth [mm]",
          "rims", "non-manifold edges", "intersecting pairs", "folds"],
         rows,
-        "Distances from the true surface; the time holds the compilation, once a machine. Intersecting pairs: triangles "
-        "that pass through one another; folds: edges whose two triangles' normals differ by more than 120 degrees.",
+        "Distances from the true surface; the time holds the compilation, once a machine. Intersecting pairs: "
+        "triangles that pass through one another; folds: edges whose two triangles' normals differ by more than 120 degrees.",
     )  # fmt: skip
 
 

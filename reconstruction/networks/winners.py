@@ -80,7 +80,7 @@ def _halve(positions: np.ndarray, num_parts: int) -> np.ndarray:
         along = inside[longest, np.arange(len(parts))]
         half = parts.shape[1] // 2
         parts = np.take_along_axis(parts, np.argpartition(along, half, axis=1), axis=1).reshape(-1, half)
-    return parts
+    return np.sort(parts, axis=1)  # how a partition leaves its halves differs between processors
 
 
 def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:

@@ -91,7 +91,9 @@ def _find_near(corners: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
             if len(one) == 0 or len(other) == 0:
                 continue
             trees = [cKDTree(centers[part], balanced_tree=False) for part in (one, other)]
-            near = trees[0].sparse_distance_matrix(trees[1], 2 * radius[is_large].max(), output_type="ndarray")
+            near = trees[0].sparse_distance_matrix(
+                trees[1], 2 * radius[is_large].max(), output_type="ndarray"
+            )
             one, other = one[near["i"]], other[near["j"]]
             is_new = is_smaller[other] | ~is_chosen[other] | (one < other)
             one, other = one[is_new], other[is_new]

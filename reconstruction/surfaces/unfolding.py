@@ -108,7 +108,7 @@ def _find_rim(faces: np.ndarray, sides: Sides) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _join_neighbors(faces: np.ndarray, num_vertices: int, sides: Sides) -> tuple[csr_array, np.ndarray]:
-    """Return a matrix `[V, V]`, 1 where two vertices share an edge, on the rim a rim edge; and what is the rim, `[V]`."""
+    """Return a matrix `[V, V]`, 1 where two vertices share an edge, on the rim a rim edge; and who is on the rim."""
     slots = sides.slots[sides.starts]
     tail, head = faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]
     is_rim_edge = np.tile(sides.counts == 1, 2)
