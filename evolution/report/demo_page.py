@@ -119,7 +119,7 @@ def add_surfaces(page: Page, road: "Road") -> None:
          "rims", "non-manifold edges", "intersecting pairs", "folds"],
         rows,
         "Distances from the true surface; the time holds the compilation, once a machine. Intersecting pairs: "
-        "triangles that pass through one another; folds: edges whose two triangles' normals differ by more than 120 degrees.",
+        "triangles that pass through one another; folds: edges where the surface turns by more than 120 degrees.",
     )  # fmt: skip
 
 

@@ -25,18 +25,19 @@ DRAWN_IN = 1e-6
 tested: so they intersect only where they meet elsewhere, too."""
 
 
-def find_folded_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def find_folded_edges(vertices: np.ndarray, faces: np.ndarray, angle: float = FOLD_ANGLE) -> np.ndarray:
     """Return the pairs of faces at the edges where the surface doubles back, `[P, 2]`.
 
     Args:
         vertices: `[V, 3]`.
         faces: `[F, 3]`, wound in any way; those without area are no fold.
+        angle: by how much the normals differ there, at least.
     """
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     normals = find_normals(vertices, faces)
     cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
     cosine = np.where(hinges.is_consistent, cosine, -cosine)
-    return hinges.faces[cosine < np.cos(FOLD_ANGLE)]
+    return hinges.faces[cosine < np.cos(angle)]
 
 
 def find_intersections(

@@ -18,6 +18,10 @@ RIM_TURN = np.cos(np.deg2rad(60))
 """Where the rim turns by more, its faces may lie across one another without any fold: the teeth of a closing slit."""
 
 
+SHARP_ANGLE = np.deg2rad(75)
+"""Where an edge is sharper, its faces may intersect others without any fold: lips over a narrow groove."""
+
+
 def find_folded(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return which faces lie against the mean normal, by area, of those round their corners: `[F]`."""
     a = vertices[faces[:, 0]]
@@ -35,11 +39,14 @@ def find_tangled(vertices: np.ndarray, faces: np.ndarray, is_suspect: np.ndarray
     Args:
         vertices: `[V, 3]`.
         faces: `[F, 3]` of an oriented two-manifold.
-        is_suspect: `[F]` of these, and of the folded ones, it is asked whether they intersect others.
+        is_suspect: `[F]` of these, and of those at sharp edges, it is asked whether they intersect others.
     """
     is_tangled = find_folded(vertices, faces)
-    is_tangled[find_folded_edges(vertices, faces)] = True
+    sharp = find_folded_edges(vertices, faces, SHARP_ANGLE)
+    if len(sharp):
+        is_tangled[find_folded_edges(vertices, faces)] = True
     is_suspect = is_suspect | is_tangled
+    is_suspect[sharp] = True
     if is_suspect.any():
         is_tangled[find_intersections(vertices, faces, is_suspect)] = True
     return is_tangled
