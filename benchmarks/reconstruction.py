@@ -200,7 +200,8 @@ def _make_row(
             row[name] = {part: float(np.median([getattr(d, part) for d in found])) for part in parts}
     for name in ("boundary_edges", "boundary_loops", "euler_number", "components", "pinched_vertices"):
         row[name] = [getattr(q.topology, name) for q in qualities]
-    row["folded_faces"] = float(np.median([q.folded_faces for q in qualities]))
+    for name in ("self_intersections", "folds"):
+        row[name] = [getattr(q, name) for q in qualities]
     row["manifold"] = sum(q.topology.is_manifold for q in qualities)
     wanted = (cloud.euler_number, cloud.loops)
     found = [(q.topology.euler_number, q.topology.boundary_loops) for q in qualities]
@@ -211,7 +212,7 @@ def _make_row(
 
 _HEADER = (
     f"{'':22}{'s':>7}{'/ C':>6}{'faces':>7}{'cloud>mesh':>14}{'truth>mesh':>14}{'mesh>truth':>14}"
-    "  loops    manifold, right, folded"
+    "  loops    manifold, right, intersecting pairs, folds"
 )
 
 
@@ -226,7 +227,7 @@ def _print_row(name: str, row: dict[str, Any]) -> None:
     sound = f"{row['manifold']} and {row['right_topology']} of {row['runs']}"
     print(
         f"{name:22}{row['seconds']:7.3f}{against}{row['faces']:7d}{''.join(cells)}  {loops:8} {sound}, "
-        f"{100 * row['folded_faces']:.3f} %",
+        f"{max(row['self_intersections'])}, {max(row['folds'])}",
         flush=True,
     )
 

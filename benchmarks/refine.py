@@ -76,7 +76,8 @@ def measure_change(change: Change, method: str, options: dict[str, Any], repeats
         ]
     )
     fresh = reconstruct(refined.points, method, **options)
-    topology = refined.quality().topology
+    quality = refined.quality()
+    topology = quality.topology
     return {
         "ratio": float(np.median(times[:, 0] / times[:, 2])),
         "cpu_ratio": float(np.median(times[:, 1] / times[:, 3])),
@@ -89,6 +90,8 @@ def measure_change(change: Change, method: str, options: dict[str, Any], repeats
         "loops": topology.boundary_loops,
         "euler_number": topology.euler_number,
         "manifold": topology.is_manifold,
+        "self_intersections": quality.self_intersections,
+        "folds": quality.folds,
     }
 
 
@@ -116,7 +119,8 @@ def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
     for turn in range(IN_A_ROW):
         new = draw(surfaces[turn % 2], 6000, 200 + turn, lambda p: np.abs(p[:, 0]) < 0.45)
         current = current.refine(new, seed=turn)
-    topology = current.quality().topology
+    quality = current.quality()
+    topology = quality.topology
     return {
         "before": first,
         "after": _measure(current, surfaces[1]),
@@ -125,6 +129,8 @@ def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
         "loops": topology.boundary_loops,
         "euler_number": topology.euler_number,
         "manifold": topology.is_manifold,
+        "self_intersections": quality.self_intersections,
+        "folds": quality.folds,
     }
 
 
@@ -158,7 +164,8 @@ def _print_row(name: str, row: dict[str, Any]) -> None:
     print(
         f"{name:40} ratio {row['ratio']:.2f} cpu {row['cpu_ratio']:.2f}  {distances}  "
         f"drift {row['drift']['max'] * 1e3:.2f}  units {row['units']}  "
-        f"loops {row['loops']} euler {row['euler_number']} {sound}",
+        f"loops {row['loops']} euler {row['euler_number']} {sound} "
+        f"intersecting {row['self_intersections']} folds {row['folds']}",
         flush=True,
     )
 

@@ -7,6 +7,7 @@ from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
+from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
@@ -18,6 +19,7 @@ from benchmarks.figures import Claim
 GROUPS: dict[str, tuple[Claim, ...]] = {
     "Scans": SCANS,
     "Reconstruction": RECONSTRUCTION,
+    "Folds and self-intersections": FOLDS,
     "An arena that has changed": REFINE,
     "Arenas": ARENA,
     "Environment": ENVIRONMENT,

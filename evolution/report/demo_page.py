@@ -107,6 +107,8 @@ def add_surfaces(page: Page, road: "Road") -> None:
                 f"{quality.mesh_to_truth.mean * MILLIMETRES:.2f}",
                 quality.topology.boundary_loops,
                 quality.topology.non_manifold_edges,
+                quality.self_intersections,
+                quality.folds,
             ]
         )
         page.add_figure(
@@ -114,9 +116,10 @@ def add_surfaces(page: Page, road: "Road") -> None:
         )
     page.add_table(
         ["network", "triangles", "time [s]", "truth to mesh, mean [mm]", "p95 [mm]", "mesh to truth [mm]",
-         "rims", "non-manifold edges"],
+         "rims", "non-manifold edges", "intersecting pairs", "folds"],
         rows,
-        "Distances from the true surface; the time holds the compilation, once a machine.",
+        "Distances from the true surface; the time holds the compilation, once a machine. Intersecting pairs: "
+        "triangles that pass through one another; folds: edges where the surface turns by more than 120 degrees.",
     )  # fmt: skip
 
 

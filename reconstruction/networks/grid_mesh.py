@@ -3,6 +3,10 @@
 import numpy as np
 
 from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
+from reconstruction.surfaces.unfolding import unfold_faces
+
+MAX_SPLITS = 4
+"""Moved units may split cells across other diagonals; so often what comes out is looked at again."""
 
 
 def triangulate(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
@@ -54,6 +58,17 @@ def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: 
             break
         mean = (units[:-2, 1:-1] + units[2:, 1:-1] + units[1:-1, :-2] + units[1:-1, 2:]) / 4
         units[1:-1, 1:-1][is_folded] = mean[is_folded]
+    return units
+
+
+def untangle_sheet(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
+    """Return the units `[R, C, 3]`, moved where the triangles of the sheet are folded or intersect."""
+    for _ in range(MAX_SPLITS):
+        vertices = units.reshape(-1, 3)
+        moved = unfold_faces(vertices, triangulate(units, has_face))
+        if moved is vertices:
+            break
+        units = moved.reshape(units.shape)
     return units
 
 

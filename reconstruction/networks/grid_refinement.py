@@ -15,6 +15,7 @@ from reconstruction.networks.boxes import find_near_box
 from reconstruction.networks.evidence import STRONG_RINGS, Evidence, find_superseded, weigh_evidence
 from reconstruction.networks.grid_growth import insert_lines
 from reconstruction.networks.grid_learning import TAPS, fit_grid, learn
+from reconstruction.networks.grid_mesh import untangle_sheet
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.surfaces.rows import find_lengths, sum_rows
 
@@ -120,7 +121,8 @@ def refine_sheet(
     moved = local.units.astype(np.float64) * spacing + center
     if moved.shape == units.shape:
         moved = np.where(is_active[..., None], moved, units)
-    return moved, _find_supported(local, scaled, 1.0), points
+    has_face = _find_supported(local, scaled, 1.0)
+    return untangle_sheet(moved, has_face), has_face, points
 
 
 def close_gaps(is_moved: np.ndarray) -> np.ndarray:

@@ -37,11 +37,10 @@ from reconstruction.networks.grid_learning import (
     fit_grid,
     learn,
 )
-from reconstruction.networks.grid_mesh import triangulate
+from reconstruction.networks.grid_mesh import triangulate, untangle_sheet
 from reconstruction.networks.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.progress import Progress, silent
 from reconstruction.surfaces.rows import sum_rows
-from reconstruction.surfaces.unfolding import unfold_faces
 
 MAX_FIT_SAMPLES = 200
 """Samples for each unit that the final fit uses."""
@@ -169,6 +168,7 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
     has_face = np.ones((rows - 1, columns - 1), dtype=bool)
     if config.mode == "batch":
         has_face = find_covered_cells(units, scaled)
+        units = untangle_sheet(units, has_face)
     return State(units.astype(np.float64) * scale + center, has_face)
 
 
@@ -187,9 +187,7 @@ def _train_batch(
     wanted = config.wanted_units
     number = choose_num_samples(len(points), MAX_FIT_SAMPLES * wanted)
     sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-    units = fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
-    faces = triangulate(units, np.ones((units.shape[0] - 1, units.shape[1] - 1), dtype=bool))
-    return unfold_faces(units.reshape(-1, 3), faces).reshape(units.shape)
+    return fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
 
 
 def _grow(

@@ -16,6 +16,7 @@ from reconstruction.surfaces.hole_patching import find_vertex_normals
 from reconstruction.surfaces.manifold import group_sides
 from reconstruction.surfaces.rows import any_corner, find_lengths, sum_rows
 from reconstruction.surfaces.surface_fit import mean_edge_length
+from reconstruction.surfaces.unfolding import unfold_faces
 
 MARGIN = 1.5
 """Readings nearer to a contradicted unit than this, in mean edges, take part."""
@@ -88,7 +89,8 @@ def refine_map(
     is_true[about[is_stale[: len(about)]]] = False
     points = np.concatenate([old_points.take(np.flatnonzero(is_true), axis=0), new_points])
     used, flat = np.unique(faces, return_inverse=True)
-    return units[used], flat.reshape(-1, 3), points
+    faces = flat.reshape(-1, 3)
+    return unfold_faces(units[used], faces), faces, points
 
 
 def _find_left(

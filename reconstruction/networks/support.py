@@ -95,9 +95,9 @@ def make_support(level: Level, units: np.ndarray, winners: np.ndarray) -> Suppor
         spacings = np.where(is_used, np.maximum(spacings, widest[winners]), spacings)
     is_uneven = bool(np.ptp(level.spacings) > 0)
     if is_used[level.tiles.is_real].all():
-        by_tree = np.empty(level.tiles.tree.n)
-        by_tree[level.tiles.tree.indices] = spacings.ravel()
-        return Support(level.tiles.tree, by_tree, is_uneven=is_uneven)
+        by_sample = np.empty(level.tiles.tree.n)
+        by_sample[level.tiles.order[is_used]] = spacings[is_used]
+        return Support(level.tiles.tree, by_sample, is_uneven=is_uneven)
     return Support(cKDTree(level.tiles.samples[is_used]), spacings[is_used], is_uneven=is_uneven)
 
 

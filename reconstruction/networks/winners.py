@@ -33,7 +33,7 @@ class Tiles(NamedTuple):
         order: `[T, S]` int32 index of each slot's sample.
         is_real: `[T, S]` False in padded slots: they must not count.
         centers: `[T, 3]` middle of each tile's bounding box.
-        tree: the k-d tree of all slots that the tiles are the leaves of.
+        tree: a k-d tree of the samples, each once, in the order they came in.
     """
 
     samples: np.ndarray
@@ -59,12 +59,28 @@ def make_tiles(samples: np.ndarray, tile_size: int = TILE_SIZE) -> Tiles:
     padding = num_slots - num_samples
     repeated = np.linspace(0, num_samples - 1, padding).astype(np.int64)
     slots = np.concatenate([np.arange(num_samples), repeated])
-    # A balanced k-d tree halves at the median: its leaves, in order, are the tiles.
-    tree = cKDTree(samples[slots], leafsize=num_slots // num_tiles)
-    leaves = tree.indices.reshape(num_tiles, -1)
-    inside = samples[slots[leaves]]
+    leaves = _halve(samples[slots], num_tiles)
+    order = slots[leaves]
+    inside = samples[order]
     centers = (inside.max(axis=1) + inside.min(axis=1)) / 2
-    return Tiles(inside, slots[leaves].astype(np.int32), leaves < num_samples, centers, tree)
+    tree = cKDTree(samples, balanced_tree=False)
+    return Tiles(inside, order.astype(np.int32), leaves < num_samples, centers, tree)
+
+
+def _halve(positions: np.ndarray, num_parts: int) -> np.ndarray:
+    """Return positions `[N, 3]` as parts of equal size, next to each other where the parts are: `[P, N / P]` indices.
+
+    (A tree's leaves would not do: where several positions share the median, its halves differ in size.)
+    """
+    parts = np.arange(len(positions)).reshape(1, -1)
+    columns = [np.ascontiguousarray(column) for column in positions.T]
+    while len(parts) < num_parts:
+        inside = np.stack([column[parts] for column in columns])
+        longest = (inside.max(axis=2) - inside.min(axis=2)).argmax(axis=0)
+        along = inside[longest, np.arange(len(parts))]
+        half = parts.shape[1] // 2
+        parts = np.take_along_axis(parts, np.argpartition(along, half, axis=1), axis=1).reshape(-1, half)
+    return np.sort(parts, axis=1)  # how a partition leaves its halves differs between processors
 
 
 def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:

@@ -7,8 +7,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
 from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
-from reconstruction.surfaces.unfolding import find_folded
 
 NUM_AREA_SAMPLES = 50_000
 """Points drawn on a surface to measure its distance to another: standard error below 1 % of the mean."""
@@ -70,7 +70,9 @@ class Quality:
     Attributes:
         topology: counts.
         area: surface area [m²].
-        folded_faces: share of faces that lie against the mean normal of the faces round them.
+        self_intersections: pairs of faces, without a common edge, that intersect.
+        folds: edges at which the surface doubles back: the normals of their faces differ by more than 120 degrees.
+        folded_faces: share of faces in a fold or an intersection. Deprecated: ask for the two above.
         min_angle: mean of the faces' smallest angles [rad]; 60 degrees for equilateral triangles.
         slivers: share of faces with an angle below 10 degrees.
         cloud_to_mesh: from the data to the nearest point of the faces.
@@ -81,6 +83,8 @@ class Quality:
 
     topology: Topology
     area: float
+    self_intersections: int
+    folds: int
     folded_faces: float
     min_angle: float
     slivers: float
@@ -115,6 +119,7 @@ def measure_quality(
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     areas = _find_areas(vertices, faces)
     angles = _find_angles(vertices, faces)
+    intersections, folds = find_intersections(vertices, faces), find_folded_edges(vertices, faces)
     distances: dict[str, Distances | float] = {}
     if points is not None and len(points) and len(faces):
         distances["cloud_to_mesh"] = _summarize(find_distances(points, vertices, faces))
@@ -129,7 +134,9 @@ def measure_quality(
     return Quality(
         topology=count_topology(faces, len(vertices)),
         area=float(areas.sum()),
-        folded_faces=float(find_folded(vertices, faces).mean()) if len(faces) else 0.0,
+        self_intersections=len(intersections),
+        folds=len(folds),
+        folded_faces=len(np.union1d(intersections, folds)) / max(len(faces), 1),
         min_angle=float(angles.min(axis=1).mean()) if len(faces) else 0.0,
         slivers=float((angles.min(axis=1) < np.deg2rad(10)).mean()) if len(faces) else 0.0,
         **distances,  # pyright: ignore[reportArgumentType]

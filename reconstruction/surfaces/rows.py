@@ -16,6 +16,16 @@ def all_corners(is_chosen: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return _join(np.logical_and, is_chosen[faces])
 
 
+def all_rows(rows: np.ndarray) -> np.ndarray:
+    """Return which rows `[..., k]` of truth values are true throughout, k a small number."""
+    return _join(np.logical_and, rows)
+
+
+def any_rows(rows: np.ndarray) -> np.ndarray:
+    """Return which rows `[..., k]` of truth values hold a true one, k a small number."""
+    return _join(np.logical_or, rows)
+
+
 def find_lengths(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths of vectors `[..., 3]`."""
     return np.sqrt(sum_rows(vectors**2))

@@ -27,7 +27,7 @@ def _wall(x: float, number: int, seed: int = 2) -> np.ndarray:
 @pytest.fixture(scope="module")
 def room() -> tuple[State, np.ndarray]:
     points = np.concatenate([_floor((-2, 1), (-1, 1), 14000), _wall(1.0, 2500)])
-    return train(points, CONFIG, 0), points
+    return train(points, CONFIG, 2), points
 
 
 def _check(state: State) -> None:

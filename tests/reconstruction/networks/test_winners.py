@@ -46,6 +46,14 @@ def test_tiles_hold_every_sample_once() -> None:
     np.testing.assert_array_equal(tiles.samples, samples.astype(np.float32)[tiles.order])
 
 
+def test_tiles_hold_neighbours_alone_where_coordinates_repeat() -> None:
+    """Scans are full of equal coordinates, and padding repeats samples: no tile may hold a stray one."""
+    places = np.arange(70.0)
+    lattice = np.stack(np.meshgrid(places, places, [0.0]), axis=-1).reshape(-1, 3)
+    tiles = make_tiles(np.random.default_rng(0).permutation(lattice))
+    assert np.ptp(tiles.samples, axis=1).max() <= 2 * np.sqrt(tiles.samples.shape[1])
+
+
 @pytest.mark.parametrize(
     ("units", "k"), [(np.zeros((2, 3)), 3), (np.zeros((4, 2)), 1), (np.zeros((4, 3)), 0)]
 )

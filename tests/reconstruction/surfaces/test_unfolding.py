@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
 from reconstruction.surfaces.unfolding import find_folded, unfold_faces
 
 
@@ -32,3 +33,26 @@ def test_a_vertex_beyond_its_neighbours_comes_back(vertex):
     np.testing.assert_allclose(mended[:, 2], 0, atol=1e-12)
     is_far = np.abs(vertices - vertices[vertex]).max(axis=1) > 2.5
     np.testing.assert_array_equal(mended[is_far], vertices[is_far])
+
+
+def test_teeth_of_the_rim_that_overlap_are_drawn_apart():
+    """Their normals agree and no edge is sharp: only the intersection itself tells."""
+    vertices, faces = make_lattice()
+    faces = faces[~(np.isin(faces, 3).any(axis=1) & np.isin(faces, 2).any(axis=1))]  # a slit in the rim
+    vertices[3, :2] += [0.3, -1.4]
+    assert len(find_intersections(vertices, faces)) > 0
+    mended = unfold_faces(vertices, faces)
+    assert len(find_intersections(mended, faces)) == 0
+    assert len(find_folded_edges(mended, faces)) == 0
+    is_far = np.abs(vertices[:, 1] - 3) > 3
+    np.testing.assert_array_equal(mended[is_far], vertices[is_far])
+
+
+def test_an_ear_keeps_its_corner():
+    """A vertex that has slid out of the ear it lies in comes back; the ear's tip on the rim stays."""
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.9, 1.3, 0], [0.5, -1, 0]])
+    faces = np.array([[0, 1, 3], [1, 2, 3], [2, 0, 3], [1, 0, 4]])
+    mended = unfold_faces(vertices, faces)
+    assert not find_folded(mended, faces).any()
+    assert len(find_folded_edges(mended, faces)) == 0
+    np.testing.assert_array_equal(mended[[0, 1, 2, 4]], vertices[[0, 1, 2, 4]])

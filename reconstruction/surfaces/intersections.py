@@ -1,0 +1,115 @@
+"""Find where a surface passes through itself or doubles back.
+
+Two triangles that share no edge intersect, or do not: libigl decides. Two that share an edge cannot pass through each
+other, but can lie folded together: the angle between them tells.
+
+References:
+    Guigue and Devillers (2003), "Fast and robust triangle-triangle overlap test using orientation predicates",
+    Journal of Graphics Tools 8(1): what libigl computes.
+"""
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from reconstruction.surfaces.manifold import find_hinges, find_normals, group_sides
+from reconstruction.surfaces.rows import all_rows, any_rows, cross_rows, find_lengths, sum_rows
+
+FOLD_ANGLE = np.deg2rad(120)
+"""Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
+crease 90, a face laid back onto its neighbour 180."""
+SIZES_APART = 4.0
+"""Faces are compared by size: the largest of a group is at most so many times as large as the smallest."""
+DRAWN_IN = 1e-6
+"""A corner that two triangles share is drawn into the first by this share of the way to its middle before they are
+tested: so they intersect only where they meet elsewhere, too."""
+
+
+def find_folded_edges(vertices: np.ndarray, faces: np.ndarray, angle: float = FOLD_ANGLE) -> np.ndarray:
+    """Return the pairs of faces at the edges where the surface doubles back, `[P, 2]`.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]`, wound in any way; those without area are no fold.
+        angle: by how much the normals differ there, at least.
+    """
+    hinges = find_hinges(faces, group_sides(faces, len(vertices)))
+    normals = find_normals(vertices, faces)
+    cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
+    cosine = np.where(hinges.is_consistent, cosine, -cosine)
+    return hinges.faces[cosine < np.cos(angle)]
+
+
+def find_intersections(
+    vertices: np.ndarray, faces: np.ndarray, is_chosen: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the pairs of faces that intersect, `[P, 2]` in ascending order; none that share an edge.
+
+    Faces that share a corner intersect where they meet elsewhere, too. Touching counts. Faces without area are
+    left out.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]`.
+        is_chosen: `[F]` only pairs with such a face are looked for; all if absent.
+    """
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    pairs = _find_near(corners, np.ones(len(faces), dtype=bool) if is_chosen is None else is_chosen)
+    one, other = faces[pairs[:, 0]], faces[pairs[:, 1]]
+    is_shared = np.stack([any_rows(one[:, [k]] == other) for k in range(3)], axis=1)
+    is_apart = sum_rows(is_shared.astype(np.int8)) < 2
+    pairs, is_shared = pairs[is_apart], is_shared[is_apart]
+    first, second = corners[pairs[:, 0]], corners[pairs[:, 1]]
+    inwards = np.where(is_shared[..., None], first.mean(axis=1, keepdims=True) - first, 0.0)
+    first = first + DRAWN_IN * inwards
+    is_open = ~_is_beside(first, second)
+    is_open[is_open] = ~_is_beside(second[is_open], first[is_open])
+    sixes = np.concatenate([first[is_open], second[is_open]], axis=1)[:, :, None]
+    is_hit = np.array([igl.tri_tri_intersection_test_3d(*six)[0] for six in sixes], dtype=bool)
+    return np.unique(np.sort(pairs[is_open][is_hit], axis=1), axis=0)
+
+
+def _find_near(corners: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
+    """Return the pairs of triangles `[F, 3, 3]`, one of them chosen, whose boxes overlap: `[P, 2]`.
+
+    Triangles of about one size are compared with those of their size and smaller ones: a few large ones among many
+    small cost little.
+    """
+    a, b, c = corners.swapaxes(0, 1)
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    centers = (low + high) / 2
+    radius = find_lengths(high - low) / 2
+    has_area = find_lengths(cross_rows(b - a, c - a)) > 0
+    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, 1e-300)) / np.log(SIZES_APART)), np.inf)
+    found = [np.empty((0, 2), dtype=np.int64)]
+    for largest in np.unique(size[has_area]):
+        is_large, is_smaller = size == largest, size < largest
+        for one, other in (
+            (is_large & is_chosen, is_large | is_smaller),
+            (is_large & ~is_chosen, is_smaller & is_chosen),
+        ):
+            one, other = np.flatnonzero(one), np.flatnonzero(other)
+            if len(one) == 0 or len(other) == 0:
+                continue
+            trees = [cKDTree(centers[part], balanced_tree=False) for part in (one, other)]
+            near = trees[0].sparse_distance_matrix(
+                trees[1], 2 * radius[is_large].max(), output_type="ndarray"
+            )
+            one, other = one[near["i"]], other[near["j"]]
+            is_new = is_smaller[other] | ~is_chosen[other] | (one < other)
+            one, other = one[is_new], other[is_new]
+            is_met = all_rows((low[one] <= high[other]) & (low[other] <= high[one]))
+            found.append(np.stack([one[is_met], other[is_met]], axis=1))
+    return np.concatenate(found)
+
+
+def _is_beside(triangle: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return whether the second triangle of each pair, `[P, 3, 3]`, lies beyond the plane or an edge of the first."""
+    sides = np.roll(triangle, -1, axis=1) - triangle
+    normal = cross_rows(sides[:, 0], sides[:, 1])
+    height = sum_rows(normal[:, None] * (other - triangle[:, :1]))
+    is_beside = all_rows(height > 0) | all_rows(height < 0)
+    for side in range(3):
+        outwards = cross_rows(sides[:, side], normal)
+        is_beside |= all_rows(sum_rows(outwards[:, None] * (other - triangle[:, side, None])) > 0)
+    return is_beside
