@@ -8,7 +8,6 @@ References:
     Journal of Graphics Tools 8(1): what libigl computes.
 """
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -64,6 +63,8 @@ def find_intersections(
     first = first + DRAWN_IN * inwards
     is_open = ~_is_beside(first, second)
     is_open[is_open] = ~_is_beside(second[is_open], first[is_open])
+    import igl
+
     sixes = np.concatenate([first[is_open], second[is_open]], axis=1)[:, :, None]
     is_hit = np.array([igl.tri_tri_intersection_test_3d(*six)[0] for six in sixes], dtype=bool)
     return np.unique(np.sort(pairs[is_open][is_hit], axis=1), axis=0)
