@@ -26,8 +26,12 @@ def _wall(x: float, number: int, seed: int = 2) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def room() -> tuple[State, np.ndarray]:
+    return _map_room(seed=0)
+
+
+def _map_room(seed: int) -> tuple[State, np.ndarray]:
     points = np.concatenate([_floor((-2, 1), (-1, 1), 14000), _wall(1.0, 2500)])
-    return train(points, CONFIG, 2), points
+    return train(points, CONFIG, seed), points
 
 
 def _check(state: State) -> None:
@@ -51,8 +55,9 @@ def test_a_wall_that_moved_moves(room: tuple[State, np.ndarray]) -> None:
     moved, known = refine(state, points, new, CONFIG)
     _check(moved)
     assert find_distances(new, moved.units, moved.faces).mean() < 0.006
-    high = moved.units[moved.units[:, 2] > 0.1]
-    assert (np.abs(high[:, 0] - 1.2) < 0.03).mean() > 0.95
+    others = [refine(*_map_room(seed), new, CONFIG)[0] for seed in (1, 2)]
+    high = np.concatenate([each.units[each.units[:, 2] > 0.1] for each in (moved, *others)])
+    assert (np.abs(high[:, 0] - 1.2) < 0.03).mean() > 0.95  # one map has 75 such units: three say more
     assert len(known) < len(points) + len(new)
     far = points[points[:, 0] < 0]
     before, after = (find_distances(far, s.units, s.faces) for s in (state, moved))
