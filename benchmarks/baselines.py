@@ -3,7 +3,7 @@
     python -m benchmarks.baselines [--quick] [--only NAME ...]
 
 Every trial is a randomised one from the floor in the true course, which no evolution sees, judged strictly.
-`python docs/pictures.py baselines` draws the map.
+`python docs/pictures.py results` draws the map.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from evolution.trials import Randomisation
 from symbrion_gym.arenas.course import Course
 
 SEED = 5
-PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(12))
+PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(11))
 """Widths of the pit [m]."""
 MODULES = (6, 7, 8)
 ABYSSES = (0.36, 0.37)
@@ -69,7 +69,8 @@ class Baselines:
     def __init__(self, results: Results, quick: bool, say: Callable[[str], None]) -> None:
         self._results, self._say = results, say
         self._trials = 4 if quick else 60
-        self._friction_trials = 4 if quick else 20
+        self._map_trials = 4 if quick else 30
+        self._friction_trials = 4 if quick else 12
         self._default_trials = 8 if quick else DEFAULT_TRIALS
         self._genotypes = 4 if quick else RANDOM_GENOTYPES
 
@@ -103,8 +104,8 @@ class Baselines:
         """Crossings by doing nothing, by the width of the pit and the number of modules."""
         zero = np.zeros(len(REFLEX))
         for modules in MODULES:
-            row = {f"{pit:.2f}": count_crossings(zero, pit, modules, self._trials) for pit in PITS}
-            self._put(f"widths/{modules}", {"trials": self._trials, "successes": row})
+            row = {f"{pit:.2f}": count_crossings(zero, pit, modules, self._map_trials) for pit in PITS}
+            self._put(f"widths/{modules}", {"trials": self._map_trials, "successes": row})
 
     def frictions(self) -> None:
         """Crossings by doing nothing with 8 modules, by the width of the pit and the friction."""

@@ -1,6 +1,7 @@
-"""Draw the pictures of the pages: `python docs/pictures.py [baselines]`, from the repository's root.
+"""Draw the pictures of the pages: `python docs/pictures.py [results]`, from the repository's root.
 
-"baselines" alone draws the map of what doing nothing crosses, from `benchmarks/results/baselines.json`.
+"results" alone draws what comes from `benchmarks/results`: the map of what doing nothing crosses, and the crossing of
+the first champion.
 """
 
 import io
@@ -21,11 +22,14 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
+import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
+GAP = 8
+"""Between the moments of a crossing [pixel]."""
 LIGHT = (0.4, -0.5, 0.77)
 COLOURS = plt.get_cmap("Set2").colors  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -77,6 +81,24 @@ def draw_pieces(arena: sg.Arena) -> None:
     _write(pixels, "pieces.png")
 
 
+def draw_crossing(results: dict[str, Any]) -> None:
+    """Draw six moments of the first champion's trial in the true course."""
+    found = results["champions"]["runs"][0]["champions"][-1]["champion"]
+    film = ev.play(ev.Champion.from_dict(found), "truth", film=True, speed=1.0)
+    heads = film.positions[:: max(1, len(film.positions) // len(film.frames)), 0, 0][: len(film.frames)]
+    chosen = [film.frames[int(np.argmax(heads > place))] for place in (-1.0, -0.35, -0.1, 0.12, 0.35, 0.9)]
+    height, width, _ = chosen[0].shape
+    sheet = np.full((2 * height + GAP, 3 * width + 2 * GAP, 3), 255, dtype=np.uint8)
+    for index, frame in enumerate(chosen):
+        row, column = divmod(index, 3)
+        y, x = row * (height + GAP), column * (width + GAP)
+        sheet[y : y + height, x : x + width] = frame
+    picture = Image.fromarray(sheet).resize(
+        (sheet.shape[1] * 3 // 5, sheet.shape[0] * 3 // 5), Image.Resampling.LANCZOS
+    )
+    picture.quantize(256).save(FOLDER / "crossing.png", optimize=True)
+
+
 def draw_baselines(results: dict[str, Any]) -> None:
     """Draw which share of trials a body crosses that does nothing, by pit, modules and friction."""
     rows = {
@@ -113,6 +135,10 @@ def _add_faces(axis: Any, triangles: np.ndarray, colours: np.ndarray, edge: str)
     axis.set_axis_off()
 
 
+def _load_results(name: str) -> dict[str, Any]:
+    return json.loads((RESULTS / f"{name}.json").read_text())["results"]
+
+
 def _save(figure: Figure, name: str) -> None:
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=140, format="png")
@@ -129,8 +155,9 @@ def _write(pixels: np.ndarray, name: str) -> None:
 
 def main() -> None:
     """Survey, reconstruct, decompose, draw."""
-    draw_baselines(json.loads((RESULTS / "baselines.json").read_text())["results"])
-    if sys.argv[1:] == ["baselines"]:
+    draw_baselines(_load_results("baselines"))
+    draw_crossing(_load_results("evolution"))
+    if sys.argv[1:] == ["results"]:
         return
     log = sg.survey("truth", seed=0)
     points = rc.thin(rc.preprocess(log), 0.015)

@@ -32,7 +32,7 @@ BASELINES = (
         (_value("other_tasks/abyss/0.36"), _value("other_tasks/abyss/0.37")),
     ),
     Claim(
-        "pit of 0.40 m, crossings by doing nothing with 6 / 7 / 8 modules, of 60 trials",
+        "pit of 0.40 m, crossings by doing nothing with 6 / 7 / 8 modules, of 30 trials",
         "{0} / {1} / {2}",
         tuple(_value(f"widths/{modules}/successes/0.40") for modules in (6, 7, 8)),
     ),
