@@ -166,11 +166,14 @@ class Benchmark:
             self._run(f"laws/{name}", self._seeds[:3], **changes)
 
     def gap(self) -> None:
-        """The gap between validation and final test, over all runs of all parts."""
+        """The gap between validation and final test, over all runs that a seed drawn with the row has judged."""
         content = self._results.content
         parts = [part for part in content if part == "champions" or content[part] != content.get("champions")]
-        parts = [part for part in parts if self._results.find_runs(part)]
-        figures = find_gaps([row for part in parts for row in self._results.find_runs(part)])
+        drawn = {
+            part: [row for row in self._results.find_runs(part) if "judging_seed" in row] for part in parts
+        }
+        parts = [part for part, rows in drawn.items() if rows]
+        figures = find_gaps([row for part in parts for row in drawn[part]])
         if figures["of"]:
             self._put("gap", {"from_parts": parts, **figures})
 

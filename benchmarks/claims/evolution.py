@@ -54,8 +54,8 @@ EVOLUTION = (
         judged=1,
     ),
     Claim(
-        "how much better validation was than the final test, trials of 20, mean over confirmed champions (how many); "
-        "over unconfirmed ones",
+        "how much better validation was than the final test by seeds drawn with the row, trials of 20, mean over "
+        "confirmed champions (how many); over unconfirmed ones",
         "{0} ({1}); {2} ({3})",
         tuple(
             Value("evolution", f"gap/{key}")

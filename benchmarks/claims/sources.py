@@ -34,6 +34,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "reconstruction/scaling": (*_NETWORKS, "benchmarks/reconstruction.py::measure_scaling"),
     "reconstruction/start": (*_NETWORKS, "benchmarks/reconstruction.py::measure_cold_start"),
+    "folds": (*_NETWORKS, "benchmarks/folds.py::_count", "benchmarks/folds.py::survey_course"),
     "refine": (
         *_NETWORKS,
         *_COURSE,
