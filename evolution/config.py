@@ -62,11 +62,12 @@ class EvolutionConfig:
         start: where the trials begin, "pit" (close before it) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
         stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and is this when
-            the search begins anew by `restart_after`.
+            the search begins anew around the fittest genotype.
         body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
             holds, the search goes on among shorter ones.
         restart_after: where in so many generations no more trials succeeded than in the best one before, the search
-            begins anew around the fittest genotype of the stage and the length of body; None means never.
+            begins anew: where it began, or, with `body_lengths` or `stages`, around the fittest genotype of the stage,
+            since what was learned before is worth keeping. None means never.
         handle_noise: more trials when re-evaluation changes the order of the genotypes.
         stop_when_solved: end when a champion is confirmed.
         randomisation: what the conditions of a trial are drawn from.
@@ -92,7 +93,7 @@ class EvolutionConfig:
     stages: tuple[Stage, ...] = ()
     stage_sigma: float = 0.15
     body_lengths: tuple[int, int] | None = None
-    restart_after: int | None = None
+    restart_after: int | None = 10
     handle_noise: bool = False
     stop_when_solved: bool = True
     randomisation: Randomisation = field(default_factory=Randomisation)
@@ -171,6 +172,8 @@ class EvolutionConfig:
         Raises:
             RunError: a field is unknown or its value of the wrong kind.
         """
+        if isinstance(content, dict):  # a run from before there was the option never begins anew
+            content = {"restart_after": None} | content
         try:
             return as_type(open_options(content), cls, "config")
         except JsonError as error:

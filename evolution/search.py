@@ -60,10 +60,12 @@ class Search:
             log.info("%d modules hold; bodies of at most %d from now on", champion.modules, self._longest)
 
     def restart_if_stuck(self, entries: Iterable[Entry], generation: int) -> None:
-        """Begin anew around the fittest genotype of this task, when successes have not become more for long.
+        """Begin anew when successes have not become more for long.
 
-        A body that leans halfway out of the pit is a local optimum that a settled search does not leave; a
-        genotype that crossed once, by luck, lies elsewhere.
+        A body that leans halfway out of the pit is a local optimum that a settled search does not leave. A search for
+        a controller begins where it began: other samples lead elsewhere. One among shorter and shorter bodies, or in
+        finer arenas, keeps what was learned before: it begins around the fittest genotype of this task, often one that
+        crossed once, by luck.
 
         Args:
             entries: all of the run.
@@ -78,9 +80,13 @@ class Search:
             self._most_held, self._improved = held, generation
         if generation - self._improved < patience:
             return
+        self._most_held, self._improved = 0, generation
+        if self._config.body_lengths is None and not self._config.stages:
+            self.strategy.restart(np.array(self.strategy.space.initial), self._config.sigma)
+            log.info("no more succeed; the search begins anew")
+            return
         fittest = max(known, key=lambda entry: entry.fitness)
         self.strategy.restart(fittest.genotype, self._config.stage_sigma)
-        self._most_held, self._improved = 0, generation
         log.info(
             "no more succeed; anew around genotype %d of generation %d", fittest.index, fittest.generation
         )

@@ -34,8 +34,8 @@ class Evolve(SeededCommand):
     """Modules in the snake."""
     body_lengths: tuple[int, int] | None = None
     """Shortest and longest body that evolution may choose; replaces --modules."""
-    restart_after: int | None = None
-    """Begin anew around the fittest genotype when successes have not become more for so many generations."""
+    restart_after: int | None = 10
+    """Begin anew when successes have not become more for so many generations; None: never."""
     generations: int = 50
     """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
     workers: int = os.cpu_count() or 1

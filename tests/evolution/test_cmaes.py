@@ -22,7 +22,13 @@ from evolution.stages import Stage
 from evolution.validation import Validation
 
 TOY = EvolutionConfig(
-    arena="truth", controller="reactive", origin="hint", generations=24, sigma=0.3, stop_when_solved=False
+    arena="truth",
+    controller="reactive",
+    origin="hint",
+    generations=24,
+    sigma=0.3,
+    restart_after=None,
+    stop_when_solved=False,
 )
 
 
@@ -136,13 +142,26 @@ def find_samples(run: Run, generations: range) -> list[Entry]:
     return [entry for entry in run.record.entries if entry.kind == SAMPLE and entry.generation in generations]
 
 
-def test_a_search_in_which_nothing_succeeds_begins_anew_around_its_fittest():
+def test_a_search_in_which_nothing_succeeds_begins_anew_where_it_began():
     run = evolve(replace(TOY, generations=11, restart_after=5), simulate=toys.hopeless)
     assert run.history["restarts"].tolist() == 5 * [0] + 5 * [1] + [2]
     assert set(run.history["population_size"]) == {TOY.population_size}
+    first, again = (
+        np.array([entry.genotype for entry in find_samples(run, range(start, start + 1))]) for start in (0, 5)
+    )
+    assert np.abs(again.mean(axis=0) - REFLEX).max() < 4 * TOY.sigma / np.sqrt(len(again))
+    assert run.history["sigma"][5] == pytest.approx(TOY.sigma, rel=0.3)
+    assert not np.allclose(first, again)
+
+
+@pytest.mark.parametrize("what", ["stages", "bodies"])
+def test_a_search_that_has_learned_elsewhere_begins_anew_around_its_fittest(what):
+    changes = {"stages": (Stage("truth"),)} if what == "stages" else {"body_lengths": (4, 5)}
+    run = evolve(replace(TOY, generations=6, restart_after=5, **changes), simulate=toys.hopeless)
     fittest = max(find_samples(run, range(5)), key=lambda entry: entry.fitness)
     drawn = np.array([entry.genotype for entry in find_samples(run, range(5, 6))])
-    assert np.abs(drawn.mean(axis=0) - fittest.genotype).max() < 4 * TOY.stage_sigma / np.sqrt(len(drawn))
+    mean, genes = drawn.mean(axis=0)[: len(REFLEX)], fittest.genotype[: len(REFLEX)]
+    assert np.abs(mean - genes).max() < 4 * TOY.stage_sigma / np.sqrt(len(drawn))
     assert run.history["sigma"][5] == pytest.approx(TOY.stage_sigma, rel=0.3)
 
 
@@ -261,7 +280,7 @@ if Path(folder, "config.json").exists():
     resume(folder, simulate=toys.slow_bowl)
 else:
     evolve(EvolutionConfig(arena="truth", controller="reactive", origin="hint", generations=24, sigma=0.3,
-                       stop_when_solved=False, folder=folder),
+                       restart_after=None, stop_when_solved=False, folder=folder),
            simulate=toys.slow_bowl)
 """
 

@@ -110,7 +110,7 @@ def test_a_run_configured_with_integers_is_resumed(tmp_path):
 
 def test_fingerprints_of_runs_that_exist_stay():
     """Were they others, no run from before could be resumed."""
-    usual = EvolutionConfig(controller="reactive", origin="hint", sigma=0.15)
+    usual = EvolutionConfig(controller="reactive", origin="hint", sigma=0.15, restart_after=None)
     staged = replace(
         usual,
         arena="simple",
