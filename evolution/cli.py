@@ -1,7 +1,7 @@
 """The command `symbrion`: one subcommand a step of the road, and `demo` for the whole of it.
 
-Exit codes: 0 done, 1 the work failed, 2 wrong use. Errors are one line on standard error; results go to
-standard output, as JSON with `--json`.
+Exit codes: 0 done, 1 the work failed, 2 wrong use, 130 stopped by the keyboard. Errors are one line on standard
+error; results go to standard output, as JSON with `--json`.
 """
 
 import contextlib
@@ -65,7 +65,7 @@ def run(arguments: Sequence[str]) -> int:
         arguments: the words after `symbrion`.
 
     Returns:
-        The exit code: 0 done, 1 failed, 2 wrong use.
+        The exit code: 0 done, 1 failed, 2 wrong use, 130 stopped by the keyboard.
     """
     if list(arguments) == ["--version"]:
         sys.stdout.write(f"symbrion-gym {version('symbrion-gym')}\n")

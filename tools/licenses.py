@@ -25,7 +25,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
-CORE, TOOLS = "core", frozenset({"dev", "docs"})
+CORE, TOOLS = "core", frozenset({"dev", "docs", "mutants"})
 PART = "parts under"
 
 POLICY = tomllib.loads(Path(__file__).with_suffix(".toml").read_text())
@@ -216,7 +216,10 @@ def main() -> None:
     faults = [f"{row.name} ({' | '.join(row.statements)[:60]}): {row.fault}" for row in rows if row.fault]
     if faults:
         sys.exit("licences:\n" + "\n".join(f"  {fault}" for fault in faults))
-    print(f"licences: {len(rows)} dependencies, no copyleft in the core or its extras")
+    absent = sum(not row.version for row in rows)
+    print(
+        f"licences: {len(rows)} dependencies, {absent} of them not installed; no strong copyleft in core and extras"
+    )
 
 
 if __name__ == "__main__":

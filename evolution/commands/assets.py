@@ -11,7 +11,7 @@ from reconstruction.extras import require_extras
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Assets(SeededCommand):
-    """Make the ready-made arenas truth, simple, gsrm and gg: survey, networks, convex pieces.
+    """Make the ready-made arenas truth, simple, gsrm and gg, the scans for both pits: survey, networks, convex pieces.
 
     Example: symbrion assets --out assets/arenas
     """

@@ -22,7 +22,7 @@ class Paper(SeededCommand):
     out: Path = Path("paper")
     """Everything goes here: report.html, results.json, figures, films, arenas. Finished experiments there are kept."""
     quick: bool = False
-    """Fewer sizes, runs and scans: three minutes instead of forty."""
+    """Fewer sizes, runs and scans: three minutes instead of about twenty (two free cores)."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""
 

@@ -89,7 +89,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `arena`               | "truth"   | a name, a folder, a mesh file or an `Arena`                     |
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
-    | `default_pit`         | None      | None: 0.45 m, as in SnakePit-v1; 0.40 in SnakePit-v0            |
+    | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
     | `stretch`             | 1.0       | all lengths along x times this: what a scan may be wrong by     |
     | `friction`            | None      | of tracks and bodies on everything; the arena's own by default  |
     | `track_speed`         | 0.10      | [m/s]                                                           |

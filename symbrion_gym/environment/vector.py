@@ -51,7 +51,7 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
     is reset with `options={"reset_mask": ...}`.
 
-    With `timers`, `symbrion_gym.timing.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
+    With `timers`, `symbrion_gym.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
 
     Reset options are those of `SnakePitEnv`. A number or a tuple (low, high) goes to all, an array or a list
     gives each simulation its own; they also hold for the automatic resets that follow. Generators are one

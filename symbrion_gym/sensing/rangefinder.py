@@ -21,8 +21,8 @@ class RangeFinder:
     """A range finder at a site: what it would read there now.
 
     Its beams lie in the site's x-y plane, beam angle 0 along x, unless other directions are given. Rays see
-    every geom but those of group 3 (the arena's contact pieces, which are not where the surface is, and the
-    robots' contact shapes, which are covered by drawn ones) and those of the excluded bodies. One
+    every geom but those of group 3 (an arena's contact pieces, which are not where the surface is) and those of the
+    excluded bodies. One
     `mj_multiRay` casts a scan; where beams meet an excluded body first, those beams are cast once more from
     behind it. With a generator the reading has the scanner's errors, the same as in a survey
     (`LaserScanner`), and needs a second cast for the rims of the light spots.

@@ -1,0 +1,68 @@
+"""What the pages list is what there is: environments, extras, arenas, controllers, backends, point files."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from evolution.controller import CONTROLLERS, make_controller
+from evolution.evaluation import BACKENDS
+from reconstruction.scans.formats import _READERS
+from symbrion_gym.arenas.contact_kinds import CONTACT_KINDS
+from symbrion_gym.assets import NAMED_ARENAS
+from symbrion_gym.registration import ENVIRONMENTS
+
+ROOT = Path(__file__).parents[1]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+DEVELOPERS = {"docs", "mutants", "dev"}
+
+
+def read_table(page: str, head: str) -> list[list[str]]:
+    """Return the cells of the table of a page whose first column has this head."""
+    _, _, rest = (ROOT / page).read_text().partition(f"\n| {head} |")
+    lines = rest.partition("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def read_names(page: str, head: str) -> set[str]:
+    """Return the names in code type of the first column."""
+    return {name.strip('"') for row in read_table(page, head) for name in re.findall(r"`([^`]+)`", row[0])}
+
+
+@pytest.mark.parametrize(
+    ("page", "head", "wanted"),
+    [
+        ("docs/getting-started.md", "id", set(ENVIRONMENTS)),
+        ("docs/getting-started.md", "extra", set(EXTRAS) - DEVELOPERS),
+        ("README.md", "extra", set(EXTRAS) - DEVELOPERS - {"all"}),
+        ("docs/wings/evolution.md", "controller", set(CONTROLLERS)),
+        ("docs/wings/symbrion-gym.md", "`kind`", set(CONTACT_KINDS)),
+        ("docs/cluster.md", "`--backend`", set(BACKENDS)),
+    ],
+)
+def test_tables_list_all_there_is(page: str, head: str, wanted: set[str]) -> None:
+    assert read_names(page, head) == wanted
+
+
+def test_controllers_have_as_many_genes_as_told() -> None:
+    for name, genes, _ in read_table("docs/wings/evolution.md", "controller"):
+        number = re.match(r"\d+", genes)
+        controller = make_controller(name.strip("`"), 8)
+        assert len(controller.parameters) == (int(number[0]) if number else 7), name
+
+
+@pytest.mark.parametrize("name", NAMED_ARENAS)
+def test_named_arenas_are_told(name: str) -> None:
+    assert f"`{name}`" in (ROOT / "docs/wings/symbrion-gym.md").read_text()
+
+
+@pytest.mark.parametrize("ending", sorted(_READERS))
+def test_every_kind_of_point_file_is_told(ending: str) -> None:
+    for page in ("docs/own-scan.md", "docs/wings/reconstruction.md"):
+        assert ending in (ROOT / page).read_text(), page
+
+
+def test_ready_made_arenas_are_told() -> None:
+    folders = {path.parent.name for path in (ROOT / "assets").rglob("arena.json")}
+    assert read_names("assets/README.md", "arena") == folders
