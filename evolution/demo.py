@@ -16,6 +16,7 @@ import symbrion_gym as sg
 from evolution.output_folder import refuse_foreign
 from evolution.run import RunFolder
 from reconstruction.atomic_write import write_atomically
+from reconstruction.typed_json import JsonError, read_json
 from symbrion_gym.arenas.ready_made import SPACING
 
 TRIALS = 20
@@ -160,10 +161,21 @@ def claim_folder(config: DemoConfig) -> None:
         "run",
         "report.html",
     )
+    _refuse_foreign_mark(config.folder / MARK)
     refuse_foreign(config.folder, MARK, names)
     config.folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(config.folder / MARK) as beside:
         beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")
+
+
+def _refuse_foreign_mark(path: Path) -> None:
+    try:
+        content = read_json(path) if path.exists() else None
+    except JsonError:
+        content = ()
+    names = {field.name for field in dataclasses.fields(DemoConfig)}
+    if content is not None and not (isinstance(content, dict) and set(content) == names):
+        raise ev.RunError(f"{path} was not written by a demo; name another folder, or move it")
 
 
 def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:

@@ -91,6 +91,7 @@ class RunFolder:
         except OSError as error:
             raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
         try:
+            self._refuse_links()
             self._remove_leftovers()
             yield
         finally:
@@ -167,6 +168,8 @@ class RunFolder:
             RunError: missing, damaged, of another program, or of another configuration.
         """
         path = self.path / RECORD
+        if path.exists() and not path.is_file():
+            raise RunError(f"{path} is no regular file; restore it from a copy")
         try:
             content = path.read_bytes()
         except FileNotFoundError:
@@ -191,6 +194,12 @@ class RunFolder:
                 f"{self.path / RECORD} is missing, though the run has begun ({' and '.join(told)} tell so); "
                 "restore it from a copy, or start anew in another folder"
             )
+
+    def _refuse_links(self) -> None:
+        """Refuse to write over what lies elsewhere: somebody else's folder may hold links to anything."""
+        for name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
+            if (self.path / name).is_symlink():
+                raise RunError(f"{self.path / name} is a link; put the file itself there")
 
     def _is_empty_record(self) -> bool:
         """Tell whether the record is that of a run which was killed before it had a `config.json`."""

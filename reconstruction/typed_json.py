@@ -21,7 +21,10 @@ LARGEST_FILE = 64 * 2**20
 """Bytes; our own descriptions have some kilobytes."""
 DEEPEST = 50
 """Levels of nesting; our own descriptions have six."""
-_TOKEN = re.compile(r'"(?P<string>(?:[^"\\]|\\.)*)"\s*(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])')
+_TOKEN = re.compile(
+    r'"(?P<string>(?:[^"\\]|\\.)*+)"?\s*+(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])', re.DOTALL
+)
+"""Takes time and memory in proportion to the text, also of a string that never ends."""
 
 T = TypeVar("T")
 

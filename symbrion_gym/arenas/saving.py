@@ -142,7 +142,7 @@ def _is_inside(folder: Path, name: str) -> bool:
 def _drop_stale_model(folder: Path, place: str) -> None:
     """Remove an `arena.xml` that a killed saving did not come to: its meshes are written over next."""
     path = folder / MODEL
-    if path.is_file() and (f'file="{SPARE}' in path.read_text()) != (place == SPARE):
+    if path.is_file() and (f'file="{SPARE}'.encode() in path.read_bytes()) != (place == SPARE):
         path.unlink()
 
 

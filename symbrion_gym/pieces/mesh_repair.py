@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import trimesh
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from reconstruction.bounded_read import MAX_BYTES, check_size
 from symbrion_gym.errors import ArenaError
 
 LARGEST_COORDINATE = 1e6
@@ -33,6 +35,9 @@ def load_surface(path: str | Path) -> trimesh.Trimesh:
     if not path.is_file():
         raise ArenaError(f"no mesh file {path}")
     try:
+        if zipfile.is_zipfile(path):  # .zip, .3mf; zipfile unpacks no member beyond the size told here
+            with zipfile.ZipFile(path) as archive:
+                check_size(sum(member.file_size for member in archive.infolist()), MAX_BYTES)
         mesh = trimesh.load_mesh(path, process=False)
     except Exception as error:  # trimesh raises whatever its many readers raise
         raise ArenaError(f"{path}: cannot be read as a mesh ({error})") from error

@@ -70,6 +70,15 @@ def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
     claim_folder(config)
 
 
+@pytest.mark.parametrize("content", ['{"my": "own"}', "[]", "not json", ""])
+def test_a_mark_of_others_makes_no_folder_the_demos(tmp_path: Path, content: str) -> None:
+    (tmp_path / "demo.json").write_text(content)
+    (tmp_path / "survey.npz").write_text("mine")
+    with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
+        claim_folder(DemoConfig(tmp_path))
+    assert (tmp_path / "demo.json").read_text() == content
+
+
 @pytest.mark.parametrize("name", MADE)
 def test_the_paper_refuses_a_folder_with_things_of_others(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]

@@ -84,3 +84,15 @@ def test_printable_text_has_no_control_characters() -> None:
     assert make_printable("Grüße 東京 a b") == "Grüße 東京 a b"
     assert make_printable("a\x1b[2J\n\udcffb") == "a\\x1b[2J\\n\\udcffb"
     assert len(make_printable("x" * 5000)) == 2003
+
+
+@pytest.mark.parametrize("end", ["", '"}'])
+def test_a_long_string_of_escapes_is_read_in_proportion(tmp_path, end: str) -> None:
+    """Were it in proportion to the square, this would take an hour."""
+    path = tmp_path / "long.json"
+    path.write_text('{"a": "' + '\\"' * 400_000 + end)
+    if end:
+        assert len(read_json(path)["a"]) == 400_000
+        return
+    with pytest.raises(JsonError):
+        read_json(path)

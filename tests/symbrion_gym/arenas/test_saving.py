@@ -275,3 +275,9 @@ def test_shipped_arenas_are_known_as_such(tmp_path: Path) -> None:
     source = Path(__file__).parents[3] / "assets" / "arenas" / "gsrm"
     own = find_own_files(source)
     assert own.names == list_files(source)
+
+
+def test_a_model_that_is_no_text_is_replaced(folder: Path) -> None:
+    (folder / "arena.xml").write_bytes(b"\xff\xfe")
+    NEW.save(folder)
+    check_whole(folder, NEW)

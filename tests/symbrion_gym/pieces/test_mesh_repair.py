@@ -1,5 +1,7 @@
 """Bad meshes are mended or refused."""
 
+import zipfile
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,6 +9,7 @@ import trimesh
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.pieces import mesh_repair
 from symbrion_gym.pieces.mesh_repair import load_surface, repair_mesh
 
 
@@ -57,3 +60,13 @@ def test_files_that_are_no_meshes(tmp_path):
     (tmp_path / "bad.ply").write_text("not a mesh")
     with pytest.raises(ArenaError, match=r"bad\.ply"):
         load_surface(tmp_path / "bad.ply")
+
+
+def test_a_packed_mesh_is_unpacked_within_the_limit(tmp_path, monkeypatch):
+    box = trimesh.creation.box().export(file_type="obj")
+    with zipfile.ZipFile(tmp_path / "box.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("box.obj", box + "#" + " " * 1_000_000)
+    assert len(load_surface(tmp_path / "box.zip").faces) == 12
+    monkeypatch.setattr(mesh_repair, "MAX_BYTES", 1e5)
+    with pytest.raises(ArenaError, match=r"box\.zip: .*limit"):
+        load_surface(tmp_path / "box.zip")
