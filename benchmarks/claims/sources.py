@@ -19,6 +19,12 @@ _SEARCH = tuple(
         "validation",
     )
 )  # fmt: skip
+_TRIALS = (
+    *(f"evolution/{name}.py" for name in ("controller", "evaluation", "rollout", "trials")),
+    "evolution/backends",
+    *_ROBOT,
+)
+"""What tries a genotype, without any search."""
 _EVOLUTION = (*_SEARCH, "evolution/backends", "evolution/playback.py", *_ROBOT, *_READY_MADE)
 _RUNS = (*_EVOLUTION, "benchmarks/evolution.py::BASE")
 _MACHINE = "benchmarks/evolution_machine.py"
@@ -69,7 +75,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "evolution/cli.py",
         "evolution/commands",
     ),
-    "baselines": (*_EVOLUTION, "benchmarks/baselines.py::count_crossings"),
+    "baselines": (*_TRIALS, "benchmarks/baselines.py::count_crossings"),
     "evolution": _RUNS,
     "evolution/abyss": (*_RUNS, *_NETWORKS, *_PIECES),
     "evolution/models": (*_RUNS, *_NETWORKS, *_PIECES),
