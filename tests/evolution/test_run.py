@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import os
 import platform
 import resource
 import shutil
@@ -397,22 +396,3 @@ def test_configs_go_through_json():
 def test_configs_refuse(arguments):
     with pytest.raises(RunError):
         EvolutionConfig(**arguments)
-
-
-@pytest.mark.parametrize("name", ["config.json", "record.npz", "history.csv", "champion.json"])
-def test_a_run_folder_leads_nowhere_else(folder, tmp_path, name):
-    """Somebody else's folder may hold links to anything."""
-    elsewhere = tmp_path / "elsewhere"
-    (folder / name).rename(elsewhere)
-    content = elsewhere.read_bytes()
-    (folder / name).symlink_to(elsewhere)
-    with pytest.raises(RunError, match=rf"{name} is a link"):
-        resume(folder, generations=5, simulate=toys.bowl)
-    assert elsewhere.read_bytes() == content
-
-
-def test_a_record_that_is_no_file_is_not_read(folder):
-    (folder / "record.npz").unlink()
-    (folder / "record.npz").symlink_to(os.devnull)
-    with pytest.raises(RunError, match=r"record\.npz is no regular file"):
-        load_run(folder)
