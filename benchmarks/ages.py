@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from evolution.provenance import run_git
+from evolution.search.provenance import run_git
 
 ROOT = Path(__file__).parents[1]
 

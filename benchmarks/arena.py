@@ -29,11 +29,11 @@ from benchmarks.material.sleds import compare_drawn
 from benchmarks.report import load_record, write_results
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.quality import ArenaQuality, measure_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.pieces.decomposition import decompose
-from symbrion_gym.pieces.mesh_repair import repair_mesh
-from symbrion_gym.pieces.solid import close_downwards
+from symbrion_gym.contact.decomposition import decompose
+from symbrion_gym.contact.mesh_repair import repair_mesh
+from symbrion_gym.contact.quality import ArenaQuality, measure_arena
+from symbrion_gym.contact.solid import close_downwards
 
 _PIT = 0.40
 _EASY_PIT = 0.30

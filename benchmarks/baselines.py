@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evolution_runs import Results
-from evolution.controller import REFLEX, U_SHAPE, make_controller
-from evolution.evaluation import evaluate
-from evolution.trials import Randomisation
+from evolution.backends.trials import Randomisation
+from evolution.controllers.controller import REFLEX, U_SHAPE, make_controller
+from evolution.search.evaluation import evaluate
 from symbrion_gym.arenas.course import Course
 
 SEED = 5

@@ -24,8 +24,8 @@ from benchmarks.evolution_judging import judge_again
 from benchmarks.evolution_machine import measure_backends, measure_kills, measure_overhead, measure_workers
 from benchmarks.evolution_runs import Results, make_model, measure_runs
 from benchmarks.evolution_summary import find_gaps, holds
-from evolution.config import EvolutionConfig
-from evolution.stages import Stage
+from evolution.search.config import EvolutionConfig
+from evolution.search.stages import Stage
 from symbrion_gym.arenas.course import Course
 
 SEEDS = (0, 1, 2, 3, 4)

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.report import describe_moment
-from evolution.playback import judge
-from evolution.validation import Champion
+from evolution.champions.playback import judge
+from evolution.search.validation import Champion
 from symbrion_gym.arenas.arena import load_arena
 from symbrion_gym.arenas.course import Course
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from evolution.cmaes import evolve, load_run, resume
-from evolution.config import EvolutionConfig
-from evolution.controller import REFLEX
-from evolution.evaluation import make_backend
-from evolution.rollout import simulate
-from evolution.run import format_history
-from evolution.trials import Job, Trials
+from evolution.backends.rollout import simulate
+from evolution.backends.trials import Job, Trials
+from evolution.controllers.controller import REFLEX
+from evolution.search.config import EvolutionConfig
+from evolution.search.evaluation import make_backend
+from evolution.search.loop import evolve, load_run, resume
+from evolution.search.run import format_history
 from symbrion_gym.environment import vector
 
 BASE_TRIALS = EvolutionConfig().trials
@@ -36,8 +36,8 @@ _SMALL = EvolutionConfig(
 )
 _PROGRAM = """
 import json, sys
-from evolution.cmaes import evolve
-from evolution.config import EvolutionConfig
+from evolution.search.loop import evolve
+from evolution.search.config import EvolutionConfig
 evolve(EvolutionConfig.from_json(json.loads(sys.argv[1])))
 """
 

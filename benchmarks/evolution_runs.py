@@ -10,16 +10,16 @@ from typing import Any
 from benchmarks.evolution_judging import SPENT, Row, describe_champion, judge_row
 from benchmarks.evolution_summary import summarise
 from benchmarks.report import describe_moment, load_record, write_results
-from evolution.cmaes import evolve
-from evolution.config import EvolutionConfig
-from evolution.record import SAMPLE
-from evolution.run import Run
-from evolution.validation import Champion, find_candidates
+from evolution.search.config import EvolutionConfig
+from evolution.search.loop import evolve
+from evolution.search.record import SAMPLE
+from evolution.search.run import Run
+from evolution.search.validation import Champion, find_candidates
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import load_arena, make_arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.ready_made import SPACING
+from symbrion_gym.ready_made import SPACING
 from symbrion_gym.sensing.survey import survey
 
 

@@ -19,7 +19,7 @@ from benchmarks.material.clouds import DATA, load_stairs, make_far_arena, make_h
 from benchmarks.report import write_results
 from reconstruction.reconstruct import Reconstruction, reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.ready_made import RECIPES, SPACING
+from symbrion_gym.ready_made import RECIPES, SPACING
 
 PITS = (0.40, 0.45)
 SEEDS = {0.40: 20, 0.45: 10}

@@ -16,7 +16,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from benchmarks.report import write_results
-from reconstruction.atomic_write import write_atomically
+from reconstruction.files.atomic_write import write_atomically
 from reconstruction.scans.levelling import level_floor
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels, thin
 from reconstruction.scans.scan import ScanLog, load_scan_log

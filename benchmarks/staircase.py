@@ -31,14 +31,14 @@ from benchmarks.material.stairs import (
     stretch_stairs,
 )
 from benchmarks.report import write_results
-from evolution.controller import SENSORS
-from evolution.policy import ChampionPolicy
-from evolution.validation import Champion
-from reconstruction.atomic_write import write_atomically
+from evolution.champions.policy import ChampionPolicy
+from evolution.controllers.controller import SENSORS
+from evolution.search.validation import Champion
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.geometry.elevation import Elevation
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.formats import load_points
 from symbrion_gym.arenas.arena import Arena, make_arena
-from symbrion_gym.arenas.elevation import Elevation
 
 SCAN = Path(__file__).parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 UNITS, SPACING, SQUEEZE = 1500, 0.03, 0.15

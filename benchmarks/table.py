@@ -23,7 +23,7 @@ from benchmarks.claims import CLAIMS, GROUPS, LIMITS
 from benchmarks.figures import Claim, ClaimError
 from benchmarks.origins import LEGEND, SET_AFTER, Records, describe_measuring, find_origins, strip_ages
 from benchmarks.report import RESULTS, load_records
-from reconstruction.atomic_write import write_atomically
+from reconstruction.files.atomic_write import write_atomically
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.cmaes import evolve, load_run, resume
-    from evolution.config import EvolutionConfig
+    from evolution.backends.trials import Outcome, Randomisation, Scoring
+    from evolution.champions.playback import Recording, judge, play
+    from evolution.champions.policy import ChampionPolicy
     from evolution.errors import RunError
-    from evolution.evaluation import Evaluation, evaluate
-    from evolution.playback import Recording, judge, play
-    from evolution.policy import ChampionPolicy
-    from evolution.run import Run, load_champion
-    from evolution.stages import Stage
-    from evolution.trials import Outcome, Randomisation, Scoring
-    from evolution.validation import Champion, Validation
+    from evolution.search.config import EvolutionConfig
+    from evolution.search.evaluation import Evaluation, evaluate
+    from evolution.search.loop import evolve, load_run, resume
+    from evolution.search.run import Run, load_champion
+    from evolution.search.stages import Stage
+    from evolution.search.validation import Champion, Validation
 
 __all__ = [
     "Champion",

@@ -11,7 +11,7 @@ def main() -> None:
         require_extras("the command `symbrion`", "cli")
     except MissingExtraError as error:
         sys.exit(f"symbrion: {error}")
-    from evolution.cli import main as run_command_line
+    from evolution.cli.main import main as run_command_line
 
     run_command_line()
 

@@ -7,8 +7,8 @@ from reconstruction.reconstruct import Reconstruction, reconstruct  # a function
 
 if TYPE_CHECKING:
     from reconstruction.errors import ReconstructionError, ScanError
-    from reconstruction.networks.growing_grid import GrowingGridConfig
-    from reconstruction.networks.gsrm import GSRMConfig
+    from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
+    from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.formats import load_points, save_points
     from reconstruction.scans.localisation import localise

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.atomic_write import write_atomically
-from reconstruction.bounded_read import MAX_BYTES, read_npz
 from reconstruction.errors import ReconstructionError
-from reconstruction.networks.compilation import keep_compiled_programs
-from reconstruction.networks.passages import check_origins, check_scale
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.bounded_read import MAX_BYTES, read_npz
+from reconstruction.networks.change.free_space import check_origins, check_scale
+from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points
 from reconstruction.scans.scan import ScanLog
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 FORMAT = "symbrion reconstruction"
 VERSION = 1
 METHODS = {
-    "gsrm": ("reconstruction.networks.gsrm", "GSRMConfig"),
-    "gg": ("reconstruction.networks.growing_grid", "GrowingGridConfig"),
+    "gsrm": ("reconstruction.networks.gsrm.gsrm", "GSRMConfig"),
+    "gg": ("reconstruction.networks.growing_grid.growing_grid", "GrowingGridConfig"),
 }
 """Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
 
@@ -237,7 +237,7 @@ def _make_mesh(units: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | Non
     """Return the oriented mesh of the units that have a face."""
     import trimesh
 
-    from reconstruction.surfaces.orientation import orient_outwards
+    from reconstruction.geometry.orientation import orient_outwards
 
     used, flat = np.unique(faces, return_inverse=True)
     vertices, faces = units[used], flat.reshape(-1, 3)

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.assets import NAMED_ARENAS
-    from symbrion_gym.environment.audit import Audit, Trajectory, audit
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
     from symbrion_gym.errors import ArenaError, OrganismError
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from symbrion_gym.sensing.rangefinder import RangeFinder
     from symbrion_gym.sensing.survey import survey
     from symbrion_gym.sensing.timing import Timing, timing
+    from symbrion_gym.tasks.audit import Audit, Trajectory, audit
 
 register()
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from evolution.controller import CONTROLLERS, make_controller
-from evolution.evaluation import BACKENDS
+from evolution.controllers.controller import CONTROLLERS, make_controller
+from evolution.search.evaluation import BACKENDS
 from reconstruction.scans.formats import _READERS
-from symbrion_gym.arenas.contact_kinds import CONTACT_KINDS
 from symbrion_gym.assets import NAMED_ARENAS
+from symbrion_gym.contact.kinds import CONTACT_KINDS
 from symbrion_gym.registration import ENVIRONMENTS
 
 ROOT = Path(__file__).parents[1]

@@ -13,7 +13,7 @@ import pytest
 
 import reconstruction.extras
 from evolution import __main__ as start
-from evolution.cli import run
+from evolution.cli.main import run
 from reconstruction.extras import EXTRAS, MissingExtraError, require_extras
 
 ROOT = Path(__file__).parents[1]

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution", "benchmarks")
-WRITER = "reconstruction/atomic_write.py"
+WRITER = "reconstruction/files/atomic_write.py"
 FILES = [
     path
     for package in PACKAGES
@@ -35,16 +35,16 @@ OF_MODULES = {("os", "replace"), ("os", "remove"), ("np", "save"), ("Image", "sa
 ALLOWED = {
     ("symbrion_gym/arenas/saving.py", "unlink"): "files that the arena's manifest names",
     ("symbrion_gym/arenas/saving.py", "rmdir"): "folders of the arena that are empty",
-    ("evolution/run.py", "unlink"): "the four files of a run",
-    ("symbrion_gym/pieces/decomposition.py", "savez"): "into a temporary folder",
-    ("symbrion_gym/pieces/coacd_worker.py", "savez"): "into the same",
+    ("evolution/search/run.py", "unlink"): "the four files of a run",
+    ("symbrion_gym/contact/decomposition.py", "savez"): "into a temporary folder",
+    ("symbrion_gym/contact/coacd_worker.py", "savez"): "into the same",
     ("evolution/report/video.py", "get_writer"): "into a temporary folder",
     ("benchmarks/material/c_gsrm.py", "savetxt"): "into a temporary folder",
     ("benchmarks/reconstruction.py", "save"): "into a temporary folder",
     ("benchmarks/ages.py", "dump"): "a syntax tree as text",
-    ("evolution/commands/streams.py", "open"): "where output goes that nobody reads",
-    ("reconstruction/bounded_read.py", "open"): "a member of an archive, for reading",
-    ("reconstruction/cache.py", "mkdtemp"): "a private cache where the shared one is not ours",
+    ("evolution/cli/streams.py", "open"): "where output goes that nobody reads",
+    ("reconstruction/files/bounded_read.py", "open"): "a member of an archive, for reading",
+    ("reconstruction/files/cache.py", "mkdtemp"): "a private cache where the shared one is not ours",
 }
 
 

@@ -5,27 +5,36 @@ counts, not what chooses parts, prints and writes. The longest key that begins a
 may name others by `sources`.
 """
 
-_NETWORKS = ("reconstruction/reconstruct.py", "reconstruction/networks", "reconstruction/surfaces")
+_NETWORKS = (
+    "reconstruction/reconstruct.py",
+    "reconstruction/geometry",
+    "reconstruction/networks",
+    "reconstruction/surfaces",
+)
 _COURSE = ("symbrion_gym/arenas/course.py",)
-_PIECES = ("symbrion_gym/arenas", "symbrion_gym/pieces")
-_ROBOT = ("symbrion_gym/robot", "symbrion_gym/environment", *_COURSE, "symbrion_gym/arenas/spec.py")
+_PIECES = ("reconstruction/geometry", "symbrion_gym/arenas", "symbrion_gym/contact")
+_ROBOT = (
+    "symbrion_gym/robot",
+    "symbrion_gym/environment",
+    "symbrion_gym/tasks",
+    *_COURSE,
+    "symbrion_gym/arenas/spec.py",
+)
 _READY_MADE = ("assets/arenas",)
 _SCANS = ("reconstruction/scans", "benchmarks/scans.py")
 _SURFACES = ("benchmarks/material/arena_surfaces.py",)
-_SEARCH = tuple(
-    f"evolution/{name}.py"
-    for name in (
-        "cmaes", "config", "controller", "evaluation", "rollout", "search", "stages", "strategy", "trials",
-        "validation",
-    )
-)  # fmt: skip
-_TRIALS = (
-    *(f"evolution/{name}.py" for name in ("controller", "evaluation", "rollout", "trials")),
-    "evolution/backends",
-    *_ROBOT,
+_RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
+_TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
+_SEARCH = (
+    *_TRIAL,
+    *(
+        f"evolution/search/{name}.py"
+        for name in ("cmaes", "config", "loop", "stages", "task_search", "validation")
+    ),
 )
+_TRIALS = (*_TRIAL, *_ROBOT)
 """What tries a genotype, without any search."""
-_EVOLUTION = (*_SEARCH, "evolution/backends", "evolution/playback.py", *_ROBOT, *_READY_MADE)
+_EVOLUTION = (*_SEARCH, "evolution/champions/playback.py", *_ROBOT, *_READY_MADE)
 _RUNS = (*_EVOLUTION, "benchmarks/evolution.py::BASE")
 _MACHINE = "benchmarks/evolution_machine.py"
 
@@ -72,8 +81,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "reconstruction/lazy.py",
         "symbrion_gym/__init__.py",
         "evolution/__init__.py",
-        "evolution/cli.py",
-        "evolution/commands",
+        "evolution/cli",
     ),
     "baselines": (*_TRIALS, "benchmarks/baselines.py::count_crossings"),
     "evolution": _RUNS,
@@ -84,7 +92,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "evolution/overhead": (*_EVOLUTION, f"{_MACHINE}::measure_overhead"),
     "evolution/workers": (*_EVOLUTION, f"{_MACHINE}::measure_workers"),
     "evolution/backends": (*_EVOLUTION, f"{_MACHINE}::measure_backends"),
-    "evolution/kills": (*_SEARCH, "evolution/record.py", "evolution/run.py", f"{_MACHINE}::measure_kills"),
+    "evolution/kills": (*_SEARCH, *_RECORDS, f"{_MACHINE}::measure_kills"),
     "staircase": (
         *_NETWORKS,
         *_PIECES,
@@ -92,7 +100,13 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "benchmarks/material/stairs.py",
         "benchmarks/staircase.py",
     ),
-    "staircase/drives": (*_NETWORKS, *_PIECES, *_ROBOT, "evolution/controller.py", "benchmarks/staircase.py"),
+    "staircase/drives": (
+        *_NETWORKS,
+        *_PIECES,
+        *_ROBOT,
+        "evolution/controllers",
+        "benchmarks/staircase.py",
+    ),
 }
 
 

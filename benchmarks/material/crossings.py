@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 
-from evolution.controller import make_controller
-from symbrion_gym.environment.audit import Trajectory, audit
+from evolution.controllers.controller import make_controller
 from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.tasks.audit import Trajectory, audit
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Where the posture has its knots, along the course from the middle of the pit [m]."""

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.surfaces.orientation import find_components
+from reconstruction.geometry.orientation import find_components
 from reconstruction.surfaces.quality import count_topology, find_distances, sample_area
 
 YAW = np.deg2rad(2.25)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from evolution.backends.simulation import Simulate, run_contained
-from evolution.trials import Job, Outcome
+from evolution.backends.trials import Job, Outcome
 
 
 class BatchBackend:

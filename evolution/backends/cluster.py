@@ -9,8 +9,8 @@ from typing import Any
 
 from evolution.backends.pool import Reply, WorkerPool
 from evolution.backends.simulation import Simulate, find_simulate, name_simulate, run_contained
+from evolution.backends.trials import Job, Outcome
 from evolution.errors import RunError
-from evolution.trials import Job, Outcome
 
 ANSWER_SECONDS = 10.0
 """How long the head of a cluster may take to answer [s]."""

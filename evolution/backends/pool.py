@@ -5,7 +5,7 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from evolution.trials import Job, Outcome, make_failure
+from evolution.backends.trials import Job, Outcome, make_failure
 
 DEATHS_ALLOWED = 2
 """A job that was alone on so many workers when they died is taken to be the reason."""

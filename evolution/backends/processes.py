@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from evolution.backends.pool import Reply, WorkerPool
 from evolution.backends.simulation import Simulate, name_simulate
+from evolution.backends.trials import Job
 from evolution.errors import RunError
-from evolution.trials import Job
 
 READY = "ready"
 END_SECONDS = 5.0

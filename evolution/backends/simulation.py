@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from evolution.backends.trials import Job, Outcome, Trials, make_failure
 from evolution.errors import RunError
-from evolution.trials import Job, Outcome, Trials, make_failure
 
 log = logging.getLogger(__name__)
 

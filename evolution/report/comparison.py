@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from evolution.run import Run
-from reconstruction.printable import make_printable
+from evolution.search.run import Run
+from reconstruction.files.printable import make_printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

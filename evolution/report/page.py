@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from evolution.report.pictures import find_width, to_png
 from evolution.report.scene import Scene, get_plotly_program
-from reconstruction.atomic_write import write_atomically
+from reconstruction.files.atomic_write import write_atomically
 
 _TEMPLATE = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),

@@ -5,7 +5,7 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
-from evolution.provenance import find_revision
+from evolution.search.provenance import find_revision
 
 PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 

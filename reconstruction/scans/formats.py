@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.atomic_write import write_atomically
-from reconstruction.bounded_read import (
+from reconstruction.errors import ScanError
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.bounded_read import (
     MAX_BYTES,
     BoundedFile,
     UnreadableFileError,
@@ -21,7 +22,6 @@ from reconstruction.bounded_read import (
     read_array,
     read_npz,
 )
-from reconstruction.errors import ScanError
 from reconstruction.scans.pcd import read_pcd
 from reconstruction.scans.ply import read_ply, write_ply
 from reconstruction.scans.scan import Array, ScanLog

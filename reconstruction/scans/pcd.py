@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reconstruction.bounded_read import BoundedFile, check_size
 from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import BoundedFile, check_size
 from reconstruction.scans.point_rows import (
     make_room,
     parse_count,

@@ -12,8 +12,8 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from reconstruction.bounded_read import BoundedFile
 from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import BoundedFile
 from reconstruction.scans.point_rows import (
     make_room,
     parse_count,

@@ -7,8 +7,8 @@ from io import TextIOWrapper
 
 import numpy as np
 
-from reconstruction.bounded_read import BoundedFile, UnreadableFileError, check_size
 from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import BoundedFile, UnreadableFileError, check_size
 from reconstruction.scans.scan import Array
 
 _MAX_LINE = 1 << 20

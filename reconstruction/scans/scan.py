@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reconstruction.atomic_write import write_atomically
-from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, read_npz
 from reconstruction.errors import ScanError
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, read_npz
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reconstruction.bounded_read import MAX_BYTES, UnreadableFileError, open_bounded
 from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, open_bounded
 from reconstruction.scans.scan import Array, ScanLog
 from reconstruction.scans.text_points import read_text
 

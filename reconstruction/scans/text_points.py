@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from reconstruction.bounded_read import BoundedFile, check_size
 from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import BoundedFile, check_size
 from reconstruction.scans.point_rows import (
     make_room,
     parse_count,

@@ -10,8 +10,8 @@ References:
 
 import numpy as np
 
-from reconstruction.surfaces.manifold import Sides, find_hinges, find_normals, group_sides, is_in_sorted
-from reconstruction.surfaces.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction.geometry.manifold import Sides, find_hinges, find_normals, group_sides, is_in_sorted
+from reconstruction.geometry.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
 
 MIN_TURN = np.deg2rad(30)
 """Only edges whose faces differ by more are looked at."""

@@ -11,8 +11,8 @@ References:
 import numpy as np
 from scipy.spatial import cKDTree
 
-from reconstruction.surfaces.manifold import find_hinges, find_normals, group_sides
-from reconstruction.surfaces.rows import all_rows, any_rows, cross_rows, find_lengths, sum_rows
+from reconstruction.geometry.manifold import find_hinges, find_normals, group_sides
+from reconstruction.geometry.rows import all_rows, any_rows, cross_rows, find_lengths, sum_rows
 
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled

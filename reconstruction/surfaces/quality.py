@@ -7,8 +7,8 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction.surfaces.rows import cross_rows, find_lengths, sum_rows
 
 NUM_AREA_SAMPLES = 50_000
 """Points drawn on a surface to measure its distance to another: standard error below 1 % of the mean."""

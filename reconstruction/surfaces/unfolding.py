@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.sparse import csr_array
 
+from reconstruction.geometry.manifold import Sides, group_sides
+from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction.surfaces.manifold import Sides, group_sides
-from reconstruction.surfaces.rows import any_corner, cross_rows, find_lengths, sum_rows
 
 STEP = 0.5
 """Share of the way to the middle of its neighbours that a tangled face's vertex goes in a round."""

@@ -11,21 +11,21 @@ import mujoco
 import numpy as np
 import trimesh
 
-from reconstruction.printable import make_printable
+from reconstruction.files.printable import make_printable
+from reconstruction.geometry.elevation import Elevation
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.checks import check_friction, check_name
-from symbrion_gym.arenas.contact_builder import Contact, ContactOptions, make_contact
-from symbrion_gym.arenas.contact_kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.arenas.course import Course, StairsCourse, make_simple_surface
-from symbrion_gym.arenas.elevation import Elevation
 from symbrion_gym.arenas.folder import load_arena_folder
-from symbrion_gym.arenas.quality import ArenaQuality
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS, find_assets
+from symbrion_gym.contact.builder import Contact, ContactOptions, make_contact
+from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
+from symbrion_gym.contact.mesh_repair import load_surface, repair_mesh
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
-from symbrion_gym.pieces.mesh_repair import load_surface, repair_mesh
 
 
 @dataclass(frozen=True)

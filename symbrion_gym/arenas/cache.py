@@ -13,12 +13,12 @@ import numpy as np
 import trimesh
 from filelock import FileLock
 
-from reconstruction.atomic_write import write_atomically
-from reconstruction.bounded_read import read_npz
-from reconstruction.cache import find_cache_folder
-from symbrion_gym.arenas.contact_builder import Contact, ContactOptions
-from symbrion_gym.arenas.contact_kinds import HeightField
-from symbrion_gym.arenas.quality import ArenaQuality
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.bounded_read import read_npz
+from reconstruction.files.cache import find_cache_folder
+from symbrion_gym.contact.builder import Contact, ContactOptions
+from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.quality import ArenaQuality
 
 _FORMAT = 7
 """Raised whenever the way pieces are made or kept changes: old entries are then left alone."""

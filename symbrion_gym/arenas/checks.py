@@ -11,7 +11,7 @@ from symbrion_gym.errors import ArenaError
 if TYPE_CHECKING:
     import trimesh
 
-    from symbrion_gym.arenas.contact_kinds import HeightField
+    from symbrion_gym.contact.kinds import HeightField
 
 FRICTION_LIMITS = (1e-3, 5.0)
 """Sliding friction of ground and robot; MuJoCo's contacts are sound within."""
@@ -54,7 +54,7 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: not finite, too far out, open, or flat.
     """
-    from symbrion_gym.pieces.hulls import make_hull
+    from reconstruction.geometry.hulls import make_hull
 
     check_vertices(piece, source)
     if len(piece.vertices) < 4 or not piece.is_watertight:
@@ -89,7 +89,7 @@ def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: with the vertex.
     """
-    from symbrion_gym.pieces.mesh_repair import LARGEST_COORDINATE
+    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     is_wrong = ~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)
@@ -107,7 +107,7 @@ def check_height_field(field: HeightField, source: object) -> None:
     Raises:
         ArenaError: with the array that is wrong.
     """
-    from symbrion_gym.pieces.mesh_repair import LARGEST_COORDINATE
+    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
 
     for name, array in field._asdict().items():
         if not (np.issubdtype(array.dtype, np.floating) and np.isfinite(array).all()):

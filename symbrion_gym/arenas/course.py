@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.typed_json import JsonError, as_type
+from reconstruction.files.typed_json import JsonError, as_type
+from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.errors import ArenaError
-from symbrion_gym.pieces.hulls import make_hull
 
 _THICKNESS = 0.2
 """How far the ground reaches below the lowest floor [m]."""

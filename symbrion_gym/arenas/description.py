@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from reconstruction.typed_json import JsonError, as_type, read_json
+from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_name
 from symbrion_gym.arenas.course import make_course
-from symbrion_gym.arenas.quality import ArenaQuality
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
 FORMAT = 1

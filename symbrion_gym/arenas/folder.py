@@ -14,11 +14,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from reconstruction.bounded_read import read_npz
+from reconstruction.files.bounded_read import read_npz
 from symbrion_gym.arenas.checks import check_height_field, check_piece, check_surface
-from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.description import load_description
 from symbrion_gym.arenas.obj_mesh import load_obj
+from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
 

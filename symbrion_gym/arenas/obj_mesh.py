@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.printable import make_printable
+from reconstruction.files.printable import make_printable
 from symbrion_gym.errors import ArenaError
 
 _LARGEST = 2**30

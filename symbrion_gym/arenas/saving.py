@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import trimesh
 
-from reconstruction.atomic_write import find_leftovers, write_atomically
+from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError

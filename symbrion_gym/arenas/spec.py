@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import trimesh
 
-from symbrion_gym.arenas.contact_kinds import HeightField
+from symbrion_gym.contact.kinds import HeightField
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena

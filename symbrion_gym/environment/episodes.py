@@ -12,9 +12,9 @@ from math import isnan
 
 import numpy as np
 
-from symbrion_gym.environment.judge import ROLLED_OVER, SPEED_SLACK, Body, Judge
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
+from symbrion_gym.tasks.success_check import ROLLED_OVER, SPEED_SLACK, Body, Judge
 
 STUCK_PROGRESS = 0.02
 """Progress that counts as moving on [m]."""

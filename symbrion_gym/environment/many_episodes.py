@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS, STUCK_PROGRESS, Episodes, Tick
-from symbrion_gym.environment.judge import LARGEST_SPEED, ROLLED_OVER, Judge
 from symbrion_gym.environment.world import Physics, World
+from symbrion_gym.tasks.success_check import LARGEST_SPEED, ROLLED_OVER, Judge
 
 _HEAD, _GAINED, _TIME, _FORWARD, _, _EFFORT, _LOWEST, _ = range(len(NUMBERS))
 _IDLE, _AGE, _SPEED, _LEFT, _REAR, _RIGHT, _LOW, _LEAN = range(8)

@@ -16,7 +16,6 @@ from mujoco.batch import Batch
 
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS
-from symbrion_gym.environment.judge import Judge
 from symbrion_gym.environment.many_episodes import ManyEpisodes, Ticks
 from symbrion_gym.environment.models import OwnModels, SharedModel
 from symbrion_gym.environment.observation import add_noise
@@ -30,6 +29,7 @@ from symbrion_gym.environment.randomisation import (
 from symbrion_gym.environment.rendering import RENDER_MODES, Pictures
 from symbrion_gym.environment.snake_pit import SnakePitEnv, make_spaces
 from symbrion_gym.environment.world import World
+from symbrion_gym.tasks.success_check import Judge
 
 _NEWS = tuple(f"_{name}" for name in NUMBERS + FLAGS)
 

@@ -21,7 +21,7 @@ from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
-from symbrion_gym.sensing.route import find_route
+from symbrion_gym.tasks.route import find_route
 
 _LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]."""

@@ -9,8 +9,8 @@ from math import pi
 import mujoco
 import numpy as np
 
+from reconstruction.geometry.pose import Pose
 from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.pose import Pose
 from symbrion_gym.robot.scout import add_arm, add_chassis, add_hinge
 from symbrion_gym.robot.scout_constants import ScoutConfig
 

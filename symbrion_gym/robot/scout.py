@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from symbrion_gym.robot.pose import Pose
+from reconstruction.geometry.pose import Pose
 from symbrion_gym.robot.scout_constants import ARM_RADIUS, SIDES, TRACK_MODELS, ScoutConfig
 from symbrion_gym.robot.scout_look import dress_arm, dress_chassis
 from symbrion_gym.robot.scout_sensors import add_sensor_sites

@@ -7,7 +7,7 @@ from math import pi
 import mujoco
 import numpy as np
 
-from symbrion_gym.robot.pose import Pose
+from reconstruction.geometry.pose import Pose
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 LARGEST_ACCELERATION = 4 * 9.81

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from symbrion_gym.robot.pose import Pose
+from reconstruction.geometry.pose import Pose
 from symbrion_gym.robot.scout_constants import CONTACT_GROUP, ScoutConfig
 
 _CYLINDER_RADIUS = 0.011

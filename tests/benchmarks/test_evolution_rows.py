@@ -9,7 +9,7 @@ from benchmarks import evolution_judging as judging
 from benchmarks.champions_table import make_champions_table
 from benchmarks.evolution_runs import Results
 from benchmarks.evolution_summary import find_gaps, holds, summarise
-from evolution.validation import Champion
+from evolution.search.validation import Champion
 
 MOMENT = {"date": "2026-11-21", "commit": "0123456789", "dirty": False}
 

@@ -10,7 +10,7 @@ from benchmarks.ages import Ages
 from benchmarks.claims import CLAIMS
 from benchmarks.figures import Claim, Value
 from benchmarks.origins import describe_measuring, find_origins, strip_ages
-from evolution.provenance import Revision
+from evolution.search.provenance import Revision
 
 MOMENT = {"date": "2026-11-21", "commit": "0123456789", "dirty": False}
 PART = {**MOMENT, "is_quick": False, "machine": {}, "versions": {}}

@@ -8,11 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from evolution.backends.trials import Job, Outcome, Trials
 from evolution.errors import RunError
-from evolution.trials import Job, Outcome
 
 MARK = "SYMBRION_TEST_MARK"
 """Environment variable that names a file; the first worker to see it missing makes it and dies."""
+
+
+def make_jobs(count: int = 11, seed: int = 0) -> list[Job]:
+    """Random genotypes of eight genes, three trials each."""
+    genotypes = np.random.default_rng(seed).uniform(-1, 1, (count, 8))
+    return [Job(genotype, Trials(seed=(seed, 1), count=3)) for genotype in genotypes]
 
 
 def bowl(jobs: Sequence[Job], threads: int) -> list[Outcome]:

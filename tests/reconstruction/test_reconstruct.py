@@ -12,9 +12,9 @@ import trimesh
 from damage import flip_bits
 
 from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.orientation import orient_outwards
 from reconstruction.reconstruct import Reconstruction, reconstruct
 from reconstruction.scans.point_check import check_points
-from reconstruction.surfaces.orientation import orient_outwards
 
 METHODS = ("gsrm", "gg")
 

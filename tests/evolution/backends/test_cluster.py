@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import pytest
 import toys
-from test_evaluation import make_jobs
 
-from evolution.cmaes import evolve
-from evolution.config import EvolutionConfig
 from evolution.errors import RunError
-from evolution.evaluation import make_backend
+from evolution.search.config import EvolutionConfig
+from evolution.search.evaluation import make_backend
+from evolution.search.loop import evolve
 
 try:
     import ray
@@ -37,13 +36,13 @@ def test_a_node_killed_in_mid_generation_loses_nothing():
     victim = cluster.add_node(num_cpus=2)
     backend = make_backend("ray", 3, address=cluster.address, simulate=toys.slow_bowl)
     try:
-        jobs = make_jobs(60)
+        jobs = toys.make_jobs(60)
         assert backend.run(jobs) == toys.bowl(jobs, 1)
         killer = threading.Thread(
             target=lambda: (time.sleep(0.03), cluster.remove_node(victim, allow_graceful=False))
         )
         killer.start()
-        many = make_jobs(2000)
+        many = toys.make_jobs(2000)
         assert backend.run(many) == toys.bowl(many, 1)
         killer.join()
         assert backend.run(jobs) == toys.bowl(jobs, 1)
@@ -56,7 +55,7 @@ def test_a_node_killed_in_mid_generation_loses_nothing():
 @pytest.mark.slow
 @pytest.mark.skipif(ray is None, reason="Ray is not installed: pip install 'symbrion-gym[cluster]'")
 def test_a_local_cluster_gives_what_the_batch_gives():
-    jobs = make_jobs()
+    jobs = toys.make_jobs()
     backend = make_backend("ray", 2, simulate=toys.bowl)
     try:
         assert backend.run(jobs) == toys.bowl(jobs, 1)

@@ -6,11 +6,10 @@ import signal
 import numpy as np
 import pytest
 import toys
-from test_evaluation import make_jobs
 
 from evolution.backends.processes import ProcessBackend
 from evolution.errors import RunError
-from evolution.evaluation import make_backend
+from evolution.search.evaluation import make_backend
 
 
 @pytest.fixture
@@ -27,7 +26,7 @@ def make_pool():
 
 
 def test_processes_give_what_the_batch_gives(make_pool):
-    jobs = make_jobs()
+    jobs = toys.make_jobs()
     pool = make_pool(toys.bowl, 3)
     expected = make_backend("batch", 1, simulate=toys.bowl).run(jobs)
     assert pool.run(jobs) == expected
@@ -37,14 +36,14 @@ def test_processes_give_what_the_batch_gives(make_pool):
 
 def test_a_worker_that_dies_costs_nothing(make_pool, tmp_path, monkeypatch):
     monkeypatch.setenv(toys.MARK, str(tmp_path / "mark"))
-    jobs = make_jobs()
+    jobs = toys.make_jobs()
     pool = make_pool(toys.dies_once)
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert pool.deaths == 1
 
 
 def test_a_worker_killed_between_generations_is_replaced(make_pool):
-    jobs = make_jobs()
+    jobs = toys.make_jobs()
     pool = make_pool(toys.bowl)
     pool.run(jobs)
     victim = pool.process_ids[0]
@@ -54,7 +53,7 @@ def test_a_worker_killed_between_generations_is_replaced(make_pool):
 
 
 def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
-    jobs = make_jobs(6)
+    jobs = toys.make_jobs(6)
     outcomes = make_pool(toys.deadly).run(jobs)
     for job, outcome, good in zip(jobs, outcomes, toys.bowl(jobs, 1), strict=True):
         assert outcome.error == "its worker died, twice" if job.genotype[0] > 0.3 else outcome == good
@@ -64,25 +63,25 @@ def test_a_genotype_that_kills_its_workers_is_recorded(make_pool):
 def test_a_wrong_run_comes_through_from_a_worker(make_pool):
     pool = make_pool(toys.wrong_run)
     with pytest.raises(RunError, match="no such arena"):
-        pool.run(make_jobs())
+        pool.run(toys.make_jobs())
 
 
 def test_a_worker_that_cannot_start_is_an_error_not_a_failed_genotype(make_pool, monkeypatch):
     pool = make_pool(toys.bowl)
     monkeypatch.setattr(pool, "_simulate", "no_such_module:simulate")
     with pytest.raises(RunError, match="ended at its start"):
-        pool.run(make_jobs())
+        pool.run(toys.make_jobs())
 
 
 def test_genotypes_travel_exactly(make_pool):
-    jobs = make_jobs(2)
+    jobs = toys.make_jobs(2)
     jobs[0] = jobs[0]._replace(genotype=np.nextafter(jobs[0].genotype, 1.0))
     assert make_pool(toys.bowl, 1).run(jobs) == toys.bowl(jobs, 1)
 
 
 def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     """A cluster that has lost a node has no room for as many as before."""
-    jobs = make_jobs()
+    jobs = toys.make_jobs()
     pool = make_pool(toys.bowl, 3)
     monkeypatch.setattr(pool, "_start_several", lambda count: [] if pool.process_ids else [pool._start()])
     assert pool.run(jobs) == toys.bowl(jobs, 1)

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.quality import measure_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP, find_box
-from symbrion_gym.arenas.watch import Watch
+from symbrion_gym.contact.budget import Watch
+from symbrion_gym.contact.quality import measure_arena
 from symbrion_gym.errors import ArenaError
 
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]

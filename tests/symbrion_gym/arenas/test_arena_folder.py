@@ -12,8 +12,8 @@ import trimesh
 
 from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
 from symbrion_gym.arenas.checks import check_piece
-from symbrion_gym.arenas.contact_kinds import HeightField
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
 sys.path.append(str(Path(__file__).parents[2] / "reconstruction"))

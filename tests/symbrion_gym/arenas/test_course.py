@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.arenas.course import Course, StairsCourse, make_course, make_simple_surface
-from symbrion_gym.arenas.elevation import Elevation
 from symbrion_gym.errors import ArenaError
 
 

@@ -14,9 +14,9 @@ import trimesh
 from kills import kill_at_each_moment
 
 from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.contact_kinds import HeightField
-from symbrion_gym.arenas.quality import ArenaQuality
 from symbrion_gym.arenas.saving import find_own_files
+from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
 FOREIGN = ("notes.txt", "runs/a/record.npz", "pieces/mine.obj", "pieces/099.obj", ".arena/mine.txt")

@@ -1,0 +1,1 @@
+"""Champions after a run: judged, replayed, used as a policy."""

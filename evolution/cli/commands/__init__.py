@@ -1,0 +1,27 @@
+"""The subcommands of `symbrion`, in the order of the road."""
+
+from evolution.cli.command import Command
+from evolution.cli.commands.arena import Arena
+from evolution.cli.commands.assets import Assets
+from evolution.cli.commands.compare import Compare
+from evolution.cli.commands.demo import Demo
+from evolution.cli.commands.evolve import Evolve, Resume
+from evolution.cli.commands.paper import Paper
+from evolution.cli.commands.reconstruct import Reconstruct
+from evolution.cli.commands.replay import Replay
+from evolution.cli.commands.survey import Survey
+
+COMMANDS: dict[str, type[Command]] = {
+    "survey": Survey,
+    "reconstruct": Reconstruct,
+    "arena": Arena,
+    "evolve": Evolve,
+    "resume": Resume,
+    "replay": Replay,
+    "compare": Compare,
+    "demo": Demo,
+    "paper": Paper,
+    "assets": Assets,
+}
+
+__all__ = ["COMMANDS", "Command"]

@@ -1,0 +1,34 @@
+"""`symbrion assets`: make the ready-made arenas anew."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+from evolution.cli.command import SeededCommand, require_writable_folder
+from evolution.cli.console import Console
+from reconstruction.extras import require_extras
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Assets(SeededCommand):
+    """Make the ready-made arenas truth, simple, gsrm and gg, the scans for both pits: survey, networks, convex pieces.
+
+    Example: symbrion assets --out assets/arenas
+    """
+
+    out: Path = Path("arenas")
+    """Each arena becomes a folder in here."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_writable_folder(self.out, "--out")
+
+    def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion assets`", "scan")
+        from symbrion_gym.ready_made import make_ready_made
+
+        with console.track("Ready-made arenas") as step:
+            arenas = make_ready_made(self.out, seed=self.seed, progress=step.progress)
+        for name, arena in arenas.items():
+            console.say(f"{self.out / name}: {len(arena.pieces)} pieces, {len(arena.surface.faces)} faces")
+        return {"arenas": {name: self.out / name for name in arenas}, "seconds": step.seconds}

@@ -1,0 +1,57 @@
+"""`symbrion compare`: several runs side by side."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+import evolution as ev
+from evolution.cli.command import Command, UsageError, require_writable_file
+from evolution.cli.commands.evolve import require_run
+from evolution.cli.console import Console
+from evolution.report.comparison import COLUMNS, draw_comparison, make_comparison_page, tabulate
+from reconstruction.extras import require_extras
+from reconstruction.files.atomic_write import write_atomically
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Compare(Command):
+    """Compare runs: a table, and their learning curves in one figure; also while they are being written.
+
+    Example: symbrion compare runs/coarse runs/fine --out comparison.html
+    """
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
+    """The run folders."""
+    out: Path | None = None
+    """Write the figure (.png) or a page with figure and table (.html) into this file."""
+
+    def __post_init__(self) -> None:
+        if not self.folders:
+            raise UsageError("no run to compare; give one or more run folders")
+        for folder in self.folders:
+            require_run(folder)
+        if self.out is not None:
+            require_writable_file(self.out, "--out", (".png", ".html"))
+
+    def run(self, console: Console) -> dict[str, Any]:
+        if self.out is not None:
+            require_extras("`symbrion compare --out`", "report")
+        runs = {str(folder): ev.load_run(folder) for folder in self.folders}
+        rows = tabulate(runs)
+        console.show_table("Runs", list(COLUMNS), rows)
+        summary = {"runs": [dict(zip(COLUMNS, row, strict=True)) for row in rows], "out": self.out}
+        if self.out is None:
+            return summary
+        if not any(len(run.history) for run in runs.values()):
+            raise ev.RunError("none of these runs has finished a generation; there is nothing to draw yet")
+        if self.out.suffix.lower() == ".html":
+            make_comparison_page(runs).write(self.out)
+        else:
+            from evolution.report.pictures import to_png
+
+            with write_atomically(self.out) as beside:
+                beside.write_bytes(to_png(draw_comparison(runs)))
+        console.say(f"{self.out}: {len(runs)} runs")
+        return summary

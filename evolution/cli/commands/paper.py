@@ -1,0 +1,70 @@
+"""`symbrion paper`: the paper's experiments, measured again on this machine."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+from evolution.cli.command import SeededCommand, UsageError, require_writable_folder
+from evolution.cli.console import Console
+from reconstruction.extras import require_extras
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Paper(SeededCommand):
+    """Run the paper's experiments, Tables I-III and Figs. 3-7, each beside the paper's own numbers, and a page.
+
+    Each experiment is kept as it is finished: the same command goes on where it was stopped.
+
+    Example: symbrion paper --quick --out paper
+    """
+
+    out: Path = Path("paper")
+    """Everything goes here: report.html, results.json, figures, films, arenas. Finished experiments there are kept."""
+    quick: bool = False
+    """Fewer sizes, runs and scans: three minutes instead of about twenty (two free cores)."""
+    workers: int = os.cpu_count() or 1
+    """Threads; the results do not depend on their number."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_writable_folder(self.out, "--out")
+        if self.workers < 1:
+            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+
+    def run(self, console: Console) -> dict[str, Any]:
+        require_extras("`symbrion paper`", "scan", "report")
+        from evolution.experiments.paper.benchmark import find_benchmark
+        from evolution.experiments.paper.config import QUICK, PaperConfig
+        from evolution.experiments.paper.experiments import run_experiments
+        from evolution.experiments.paper.folder import PaperFolder, write_json
+        from evolution.experiments.paper_page.page import write_paper_page
+        from evolution.report.provenance import describe_machine
+
+        config = dataclasses.replace(QUICK if self.quick else PaperConfig(), seed=self.seed)
+        folder = PaperFolder(self.out, config)
+        report = self.out / "report.html"
+        with folder.lock():
+            records = run_experiments(folder, console.track, self.workers)
+            results = {
+                "machine": describe_machine(),
+                "config": config.to_json(),
+                "experiments": records,
+                "benchmark": find_benchmark(),
+            }
+            write_json(self.out / "results.json", results)
+            with console.track("figures and page"):
+                write_paper_page(self.out, config, records, report)
+        console.say(f"report: {report.resolve()}")
+        return {"report": report, "results": self.out / "results.json", **_summarise(records)}
+
+
+def _summarise(records: dict[str, Any]) -> dict[str, Any]:
+    """Return the claims in a few numbers."""
+    return {
+        "held_in_truth": records["evolution"]["figures"]["judged"]["truth"],
+        "physics_ratio": records["physics"]["figures"]["ratios"]["gg"]["physics_us"],
+        "laser_ratio": records["laser"]["figures"]["ratios"]["tree"]["gg"],
+        "seconds": {name: record["seconds"] for name, record in records.items()},
+        "cpu_seconds": {name: record.get("cpu_seconds") for name, record in records.items()},
+    }

@@ -1,0 +1,98 @@
+"""`symbrion replay`: judge a champion once more, film it, watch it."""
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+import evolution as ev
+from evolution.cli.arguments import check_arena
+from evolution.cli.command import SeededCommand, UsageError, require_writable_file
+from evolution.cli.commands.evolve import require_run
+from evolution.cli.console import Console
+from reconstruction.extras import require_extras
+from reconstruction.files.atomic_write import write_atomically
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Replay(SeededCommand):
+    """Judge the champion of a run by randomised trials; film one trial, or watch it.
+
+    Example: symbrion replay runs/a --arena truth --video champion.mp4
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+    arena: str = "truth"
+    """Where to judge: a named arena, an arena folder, or a mesh file."""
+    trials: int = 20
+    """Randomised trials: start, yaw, friction and torque; 0 judges nothing."""
+    start: Literal["floor", "pit"] = "floor"
+    """Where the trials start: on the floor before the first ramp, or close before the pit."""
+    video: Path | None = None
+    """Film one nominal trial into this file (.mp4)."""
+    viewer: bool = False
+    """Show one nominal trial in MuJoCo's viewer."""
+    speed: float = 5.0
+    """Film and viewer run so many times faster than the robot."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_run(self.folder)
+        check_arena(self.arena)
+        if self.trials < 0:
+            raise UsageError(f"--trials {self.trials} is negative; give 0 or more")
+        if not self.speed > 0:
+            raise UsageError(f"--speed {self.speed} is no speed; give a number above 0")
+        if self.video is not None:
+            require_writable_file(self.video, "--video", (".mp4",))
+
+    def run(self, console: Console) -> dict[str, Any]:
+        if self.video is not None:
+            require_extras("`symbrion replay --video`", "report")
+        champion = ev.load_run(self.folder).champion
+        if champion is None:
+            raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
+        summary: dict[str, Any] = {"arena": self.arena, "trials": self.trials, "champion": champion.as_dict()}
+        if self.trials:
+            with console.track(f"{self.trials} trials in {self.arena}"):
+                outcome = ev.judge(
+                    champion,
+                    self.arena,
+                    self.trials,
+                    self.seed,
+                    start=self.start,
+                    workers=os.cpu_count() or 1,
+                )
+            console.say(f"{outcome.successes} of {outcome.trials} trials crossed in {self.arena}")
+            summary["successes"] = outcome.successes
+        if self.video is not None:
+            summary["video"] = self._film(champion, console)
+        if self.viewer:
+            self._show(champion, console)
+        return summary
+
+    def _show(self, champion: "ev.Champion", console: Console) -> None:
+        recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)
+        verdict = "crosses" if recording.success else "does not cross"
+        console.say(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
+
+    def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
+        assert self.video is not None
+        from evolution.report.video import encode_video
+
+        with console.track("Film"):
+            recording = ev.play(
+                champion, self.arena, self.seed, start=self.start, film=True, speed=self.speed
+            )
+        if not recording.frames:
+            console.say("no video: this machine has no OpenGL; everything else is done")
+            return None
+        self.video.parent.mkdir(parents=True, exist_ok=True)
+        with write_atomically(self.video) as beside:
+            beside.write_bytes(encode_video(recording.frames, recording.fps))
+        verdict = "crosses" if recording.success else "does not cross"
+        console.say(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")
+        return self.video

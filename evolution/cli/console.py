@@ -1,0 +1,124 @@
+"""What the command line shows while it works: titles, progress bars with the time left, results."""
+
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console as RichConsole
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from evolution.cli.streams import discard_output
+from reconstruction.files.printable import make_printable
+from reconstruction.progress import Progress as ProgressCallback
+
+
+class Console:
+    """Draws progress on standard error, so that standard output holds results only.
+
+    Args:
+        quiet: draw no progress.
+        mute: print no results either.
+    """
+
+    def __init__(self, quiet: bool = False, mute: bool = False):
+        self.quiet = quiet
+        self._out = _PlainConsole(file=sys.stdout, quiet=mute, soft_wrap=True)
+        self._rich = _PlainConsole(file=sys.stderr, quiet=quiet)
+        self._bars = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            TextColumn("{task.percentage:>3.0f}%"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[detail]}", style="dim", markup=False),
+            console=self._rich,
+            disable=quiet or not self._rich.is_terminal,
+        )
+
+    def __enter__(self) -> "Console":
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def say(self, text: str) -> None:
+        """Print a line of results."""
+        self._out.print(make_printable(text))
+
+    def show_table(self, title: str, columns: list[str], rows: list[list[object]]) -> None:
+        """Print a table of results."""
+        table = Table(*columns, title=title, title_justify="left")
+        for row in rows:
+            table.add_row(*(make_printable(cell) for cell in row))
+        self._out.print(table)
+
+    def track(self, title: str) -> "Step":
+        """Return a step with a bar of its own, for use in a `with` block."""
+        return Step(
+            make_printable(title), self._bars, None if self.quiet or self._rich.is_terminal else self._rich
+        )
+
+
+class _PlainConsole(RichConsole):
+    """Prints text as it is: a name in square brackets is no markup. Goes on, mute, where nobody reads any more."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **options)
+
+    def on_broken_pipe(self) -> None:
+        """Let the work go on: what counts is in files, and the run is resumable."""
+        self.quiet = True
+        discard_output(self.file)
+
+
+class Step:
+    """One step of work: long functions call its `progress`. Without a terminal it prints lines instead.
+
+    Args:
+        title: what the step does.
+        bars: where its bar is drawn.
+        log: where lines go when there is no terminal; None for nowhere.
+    """
+
+    def __init__(self, title: str, bars: Progress, log: RichConsole | None):
+        self.title, self._bars, self._log = title, bars, log
+        self.seconds = 0.0
+        self._task: TaskID | None = None
+        self._started = self._logged = 0.0
+
+    def __enter__(self) -> "Step":
+        self._started = self._logged = time.perf_counter()
+        self._task = self._bars.add_task(self.title, total=1.0, detail="")
+        if self._log:
+            self._log.print(f"{self.title} ...")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.seconds = time.perf_counter() - self._started
+        if self._task is not None and error is None:
+            self._bars.update(self._task, completed=1.0, detail="")
+        if self._log and error is None:
+            self._log.print(f"{self.title}: done in {self.seconds:.1f} s")
+
+    @property
+    def progress(self) -> ProgressCallback:
+        """The callback for the function that does the work."""
+        return self._update
+
+    def _update(self, message: str, fraction: float) -> None:
+        if self._task is not None:
+            self._bars.update(self._task, completed=fraction, detail=message)
+        now = time.perf_counter()
+        if self._log and now - self._logged > 5.0:
+            self._logged = now
+            left = (now - self._started) * (1 - fraction) / max(fraction, 1e-6)
+            tail = f", about {left:.0f} s left" if 0.02 < fraction < 1 else ""
+            self._log.print(f"  {message} ({fraction:.0%}{tail})")

@@ -1,0 +1,1 @@
+"""Control laws: from genes and readings to targets of the hinges."""

@@ -1,0 +1,1 @@
+"""The demo: from a survey to a champion and its report."""

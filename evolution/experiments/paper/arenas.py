@@ -1,0 +1,91 @@
+"""The arenas of Tables II and III: both networks' surfaces, the hand-made model, and other kinds of contact."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution.experiments.paper.config import PaperConfig
+from evolution.experiments.paper.networks import name_network
+from symbrion_gym.contact.quality import measure_arena
+
+
+class Recipe(NamedTuple):
+    """How an arena of the tables is made.
+
+    Attributes:
+        method: the network whose surface it is made of; "hand" for the hand-made model.
+        kind: contact geometry.
+        text: what it is.
+    """
+
+    method: str
+    kind: str
+    text: str
+
+
+RECIPES = {
+    "gg": Recipe("gg", "convex", "growing grid, convex pieces"),
+    "gsrm": Recipe("gsrm", "convex", "GSRM, convex pieces"),
+    "simple": Recipe("hand", "convex", "hand-made model, convex pieces"),
+    "boxes": Recipe("hand", "exact", "hand-made model, exact boxes"),
+    "mixed": Recipe("gsrm", "primitives", "GSRM, boxes and convex pieces"),
+    "hfield": Recipe("gsrm", "hfield", "GSRM, height field"),
+    "prisms": Recipe("gsrm", "prisms", "GSRM, a prism a triangle"),
+}
+
+
+def load_surface(folder: Path, method: str, config: PaperConfig) -> rc.Reconstruction:
+    """Return the network that the arenas of a method are made of."""
+    size = config.arena_units if method == "gsrm" else config.arena_triangles
+    return rc.Reconstruction.load(folder / "surfaces" / f"{name_network(method, size)}.npz")
+
+
+def load_arena(folder: Path, name: str) -> sg.Arena:
+    """Return an arena that `build_arenas` kept."""
+    return sg.Arena.load(folder / "arenas" / name)
+
+
+def build_arenas(
+    folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent
+) -> list[dict[str, Any]]:
+    """Build the arenas; each is kept in a folder that MuJoCo's viewer opens.
+
+    Args:
+        folder: holds the surfaces; keeps the arenas.
+        config: sizes and seed.
+        progress: told how far it is.
+
+    Returns:
+        Rows with `arena`, `text`, `pieces`, `triangles` of the exact surface, `seconds` of building, and
+        distances of the contact geometry from the true surface, `mean` and `p95` [m]; None for a height field.
+    """
+    truth = sg.load_arena("truth").surface
+    rows = []
+    for index, (name, recipe) in enumerate(RECIPES.items()):
+        progress(recipe.text, index / len(RECIPES))
+        arena = _build_arena(folder, name, recipe, config)
+        arena.save(folder / "arenas" / name)
+        region = arena.surface if recipe.method != "hand" else None
+        quality = measure_arena(arena.pieces, truth, region=region) if arena.pieces else None
+        rows.append(
+            {
+                "arena": name,
+                "text": recipe.text,
+                "pieces": len(arena.pieces),
+                "triangles": len(arena.surface.faces),
+                "seconds": arena.quality.seconds,
+                "mean": quality.mean if quality else None,
+                "p95": quality.p95 if quality else None,
+            }
+        )
+    return rows
+
+
+def _build_arena(folder: Path, name: str, recipe: Recipe, config: PaperConfig) -> sg.Arena:
+    simple = sg.load_arena("simple")
+    if recipe.kind == "exact":
+        return simple
+    mesh = simple.surface if recipe.method == "hand" else load_surface(folder, recipe.method, config).mesh
+    # Pieces kept from before would tell how long they took then.
+    return sg.make_arena(mesh, kind=recipe.kind, name=name, course=sg.Course(), seed=config.seed, cache=False)

@@ -1,7 +1,0 @@
-"""The paper's experiments, measured again: one file each, kept in a folder as they are done."""
-
-from evolution.paper.config import QUICK, PaperConfig
-from evolution.paper.experiments import run_experiments
-from evolution.paper.folder import PaperFolder
-
-__all__ = ["QUICK", "PaperConfig", "PaperFolder", "run_experiments"]

@@ -1,0 +1,66 @@
+"""A run's history for TensorBoard, beside the record: a view of it, never read back."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from evolution.errors import RunError
+from evolution.search.record import HISTORY
+from evolution.search.run import Run
+
+FOLDER = "tensorboard"
+SCALARS = tuple(name for name in HISTORY.names or () if name != "generation")
+
+
+class TensorBoardLog:
+    """Writes each generation's row as scalars, into `tensorboard` in the run folder; its call is an `OnGeneration`.
+
+    Args:
+        first: generation to begin with, where earlier ones were written before.
+
+    Raises:
+        RunError: TensorBoard is not installed.
+    """
+
+    def __init__(self, first: int = 0) -> None:
+        try:
+            from tensorboard.summary import Writer
+        except ImportError as error:
+            raise RunError(
+                "writing for TensorBoard needs it: pip install 'symbrion-gym[tensorboard]'; "
+                "history.csv holds the same numbers"
+            ) from error
+        self._make_writer = Writer
+        self._writer: Any = None
+        self._next = first
+
+    def __call__(self, run: Run) -> None:
+        """Write the rows that are new.
+
+        Raises:
+            RunError: the run is not kept in a folder, or that cannot be written.
+        """
+        if run.folder is None:
+            raise RunError("a run without a folder has no place for TensorBoard's files; give it a folder")
+        try:
+            self._write(run, run.folder / FOLDER)
+        except OSError as error:
+            raise RunError(f"{run.folder / FOLDER} cannot be written ({error})") from error
+        self._next = len(run.history)
+
+    def _write(self, run: Run, folder: Path) -> None:
+        if self._writer is None:
+            self._writer = self._make_writer(str(folder))
+        for row in run.history[self._next :]:
+            for name in SCALARS:
+                self._writer.add_scalar(f"run/{name}", float(row[name]), int(row["generation"]))
+        self._writer.flush()
+
+    def __enter__(self) -> "TensorBoardLog":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._writer is not None:
+            self._writer.close()

@@ -1,0 +1,1 @@
+"""The search: CMA-ES, its loop, trials, validation, records, runs that resume."""

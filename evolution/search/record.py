@@ -1,0 +1,205 @@
+"""Everything a run has tried, in columns; replaying it rebuilds the run, so the record is the checkpoint.
+
+One `.npz` file of plain arrays: no pickle, nothing in it can run code, and the checksums of its
+container reveal damage.
+"""
+
+import io
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from evolution.backends.trials import Outcome
+from evolution.errors import RunError
+from reconstruction.files.bounded_read import read_npz
+
+FORMAT = "symbrion run 2"
+SAMPLE, AGAIN, VALIDATION = 0, 1, 2
+"""Kinds of an evaluation: a genotype of a generation, the same once more, a candidate's fresh trials."""
+
+HISTORY = np.dtype(
+    [
+        ("generation", "<i4"),
+        ("evaluations", "<i4"),
+        ("wall_seconds", "<f8"),
+        ("stage", "<i4"),
+        ("best", "<f8"),
+        ("median", "<f8"),
+        ("sigma", "<f8"),
+        ("successes", "<i4"),
+        ("population_size", "<i4"),
+        ("restarts", "<i4"),
+        ("trials", "<i4"),
+        ("validated", "<i4"),
+        ("champion_successes", "<i4"),
+        ("champion_trials", "<i4"),
+        ("failures", "<i4"),
+    ]
+)
+"""One row a generation: `evaluations` (genotypes tried) and `trials` (of all kinds) count from the start of
+the run, `successes` and `failures` are this generation's genotypes that held in all trials or could not be
+tried, `champion_*` the fresh trials of the champion so far."""
+
+TIMES = ("wall_seconds",)
+"""Columns that differ between equal runs."""
+
+
+class Entry(NamedTuple):
+    """One genotype, once tried.
+
+    Attributes:
+        generation: in which it was tried.
+        kind: SAMPLE, AGAIN or VALIDATION.
+        index: of the genotype in its generation; one more than the last is the centre of the search.
+        modules: length of its body.
+        genotype: `[G]`.
+        fitness: higher is better.
+        outcome: what happened.
+    """
+
+    generation: int
+    kind: int
+    index: int
+    modules: int
+    genotype: np.ndarray
+    fitness: float
+    outcome: Outcome
+
+
+class Record:
+    """The entries and the history of a run, in order."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+        self._rows: list[np.void] = []
+
+    @property
+    def history(self) -> np.ndarray:
+        """Structured array of `HISTORY`, one row a generation."""
+        return np.array(self._rows, dtype=HISTORY) if self._rows else np.empty(0, dtype=HISTORY)
+
+    @property
+    def num_generations(self) -> int:
+        """Number of generations that are complete."""
+        return len(self._rows)
+
+    def add_generation(self, entries: list[Entry], row: dict[str, float]) -> None:
+        """Append a complete generation."""
+        self.entries.extend(entries)
+        self._rows.append(np.array([tuple(row[name] for name in HISTORY.names or ())], dtype=HISTORY)[0])
+
+    def set_wall_seconds(self, seconds: float) -> None:
+        """Set the time of the last generation, when it is lived again."""
+        self._rows[-1]["wall_seconds"] = seconds
+
+    def set_champion(self, successes: int, trials: int) -> None:
+        """Set the fresh trials of the champion as of the last generation."""
+        self._rows[-1]["champion_successes"], self._rows[-1]["champion_trials"] = successes, trials
+
+    def generations(self) -> Iterator[tuple[list[Entry], np.void]]:
+        """Yield the entries and the row of each generation."""
+        entries = iter(self.entries)
+        upcoming = next(entries, None)
+        for row in self._rows:
+            mine = []
+            while upcoming is not None and upcoming.generation == row["generation"]:
+                mine.append(upcoming)
+                upcoming = next(entries, None)
+            yield mine, row
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Return the entries as arrays, one a column, each with a row an entry."""
+        outcomes = [entry.outcome for entry in self.entries]
+        flags = ["".join("01"[held] for held in outcome.succeeded) for outcome in outcomes]
+        return {
+            "generation": np.array([entry.generation for entry in self.entries], dtype="<i4"),
+            "kind": np.array([entry.kind for entry in self.entries], dtype="<i4"),
+            "index": np.array([entry.index for entry in self.entries], dtype="<i4"),
+            "modules": np.array([entry.modules for entry in self.entries], dtype="<i4"),
+            "genotype": np.array([entry.genotype for entry in self.entries], dtype="<f8"),
+            "fitness": np.array([entry.fitness for entry in self.entries], dtype="<f8"),
+            "progress": np.array([outcome.progress for outcome in outcomes], dtype="<f8"),
+            "effort": np.array([outcome.effort for outcome in outcomes], dtype="<f8"),
+            "seconds": np.array([outcome.seconds for outcome in outcomes], dtype="<f8"),
+            "diverged": np.array([outcome.diverged for outcome in outcomes], dtype="<i4"),
+            "succeeded": np.array(flags, dtype=np.str_),
+            "error": np.array([outcome.error for outcome in outcomes], dtype=np.str_),
+        }
+
+    def to_bytes(self, digest: str) -> bytes:
+        """Return the file's content.
+
+        Args:
+            digest: of the configuration that the record belongs to.
+        """
+        buffer = io.BytesIO()
+        arrays = {f"entry_{name}": column for name, column in self.columns().items()}
+        np.savez(
+            buffer,
+            format=np.array(FORMAT),
+            digest=np.array(digest),
+            history=self.history,
+            **arrays,  # pyright: ignore[reportArgumentType]
+        )
+        return buffer.getvalue()
+
+    @classmethod
+    def from_bytes(cls, content: bytes, source: str) -> tuple["Record", str]:
+        """Read the file's content; return the record and the digest of its configuration.
+
+        Args:
+            content: as `to_bytes` made it.
+            source: its name, for messages.
+
+        Raises:
+            RunError: damaged, of another format, or holding objects instead of numbers.
+        """
+        try:
+            arrays = read_npz(io.BytesIO(content))
+            found = str(arrays["format"])
+            if found != FORMAT:
+                raise RunError(
+                    f"{source} has format {found!r}, not {FORMAT!r}: go on with the release "
+                    "that began it, or start anew in another folder"
+                )
+            columns = {
+                name.removeprefix("entry_"): column
+                for name, column in arrays.items()
+                if name.startswith("entry_")
+            }
+            return cls._from_arrays(arrays["history"], columns), str(arrays["digest"])
+        except RunError:
+            raise
+        except Exception as error:  # a damaged or foreign file can be wrong in any way
+            raise RunError(
+                f"{source} is damaged or not a record of a run ({error}); restore it from a copy, "
+                "or start anew in another folder"
+            ) from error
+
+    @classmethod
+    def _from_arrays(cls, history: np.ndarray, columns: dict[str, np.ndarray]) -> "Record":
+        if history.dtype != HISTORY:
+            raise ValueError(f"history has columns {history.dtype.names}")
+        record = cls()
+        record._rows = list(history)
+        if not np.array_equal(history["generation"], np.arange(len(history))):
+            raise ValueError("generations are missing")
+        if len({len(column) for column in columns.values()}) != 1 or columns["genotype"].dtype != "<f8":
+            raise ValueError("columns differ in length")
+        for row in range(len(columns["kind"])):
+            value = {name: column[row] for name, column in columns.items()}
+            outcome = Outcome(
+                progress=float(value["progress"]),
+                effort=float(value["effort"]),
+                succeeded=tuple(flag == "1" for flag in str(value["succeeded"])),
+                seconds=float(value["seconds"]),
+                diverged=int(value["diverged"]),
+                error=str(value["error"]),
+            )
+            numbers = {name: int(value[name]) for name in ("generation", "kind", "index", "modules")}
+            fitness = float(value["fitness"])
+            record.entries.append(
+                Entry(**numbers, genotype=value["genotype"], fitness=fitness, outcome=outcome)
+            )
+        return record

@@ -1,0 +1,274 @@
+"""The run folder: what it holds, who may write it, and how it survives what may happen to a machine.
+
+    config.json     what was searched for; versions, commit and machine it began with
+    record.npz      every genotype tried and what came of it: the checkpoint
+    history.csv     one row a generation
+    champion.json   the genotype the run stands for
+
+`record.npz` is there, without a generation, before `config.json` is; so a run without it has lost it. It is replaced
+as a whole after each generation; the two others are derived from it. Reading a folder runs none of its content.
+"""
+
+import csv
+import io
+import json
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import filelock
+import numpy as np
+
+from evolution.errors import RunError
+from evolution.search.config import EvolutionConfig
+from evolution.search.provenance import find_revision
+from evolution.search.record import HISTORY, Record
+from evolution.search.validation import Champion
+from reconstruction.files.atomic_write import find_leftovers, write_atomically
+from reconstruction.files.typed_json import JsonError, read_json
+
+CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
+LOCK = ".lock"
+PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run as far as it has come.
+
+    Attributes:
+        config: what was searched for.
+        record: every genotype and what came of it.
+        champion: the genotype it stands for; None before the first generation.
+        stage_champions: one for each stage that has begun.
+        is_solved: whether a champion was confirmed.
+        folder: where it is kept, if anywhere.
+    """
+
+    config: EvolutionConfig
+    record: Record
+    champion: Champion | None
+    stage_champions: tuple[Champion, ...]
+    is_solved: bool
+    folder: Path | None = None
+
+    @property
+    def history(self) -> np.ndarray:
+        """Structured array, one row a generation; `history["best"]` and so on, see `record.HISTORY`."""
+        return self.record.history
+
+
+class RunFolder:
+    """Reads and writes the folder of a run.
+
+    Args:
+        path: of the folder.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    @contextmanager
+    def lock(self) -> Iterator[None]:
+        """Hold the folder, so that nobody else writes it; a lock dies with its process.
+
+        Raises:
+            RunError: another process (or thread) holds it, or the folder cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            lock = filelock.FileLock(self.path / LOCK)
+            lock.acquire(timeout=0)
+        except filelock.Timeout as error:
+            raise RunError(
+                f"{self.path} is being written by another run; wait for it or name another folder"
+            ) from error
+        except OSError as error:
+            raise RunError(f"{self.path} cannot be written ({error}); name another folder") from error
+        try:
+            self._refuse_links()
+            self._remove_leftovers()
+            yield
+        finally:
+            lock.release()
+
+    def holds_run(self) -> bool:
+        """Tell whether a run has begun here."""
+        return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
+
+    def begin(self, config: EvolutionConfig) -> None:
+        """Write an empty record, then `config.json`.
+
+        Raises:
+            RunError: the folder holds a run, a part of one, or files that a run would replace.
+        """
+        if (self.path / CONFIG).exists():
+            differences = self.read_config().differences(config)
+            what = f"another run ({'; '.join(differences)})" if differences else "this run already"
+            raise RunError(f"{self.path} holds {what}; resume it, or name another folder")
+        taken = [name for name in (RECORD, HISTORY_FILE, CHAMPION) if os.path.lexists(self.path / name)]
+        if taken and not (taken == [RECORD] and self._is_empty_record()):
+            raise RunError(
+                f"{self.path} holds {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
+                "or name another folder"
+            )
+        self._replace(RECORD, Record().to_bytes(config.digest()))
+        self.write_config(config)
+
+    def write_config(self, config: EvolutionConfig) -> None:
+        """Write `config.json`; the versions are those that the run began with."""
+        began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else _describe_origin()
+        has_record = {"record": RECORD} if (self.path / RECORD).exists() else {}
+        self._replace(CONFIG, _to_json(began | has_record | {"config": config.to_json()}))
+
+    def remove(self) -> None:
+        """Remove the files of a run, and nothing else; only who holds the lock may."""
+        for name in (CHAMPION, HISTORY_FILE, RECORD, CONFIG):
+            (self.path / name).unlink(missing_ok=True)
+        self._remove_leftovers()
+
+    def read_config(self) -> EvolutionConfig:
+        """Read `config.json`.
+
+        Raises:
+            RunError: there is none, or it is damaged.
+        """
+        if not (self.path / CONFIG).exists():
+            raise RunError(f"{self.path} holds no run: {CONFIG} is missing")
+        content = self._read_json(CONFIG)
+        try:
+            return EvolutionConfig.from_json(content.get("config"))
+        except RunError as error:
+            raise RunError(
+                f"{self.path / CONFIG}: {error}; undo the change, or restore it from a copy"
+            ) from error
+
+    def write(self, run: Run) -> None:
+        """Write the record, then what is derived from it.
+
+        Raises:
+            RunError: the disk is full or read-only; the last checkpoint survives.
+        """
+        self._replace(RECORD, run.record.to_bytes(run.config.digest()))
+        self._replace(HISTORY_FILE, format_history(run.history).encode())
+        if run.champion is not None:
+            self._replace(CHAMPION, _to_json(run.champion.as_dict()))
+
+    def read_record(self, config: EvolutionConfig) -> Record:
+        """Read `record.npz`.
+
+        A run that an older release began has none before its first generation is finished.
+
+        Raises:
+            RunError: missing, damaged, of another program, or of another configuration.
+        """
+        path = self.path / RECORD
+        if path.exists() and not path.is_file():
+            raise RunError(f"{path} is no regular file; restore it from a copy")
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            self._refuse_lost_record()
+            return Record()
+        except OSError as error:
+            raise RunError(f"{path} cannot be read ({error})") from error
+        record, digest = Record.from_bytes(content, str(path))
+        if digest != config.digest():
+            raise RunError(
+                f"{path} belongs to another configuration than {CONFIG} beside it; "
+                "undo the change, or start anew in another folder"
+            )
+        return record
+
+    def _refuse_lost_record(self) -> None:
+        told = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
+        if self._read_json(CONFIG).get("record") == RECORD:
+            told.append(CONFIG)
+        if told:
+            raise RunError(
+                f"{self.path / RECORD} is missing, though the run has begun ({' and '.join(told)} tell so); "
+                "restore it from a copy, or start anew in another folder"
+            )
+
+    def _refuse_links(self) -> None:
+        """Refuse to write over what lies elsewhere: somebody else's folder may hold links to anything."""
+        for name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
+            if (self.path / name).is_symlink():
+                raise RunError(f"{self.path / name} is a link; put the file itself there")
+
+    def _is_empty_record(self) -> bool:
+        """Tell whether the record is that of a run which was killed before it had a `config.json`."""
+        record, _ = Record.from_bytes((self.path / RECORD).read_bytes(), str(self.path / RECORD))
+        return record.num_generations == 0
+
+    def _remove_leftovers(self) -> None:
+        for path, name in find_leftovers(self.path).items():
+            if name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
+                path.unlink(missing_ok=True)
+
+    def _read_json(self, name: str) -> dict[str, Any]:
+        try:
+            content = read_json(self.path / name)
+        except JsonError as error:
+            raise RunError(f"{self.path / name}: {error}; restore it from a copy") from error
+        if not isinstance(content, dict):
+            raise RunError(f"{self.path / name} holds no run's description")
+        return content
+
+    def _replace(self, name: str, content: bytes) -> None:
+        try:
+            with write_atomically(self.path / name) as beside:
+                beside.write_bytes(content)
+        except OSError as error:
+            raise RunError(
+                f"{self.path / name} cannot be written ({error}); the last checkpoint is kept, "
+                "make room and resume"
+            ) from error
+
+
+def load_champion(path: str | Path) -> Champion:
+    """Read a champion from `champion.json` or from the folder of a run.
+
+    Raises:
+        RunError: missing or damaged.
+    """
+    path = Path(path)
+    path = path / CHAMPION if path.is_dir() else path
+    try:
+        return Champion.from_dict(read_json(path))
+    except (JsonError, RunError) as error:
+        raise RunError(f"{path}: {error}; a run writes it after each generation") from error
+
+
+def format_history(history: np.ndarray) -> str:
+    """Return `history.csv`: numbers in their shortest exact form."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(HISTORY.names or ())
+    writer.writerows([value.item() for value in row] for row in history)
+    return buffer.getvalue()
+
+
+def _to_json(content: dict[str, Any]) -> bytes:
+    return (json.dumps(content, indent=2) + "\n").encode()
+
+
+def _describe_origin() -> dict[str, Any]:
+    versions = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    revision = find_revision()
+    return {
+        "versions": versions,
+        "commit": revision.commit if revision else None,
+        "dirty": revision.is_dirty if revision else None,
+        "machine": platform.platform(),
+    }

@@ -1,0 +1,1 @@
+"""Geometry that every other folder builds on: poses, boxes, rows, orientation, manifolds, heights, hulls."""

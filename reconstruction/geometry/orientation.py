@@ -1,0 +1,59 @@
+"""Which side of a surface is outside: faces wound so that their normals point there."""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
+
+OPEN_SHARE = 0.2
+"""A component whose normals sum to less than this share of its area is as good as closed."""
+
+
+def orient_outwards(
+    vertices: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the faces, each component turned to the outside; within a component they must be wound alike.
+
+    Towards the scanner where its position is known; else outwards for closed components (and nearly closed
+    ones), upwards (along z) for sheets.
+
+    Args:
+        vertices: `[V, 3]`.
+        faces: `[F, 3]`.
+        viewpoint: `[3]` position of the scanner, or `[K, 3]` positions, each face seen from the nearest.
+    """
+    if len(faces) == 0:
+        return faces
+    corners = vertices[faces]
+    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle = corners.mean(axis=1)
+    part = find_components(faces, len(vertices))
+    count = part.max() + 1
+    if viewpoint is not None:
+        seen_from = np.atleast_2d(viewpoint)
+        if len(seen_from) > 1:
+            squared = sum_rows((middle[:, None] - seen_from[None]) ** 2)
+            seen_from = seen_from[squared.argmin(axis=1)]
+        towards = np.bincount(part, sum_rows((seen_from - middle) * cross), count)
+    else:
+        area = np.bincount(part, find_lengths(cross), count)
+        total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
+        center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
+        center /= np.bincount(part, minlength=count)[:, None]
+        volume = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
+        is_sheet = find_lengths(total) > OPEN_SHARE * area
+        towards = np.where(is_sheet, total[:, 2], volume)
+    is_turned = towards[part] < 0
+    return np.where(is_turned[:, None], faces[:, ::-1], faces)
+
+
+def find_components(faces: np.ndarray, num_vertices: int) -> np.ndarray:
+    """Return the component of every face, `[F]`, numbered from 0 in the order of their first faces."""
+    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num_vertices, num_vertices))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    _, first, part = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[part]

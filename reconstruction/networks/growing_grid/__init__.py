@@ -1,0 +1,1 @@
+"""The growing grid (GG): growth, learning, the paper's sequential mode, refinement."""

@@ -1,0 +1,268 @@
+"""Growing grid: a sheet of units that unfolds over the points and grows by whole rows and columns.
+
+References:
+    Fritzke (1995), "Growing grid: a self-organizing network with constant neighborhood range and adaptation
+    strength"; Kohonen (1993), "Things you haven't heard about the self-organizing map" (the batch rule).
+
+Differs: winners are found for all signals at once and the units move to kernel-weighted means (the batch
+rule); several lines are inserted a round; instead of the literal fine-tuning the sheet is fitted to the
+samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the rim nor
+the edges shrink. `mode="paper"` has the sequential rules (`grid_paper`).
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.rows import sum_rows
+from reconstruction.networks.growing_grid import paper as grid_paper
+from reconstruction.networks.growing_grid.cover import find_covered_cells
+from reconstruction.networks.growing_grid.growth import (
+    Insertion,
+    choose_lines,
+    choose_shape,
+    insert_lines,
+    score_gaps,
+    start_grid,
+)
+from reconstruction.networks.growing_grid.learning import (
+    MAX_ITERATIONS,
+    choose_num_samples,
+    choose_sigmas,
+    find_capacity,
+    fit_grid,
+    learn,
+)
+from reconstruction.networks.growing_grid.mesh import triangulate, untangle_sheet
+from reconstruction.networks.som.density import study_density
+from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
+from reconstruction.progress import Progress, silent
+
+MAX_FIT_SAMPLES = 200
+"""Samples for each unit that the final fit uses."""
+MAX_REFINE_ITERATIONS = 4
+"""Iterations of the fit of a part that learns on: it has less far to go."""
+FIRST_ITERATIONS = 10
+"""Batch steps a round while the grid is small: it settles its direction then."""
+
+
+@dataclass(frozen=True)
+class GrowingGridConfig:
+    """How a growing grid learns; all lengths are relative to the grid's own spacing.
+
+    Attributes:
+        units: units wanted; the grid ends with rows x columns as near to it as whole lines allow.
+        triangles: triangles wanted instead: 2 (rows - 1) (columns - 1).
+        insertion: where a line goes; None: "longest" in batches, "counter" in paper mode. "longest": where
+            the mean edge across is longest; "counter": between the unit that won most and its neighbour that
+            won most (the paper's); "distant": between the unit that won most and its farthest neighbour
+            (Fritzke's, and what "longest" means in paper mode).
+        mode: "batch", or "paper" for the sequential rules.
+        growth: factor on the number of units in a round of the growth phase.
+        samples_per_unit: points used while growing, for each unit; the final fit uses all.
+        iterations: batch steps a round.
+        sigma: width of the neighbourhood while growing, in grid steps.
+        fit_sigmas: width of the neighbourhood in each iteration of the final fit, by default chosen by the
+            number of samples a unit; below 0.5 the sheet folds.
+        stiffness: unwillingness to slide within the surface in the final fit.
+        signals_per_unit: signals between two insertions, for each unit (paper mode; lambda_g).
+        fine_signals_per_unit: signals of the fine-tuning, for each unit (paper mode; lambda_f).
+    """
+
+    units: int = 2200
+    triangles: int | None = None
+    insertion: Insertion | None = None
+    mode: Literal["batch", "paper"] = "batch"
+    growth: float = 6.0
+    samples_per_unit: int = 20
+    iterations: int = 3
+    sigma: float = 0.9
+    fit_sigmas: tuple[float, ...] | None = None
+    stiffness: float = 0.03
+    signals_per_unit: int = 30
+    fine_signals_per_unit: int = 100
+
+    def __post_init__(self) -> None:
+        if self.triangles is not None and self.triangles < 2:
+            raise ReconstructionError(f"triangles must be at least 2, got {self.triangles}")
+        if self.units < 4:
+            raise ReconstructionError(f"units must be at least 4 (a grid of 2 x 2), got {self.units}")
+        if self.insertion not in (None, "longest", "counter", "distant"):
+            raise ReconstructionError(
+                f"insertion must be 'longest', 'counter' or 'distant', got {self.insertion!r}"
+            )
+        if self.mode not in ("batch", "paper"):
+            raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
+        if self.fit_sigmas is not None and not 0 < len(self.fit_sigmas) <= MAX_ITERATIONS:
+            raise ReconstructionError(
+                f"fit_sigmas must be 1 to {MAX_ITERATIONS} widths, got {len(self.fit_sigmas)}"
+            )
+        if not self.growth > 1:
+            raise ReconstructionError(f"growth must be above 1, got {self.growth}")
+
+    @property
+    def rule(self) -> Insertion:
+        """The insertion rule: the one asked for, or the mode's own."""
+        return self.insertion or ("longest" if self.mode == "batch" else "counter")
+
+    @property
+    def wanted_units(self) -> int:
+        """Units that the wanted triangles would have in a square grid, or the units asked for."""
+        return self.units if self.triangles is None else round((np.sqrt(self.triangles / 2) + 1) ** 2)
+
+
+class State(NamedTuple):
+    """A grid that has learnt.
+
+    Attributes:
+        units: `[R, C, 3]` reference vectors [m].
+        has_face: `[R - 1, C - 1]` whether the cell between four units belongs to the surface.
+    """
+
+    units: np.ndarray
+    has_face: np.ndarray
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """`[V, 3]` the units, row after row [m]."""
+        return self.units.reshape(-1, 3)
+
+    @property
+    def faces(self) -> np.ndarray:
+        """`[F, 3]` two triangles a cell."""
+        return triangulate(self.units, self.has_face)
+
+
+def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress: Progress = silent) -> State:
+    """Let a grid of 2 x 2 units grow over the points.
+
+    Args:
+        points: `[N, 3]` finite positions [m], N >= units.
+        config: how.
+        seed: of the order of the signals.
+        progress: told how far it is.
+    """
+    rng = np.random.default_rng(seed)
+    center = points.mean(axis=0)
+    scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
+    scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
+    if config.mode == "paper":
+        units = grid_paper.train(
+            scaled,
+            config.wanted_units,
+            config.triangles,
+            config.rule,
+            config.signals_per_unit,
+            config.fine_signals_per_unit,
+            rng,
+            progress,
+        )
+    else:
+        units = _train_batch(scaled, config, rng, progress)
+    progress("done", 1.0)
+    rows, columns = units.shape[:2]
+    has_face = np.ones((rows - 1, columns - 1), dtype=bool)
+    if config.mode == "batch":
+        has_face = find_covered_cells(units, scaled)
+        units = untangle_sheet(units, has_face)
+    return State(units.astype(np.float64) * scale + center, has_face)
+
+
+def _train_batch(
+    points: np.ndarray, config: GrowingGridConfig, rng: np.random.Generator, progress: Progress
+) -> np.ndarray:
+    """Drop outliers, grow, fit: `[R, C, 3]`."""
+    tiles = make_tiles(points)
+    is_sound = study_density(points, tiles.tree, rng).weights > 0
+    if not is_sound.all():
+        points = points[is_sound]
+        tiles = make_tiles(points)
+    sort = functools.cache(lambda number: tiles if number == len(points) else make_tiles(points[:number]))
+    units = _grow(points, sort, config, progress)
+    progress("fit", 0.8)
+    wanted = config.wanted_units
+    number = choose_num_samples(len(points), MAX_FIT_SAMPLES * wanted)
+    sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
+    return fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
+
+
+def _grow(
+    points: np.ndarray, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
+) -> np.ndarray:
+    """Grow from 2 x 2 to the wanted number of units.
+
+    Args:
+        points: `[N, 3]` in random order.
+        sort: gives the first so many of them in tiles.
+        config: how.
+        progress: told how far it is.
+    """
+    wanted = config.wanted_units
+    units, counts = learn(sort(choose_num_samples(len(points), 1)), start_grid(points), 0.3, iterations=1)
+    num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
+    for current in range(1, num_rounds + 1):
+        progress("grow", 0.8 * (current - 1) / num_rounds)
+        goal = round(4 * (wanted / 4) ** (current / num_rounds))
+        shape = choose_shape(
+            units, counts, goal, config.rule, config.triangles, is_last=current == num_rounds
+        )
+        down, across = score_gaps(units, counts, config.rule)
+        units = insert_lines(units, choose_lines(down, shape[0] - len(down) - 1, config.rule))
+        columns = choose_lines(across, shape[1] - len(across) - 1, config.rule)
+        units = insert_lines(units.swapaxes(0, 1), columns).swapaxes(0, 1)
+        capacity = find_capacity(goal)
+        units, counts = learn(
+            sort(choose_num_samples(len(points), config.samples_per_unit * capacity)),
+            units,
+            sigma=min(config.sigma, 0.2 * min(shape)),
+            iterations=FIRST_ITERATIONS if capacity <= MAX_CANDIDATES else config.iterations,
+            goal=goal,
+        )
+    return units
+
+
+def refine(
+    state: State,
+    points: np.ndarray,
+    new_points: np.ndarray,
+    config: GrowingGridConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+    origins: np.ndarray | None = None,
+) -> tuple[State, np.ndarray]:
+    """Let the same grid learn from new readings.
+
+    Args:
+        state: the grid.
+        points: `[N, 3]` what it has learnt from [m].
+        new_points: `[M, 3]` what was read since [m].
+        config: as it was grown with.
+        seed: of the order of the readings.
+        progress: told how far it is.
+        origins: `[M, 3]` where the new readings were made from: what their rays pass through is gone.
+
+    Returns:
+        The new grid, and the points that are still true with the new ones.
+    """
+    from reconstruction.networks.growing_grid.refinement import (
+        refine_sheet,
+    )  # a fresh process that only reconstructs starts sooner
+
+    progress("refine", 0.0)
+    units, has_face, known = refine_sheet(
+        state.units,
+        state.faces,
+        state.has_face,
+        points,
+        new_points,
+        config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0])[:MAX_REFINE_ITERATIONS],
+        config.stiffness,
+        np.random.default_rng(seed),
+        origins,
+    )
+    progress("refine", 1.0)
+    return State(units, has_face), known

@@ -1,0 +1,185 @@
+"""The growing self-reconstruction map by its literal rules, one signal after the other.
+
+For comparison and for teaching: some 30 microseconds a signal and more, 200 signals a unit.
+
+References:
+    Rêgo, Araújo and Lima Neto (2010), "Growing self-reconstruction maps", IEEE Transactions on Neural
+    Networks 21(2): competitive Hebbian learning extended by faces, growth, topology learning.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from reconstruction.geometry.manifold import make_winding
+from reconstruction.networks.gsrm.paper_mesh import PaperMesh
+from reconstruction.networks.gsrm.paper_patching import patch_mesh
+from reconstruction.progress import Progress
+
+
+@dataclass(frozen=True)
+class Rates:
+    """The rules' constants, as published.
+
+    Attributes:
+        insertion_period: signals between two new units (lambda).
+        winner_rate: how far the winner moves towards the signal (eps_b).
+        neighbor_rate: how far its neighbours move (eps_n).
+        split_decay: factor on the errors of the two units beside a new one (alpha).
+        error_decay: factor on all errors at every signal (beta).
+        max_age: an edge that has not been confirmed goes after so many signals of its units (age_max).
+    """
+
+    insertion_period: int = 200
+    winner_rate: float = 0.05
+    neighbor_rate: float = 0.0006
+    split_decay: float = 0.95
+    error_decay: float = 0.9995
+    max_age: int = 200
+
+
+class PaperMap:
+    """A map that learns signal by signal.
+
+    Attributes:
+        mesh: units, edges and faces; units without edges are gone.
+        positions: `[C, 3]` reference vectors; gone ones lie far away.
+        errors: `[C]` accumulated squared distances, below zero where gone.
+        num_alive: how many units there are.
+    """
+
+    def __init__(self, start: np.ndarray, capacity: int, rates: Rates) -> None:
+        """Begin with a few units without edges.
+
+        Args:
+            start: `[3, 3]` the first reference vectors.
+            capacity: units for which there is room at first.
+            rates: the constants.
+        """
+        self.rates = rates
+        self.mesh = PaperMesh()
+        self.positions = np.full((capacity, 3), 1e9)
+        self.errors = np.full(capacity, -1.0)
+        self.num_alive = 0
+        for position in start:
+            self._add_unit(position, 0.0)
+
+    def learn(self, signal: np.ndarray) -> None:
+        """Adapt to one signal (steps 2 to 6): join the winners, move, age."""
+        num_slots = len(self.mesh.neighbors)
+        offset = self.positions[:num_slots] - signal
+        squared = np.einsum("uk,uk->u", offset, offset)
+        winner = int(squared.argmin())
+        squared[winner] = np.inf
+        join_winners(self.mesh, self.positions, winner, int(squared.argmin()))
+        self.positions[winner] += self.rates.winner_rate * (signal - self.positions[winner])
+        offset = signal - self.positions[winner]
+        self.errors[winner] += offset @ offset
+        self.errors[:num_slots] *= self.rates.error_decay
+        around = list(self.mesh.neighbors[winner])
+        self.positions[around] += self.rates.neighbor_rate * (signal - self.positions[around])
+        self._age_edges(winner)
+
+    def insert_unit(self) -> None:
+        """Put a unit between the one of largest error and its worst neighbour (step 7)."""
+        worst = int(self.errors.argmax())
+        around = list(self.mesh.neighbors[worst])
+        if not around:
+            return
+        neighbor = around[int(self.errors[around].argmax())]
+        self.mesh.remove_edge(worst, neighbor)
+        self.errors[[worst, neighbor]] *= self.rates.split_decay
+        middle = (self.positions[worst] + self.positions[neighbor]) / 2
+        unit = self._add_unit(middle, float(self.errors[[worst, neighbor]].mean()))
+        self.mesh.add_edge(worst, unit)
+        self.mesh.add_edge(neighbor, unit)
+
+    def _add_unit(self, position: np.ndarray, error: float) -> int:
+        unit = self.mesh.add_unit()
+        if unit == len(self.positions):
+            self.positions = np.concatenate([self.positions, np.full_like(self.positions, 1e9)])
+            self.errors = np.concatenate([self.errors, np.full_like(self.errors, -1.0)])
+        self.positions[unit], self.errors[unit] = position, error
+        self.num_alive += 1
+        return unit
+
+    def _age_edges(self, winner: int) -> None:
+        """Make the winner's edges older; those too old go, and units that lose their last."""
+        ages = self.mesh.neighbors[winner]
+        for neighbor in list(ages):
+            ages[neighbor] += 1
+            self.mesh.neighbors[neighbor][winner] = ages[neighbor]
+            if ages[neighbor] > self.rates.max_age:
+                self.mesh.remove_edge(winner, neighbor)
+                if not self.mesh.neighbors[neighbor]:
+                    self._remove_unit(neighbor)
+        if not ages:
+            self._remove_unit(winner)
+
+    def _remove_unit(self, unit: int) -> None:
+        self.positions[unit], self.errors[unit] = 1e9, -1.0
+        self.num_alive -= 1
+
+
+def join_winners(mesh: PaperMesh, positions: np.ndarray, first: int, second: int) -> None:
+    """Confirm or draw the edge between two winners (steps 3 and 4), with its faces.
+
+    An edge that a common neighbour sees at more than 90 degrees (within the ball of Thales) goes. A new edge
+    takes the place of those between common neighbours, and gets faces with the first two of these.
+    """
+    common = mesh.find_common(first, second)
+    if mesh.has_edge(first, second):
+        mesh.neighbors[first][second] = mesh.neighbors[second][first] = 0
+        for unit in common:
+            if (positions[first] - positions[unit]) @ (positions[second] - positions[unit]) < 0:
+                mesh.remove_edge(first, second)
+                return
+        return
+    for place, unit in enumerate(common):
+        for other in common[place + 1 :]:
+            if mesh.has_edge(unit, other):
+                mesh.remove_edge(unit, other)
+    mesh.add_edge(first, second)
+    for unit in common[:2]:
+        mesh.add_face(first, second, unit)
+
+
+def train(
+    points: np.ndarray, num_units: int, rng: np.random.Generator, progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
+    """Grow a map by the literal rules, learn its topology once more, patch it.
+
+    Args:
+        points: `[N, 3]`.
+        num_units: units wanted.
+        rng: shuffles the signals.
+        progress: told how far it is.
+
+    Returns:
+        Units `[U, 3]` that have a face, and faces `[F, 3]`: no edge has more than two, vertices may be
+        pinched; wound alike as far as that is possible.
+    """
+    rates = Rates()
+    order = rng.permutation(len(points))
+    network, place = PaperMap(points[order[:3]], num_units + 64, rates), 3
+    for _ in range(4 * num_units):
+        for _ in range(rates.insertion_period):
+            if place == len(points):
+                order, place = rng.permutation(len(points)), 0
+            network.learn(points[order[place]])
+            place += 1
+        network.insert_unit()
+        if network.num_alive >= num_units:
+            break
+        if network.num_alive % 16 == 0:
+            progress("grow", 0.9 * network.num_alive / num_units)
+    progress("learn the topology", 0.9)
+    _, winners = cKDTree(network.positions[: len(network.mesh.neighbors)]).query(points[order], k=2)
+    for first, second in winners.tolist():
+        join_winners(network.mesh, network.positions, first, second)
+    patch_mesh(network.mesh, network.positions)
+    faces = network.mesh.gather_faces()
+    used, flat = np.unique(faces, return_inverse=True)
+    units = network.positions[used]
+    return units, make_winding(units, flat.reshape(-1, 3))

@@ -1,0 +1,1 @@
+"""What both networks share: the search of winners, density of samples, padding, compilation."""

@@ -1,0 +1,310 @@
+"""Fit a finished mesh to its samples by least squares: crests get sharp, the rim comes out to the data.
+
+A self-organising map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
+the rim inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
+vertices until the triangles, not the vertices, lie on the samples.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from reconstruction.geometry.rows import find_lengths
+from reconstruction.networks.som.padding import pad_rows, padded_length
+from reconstruction.networks.som.winners import find_winners
+
+STIFFNESS = 0.03
+"""Share of the identity in every vertex's normal matrix: how unwillingly it slides within the surface."""
+STEP_LIMIT = 0.4
+"""Longest step of a vertex in one iteration, in mean edge lengths."""
+REACH = 2.0
+"""Samples farther from the surface than this many mean edge lengths do not belong to it."""
+
+
+class Moments(NamedTuple):
+    """What the samples say about the vertices; rows of vertices without samples are zero.
+
+    Attributes:
+        normal: `[V, 6]` sum of b n nᵀ, upper triangle (xx, xy, xz, yy, yz, zz), n the unit residual.
+        residual: `[V, 3]` sum of b r, the pull.
+        weight: `[V]` sum of b, the barycentric weights.
+    """
+
+    normal: jax.Array
+    residual: jax.Array
+    weight: jax.Array
+
+
+def fit_surface(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    samples: np.ndarray,
+    *,
+    iterations: int = 3,
+    winners: np.ndarray | None = None,
+    weights: np.ndarray | None = None,
+    stiffness: float = STIFFNESS,
+    neighbor_share: float = 0.0,
+    step_limit: float = STEP_LIMIT,
+    reach: float = REACH,
+) -> np.ndarray:
+    """Return vertices moved so that the faces lie on the samples.
+
+    Per sample the closest point on the faces round its winner gives barycentric weights b and the residual r.
+    Per vertex the moments of both are summed (`Moments`), and the vertex moves by (A/c + aI)⁻¹ g/c.
+    Samples beyond the rim pull it out. Outliers count little: the weight falls with the part of r along
+    the face's normal (Cauchy), and vanishes beyond `reach`.
+
+    Args:
+        vertices: `[V, 3]` positions, any unit; all parameters are relative to the mean edge length.
+        faces: `[F, 3]` vertex indices.
+        samples: `[N, 3]` points of the surface.
+        iterations: how often to repeat; more than about four fit the noise.
+        winners: `[N]` nearest vertex of every sample; searched for if absent.
+        weights: `[N]` weight of every sample, for clouds of uneven density; 1 if absent.
+        stiffness: a above.
+        neighbor_share: share of the neighbours' moments that every vertex adds to its own; above 0 for noisy
+            data or fewer than about 20 samples a vertex.
+        step_limit: longest step in one iteration, in mean edge lengths.
+        reach: distance, in mean edge lengths, at which a sample ceases to count.
+
+    Returns:
+        `[V, 3]` float64. Vertices without faces or samples stay where they are.
+    """
+    vertices = np.asarray(vertices, dtype=np.float64)
+    faces = np.asarray(faces)
+    if len(faces) == 0 or len(samples) == 0 or iterations <= 0:
+        return vertices.copy()
+    if winners is None:
+        winners = find_winners(samples, vertices, 1)[:, 0]
+    center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
+    if not scale > 0:
+        return vertices.copy()
+    num_vertices = padded_length(len(vertices))
+    num_samples = padded_length(len(samples), minimum=1024)
+    ring = pad_rows(make_ring(faces, len(vertices)), num_vertices, -1)
+    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
+    scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
+    sample_weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
+    moved = _fit(
+        scaled,
+        ring,
+        pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples),
+        winners,
+        sort_by_degree(ring, winners),
+        pad_rows(sample_weights, num_samples),
+        np.float32(stiffness),
+        np.float32(neighbor_share),
+        np.float32(step_limit),
+        np.float32(reach),
+        np.int32(iterations),
+        chunk=find_chunk(num_samples),
+    )
+    step = np.asarray(moved)[: len(vertices)] - scaled[: len(vertices)]
+    return vertices + step.astype(np.float64) * scale
+
+
+def mean_edge_length(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Return the mean length of the faces' sides."""
+    corners = vertices[faces]
+    return float(find_lengths(corners - np.roll(corners, 1, axis=1)).mean())
+
+
+def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:
+    """Return the faces round every vertex: `[V, D, 2]` the other two corners in order, -1 where none."""
+    owner = faces.ravel()
+    others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
+    order = np.argsort(owner, kind="stable")
+    count = np.bincount(owner, minlength=num_vertices)
+    depth = -(-int(count.max(initial=1)) // 4) * 4
+    slot = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    ring = np.full((num_vertices, depth, 2), -1, dtype=np.int32)
+    ring[owner[order], slot] = others[order]
+    return ring
+
+
+def sort_by_degree(ring: np.ndarray, winners: np.ndarray) -> np.ndarray:
+    """Return the order of samples in which the numbers of faces round their winners `[N]` rise: `[N]` int32."""
+    degree = (ring[..., 0] >= 0).sum(axis=1).astype(np.uint16)
+    return np.argsort(degree[winners], kind="stable").astype(np.int32)
+
+
+def find_chunk(num_samples: int) -> int:
+    """Return how many samples to treat at once: what fits the cache of a core, or plenty for a GPU."""
+    wanted = 4096 if jax.default_backend() == "cpu" else 2**20
+    while wanted > 1 and num_samples % wanted:
+        wanted //= 2
+    return wanted
+
+
+@partial(jax.jit, static_argnames="chunk")
+def _fit(
+    vertices,
+    ring,
+    samples,
+    winners,
+    order,
+    weights,
+    stiffness,
+    neighbor_share,
+    step_limit,
+    reach,
+    iterations,
+    *,
+    chunk,
+):
+    """Repeat moments and step; all lengths in mean edge lengths."""
+
+    def iterate(_, positions):
+        moments = sum_moments(positions, ring, samples, winners, weights, reach, order, chunk=chunk)
+        moments = _share(moments, ring, neighbor_share)
+        return positions + solve_moments(moments, stiffness, step_limit)
+
+    return jax.lax.fori_loop(0, iterations, iterate, vertices)
+
+
+def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *, chunk: int) -> Moments:
+    """Sum the samples' residuals to the surface at the vertices.
+
+    Args:
+        vertices: `[V, 3]` in mean edge lengths, as all lengths here.
+        ring: `[V, D, 2]` of `make_ring`.
+        samples: `[N, 3]`, N a multiple of `chunk`.
+        winners: `[N]` the vertex whose faces are tried.
+        weights: `[N]`; 0 for padding.
+        reach: distance at which a sample ceases to count.
+        order: `[N]` of `sort_by_degree`: where few faces are to be tried, a chunk is soon done; None: as they come.
+        chunk: how many samples at once.
+    """
+    is_face = ring[..., 0] >= 0
+    own = vertices[:, None]
+    first = jnp.where(is_face[..., None], vertices[ring[..., 0]] - own, 0.0)
+    second = jnp.where(is_face[..., None], vertices[ring[..., 1]] - own, 0.0)
+    table = jnp.concatenate([first, second], axis=-1).transpose(1, 2, 0)  # [D, 6, V]
+    degree = is_face.sum(axis=1)
+
+    def choose(batch):
+        points, winner = batch
+        offset = (points - vertices[winner]).T  # [3, n]
+        return _closest_on_ring(offset, winner, table, degree[winner].max())
+
+    def split(arrays):
+        return jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), arrays)
+
+    def describe(batch):
+        points, winner, weight, slot, second_weight, third_weight = batch
+        offset = (points - vertices[winner]).T  # [3, n]
+        chosen = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
+        side, other = chosen[:, :3], chosen[:, 3:]
+        residual = offset.T - second_weight[:, None] * side - third_weight[:, None] * other
+        corner = jnp.concatenate([winner[:, None], jnp.maximum(ring[winner, slot], 0)], axis=1)
+        barycentric = jnp.stack([1 - second_weight - third_weight, second_weight, third_weight], axis=1)
+        along = jnp.abs(_along_normal(side, other, residual))
+        is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < reach**2)
+        return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
+
+    sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
+    found = [a.ravel() for a in jax.lax.map(choose, split(sorted_by_degree))]
+    if order is not None:
+        found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
+    residual, corner, barycentric, along, weight = jax.lax.map(
+        describe, split((samples, winners, weights, *found))
+    )
+    typical = jnp.sum(weight * jnp.minimum(along, 0.5)) / jnp.maximum(jnp.sum(weight), 1e-9)
+    weight = weight / (1 + (along / (6 * typical + 1e-6)) ** 2)
+    num_vertices = vertices.shape[0]
+
+    def accumulate(total, batch):
+        r, corners, b, w = batch
+        n = r / jnp.maximum(jnp.linalg.norm(r, axis=1, keepdims=True), 1e-12)
+        outer = jnp.stack(
+            [n[:, i] * n[:, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))], axis=1
+        )
+        row = jnp.concatenate([outer, r, jnp.ones_like(r[:, :1])], axis=1)
+        rows = (b * w[:, None])[:, :, None] * row[:, None, :]
+        return total.at[corners.ravel()].add(rows.reshape(-1, 10)), None
+
+    start = jnp.zeros((num_vertices, 10), vertices.dtype)
+    total, _ = jax.lax.scan(accumulate, start, (residual, corner, barycentric, weight))
+    return Moments(total[:, :6], total[:, 6:9], total[:, 9])
+
+
+def solve_moments(moments: Moments, stiffness, step_limit) -> jax.Array:
+    """Return every vertex's step (A/c + aI)⁻¹ g/c, no longer than `step_limit`: `[V, 3]`."""
+    weight = jnp.maximum(moments.weight, 1e-12)[:, None]
+    xx, xy, xz, yy, yz, zz = (moments.normal / weight).T
+    xx, yy, zz = xx + stiffness, yy + stiffness, zz + stiffness
+    gx, gy, gz = (moments.residual / weight).T
+    # The inverse of a symmetric 3x3 matrix by its cofactors.
+    cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    determinant = xx * cxx + xy * cxy + xz * cxz
+    step = jnp.stack(
+        [cxx * gx + cxy * gy + cxz * gz, cxy * gx + cyy * gy + cyz * gz, cxz * gx + cyz * gy + czz * gz], 1
+    )
+    step = jnp.where(moments.weight[:, None] > 1e-9, step / determinant[:, None], 0.0)
+    length = jnp.linalg.norm(step, axis=1, keepdims=True)
+    return step * jnp.minimum(1.0, step_limit / jnp.maximum(length, 1e-12))
+
+
+def _closest_on_ring(offset, winner, table, depth):
+    """Return slot and the two barycentric weights of the closest point on a fan of faces.
+
+    Args:
+        offset: `[3, n]` from the fan's own vertex to the sample.
+        winner: `[n]` the fan's own vertex.
+        table: `[D, 6, V]` the two sides of every face that start at each vertex.
+        depth: how many faces the largest of these fans has.
+    """
+
+    def compare(slot, best):
+        face = table[slot][:, winner]
+        side, other = face[:3], face[3:]
+        d00, d01, d11 = (side * side).sum(0), (side * other).sum(0), (other * other).sum(0)
+        d20, d21 = (offset * side).sum(0), (offset * other).sum(0)
+        determinant = d00 * d11 - d01 * d01
+        inverse = 1 / jnp.where(determinant > 1e-9, determinant, 1.0)
+        v, w = (d11 * d20 - d01 * d21) * inverse, (d00 * d21 - d01 * d20) * inverse
+        is_inside = (v >= 0) & (w >= 0) & (v + w <= 1) & (determinant > 1e-9)
+        on_side = jnp.clip(d20 / jnp.maximum(d00, 1e-12), 0, 1)
+        on_other = jnp.clip(d21 / jnp.maximum(d11, 1e-12), 0, 1)
+        across = d00 + d11 - 2 * d01
+        on_across = jnp.clip((d21 - d20 - d01 + d00) / jnp.maximum(across, 1e-12), 0, 1)
+        for cv, cw, allowed in (
+            (v, w, is_inside),
+            (on_side, 0.0 * on_side, ~is_inside),
+            (0.0 * on_other, on_other, ~is_inside),
+            (1 - on_across, on_across, ~is_inside),
+        ):
+            # |offset - v side - w other|² without its constant |offset|².
+            distance = cv * (cv * d00 - 2 * d20 + 2 * cw * d01) + cw * (cw * d11 - 2 * d21)
+            distance = jnp.where(allowed, distance, jnp.inf)
+            is_closer = distance < best[0]
+            best = jax.tree.map(partial(jnp.where, is_closer), (distance, slot, cv, cw), best)
+        return best
+
+    nothing = jnp.zeros(offset.shape[1], offset.dtype)
+    start = (nothing + jnp.inf, jnp.zeros(offset.shape[1], jnp.int32), nothing, nothing)
+    return jax.lax.fori_loop(0, depth, compare, start)[1:]
+
+
+def _along_normal(side, other, residual):
+    """Return the part of the residual along the normal of the face between two sides: `[n]`."""
+    normal = jnp.cross(side, other)
+    return jnp.sum(normal * residual, axis=1) / jnp.maximum(jnp.linalg.norm(normal, axis=1), 1e-12)
+
+
+def _share(moments: Moments, ring, share) -> Moments:
+    """Add a share of the neighbours' moments to every vertex's own."""
+    is_face = (ring[..., 0] >= 0)[..., None]
+    count = jnp.maximum(is_face.sum(axis=1), 1)
+
+    def add(values):
+        columns = values.reshape(values.shape[0], -1)
+        around = jnp.where(is_face, columns[ring[..., 0]], 0.0).sum(axis=1) / count
+        return (columns + share * around).reshape(values.shape)
+
+    return Moments(*(add(values) for values in moments))

@@ -1,0 +1,1 @@
+"""From a surface to convex pieces: planes, slabs, decomposition, and how far the pieces are off."""

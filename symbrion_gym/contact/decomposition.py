@@ -1,0 +1,98 @@
+"""A closed solid as convex pieces, by coacd, which is kept at arm's length."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from reconstruction.geometry.hulls import make_hull
+from symbrion_gym.errors import ArenaError
+
+MIN_VOLUME = 1e-6
+"""Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
+MAX_HULL_VERTICES = 64
+_WORKER = Path(__file__).with_name("coacd_worker.py")
+
+
+def decompose(
+    solid: trimesh.Trimesh,
+    threshold: float = 0.05,
+    seed: int = 0,
+    time_limit: float = 60.0,
+    processor_limit: float | None = None,
+    **options: Any,
+) -> list[trimesh.Trimesh]:
+    """Decompose a closed solid into convex pieces.
+
+    coacd runs in a process of its own: whatever happens to it, the caller lives.
+
+    Args:
+        solid: closed mesh.
+        threshold: concavity left, relative to half the longest extent.
+        seed: of coacd's search.
+        time_limit: the process is ended after this time, by the clock [s].
+        processor_limit: likewise after this processor time, which other work does not change [s].
+        options: more options of `coacd.run_coacd`.
+
+    Raises:
+        ArenaError: coacd crashed, ran out of time or found nothing.
+
+    References:
+        Wei, Liu, Ling, Su (2022), Approximate convex decomposition for 3D meshes with collision-aware
+        concavity and tree search.
+    """
+    options = {"threshold": threshold, "seed": seed, "max_ch_vertex": MAX_HULL_VERTICES, **options}
+    with tempfile.TemporaryDirectory(prefix="symbrion-coacd-") as folder:
+        source, target = Path(folder) / "solid.npz", Path(folder) / "pieces.npz"
+        np.savez(source, vertices=solid.vertices, faces=solid.faces, options=json.dumps(options))
+        # As a file, not as a module: the package itself would be imported, a second for nothing.
+        command = [sys.executable, "-P", str(_WORKER), str(source), str(target)]
+        if processor_limit is not None:
+            command.append(str(max(int(np.ceil(processor_limit)), 1)))
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=time_limit, check=False)
+        except subprocess.TimeoutExpired as error:
+            raise ArenaError(
+                f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
+                "ask for less accuracy or allow more time"
+            ) from error
+        if done.returncode == -signal.SIGXCPU:
+            raise ArenaError(
+                f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
+                "the mesh, ask for less accuracy or allow more time"
+            )
+        if done.returncode or not target.is_file():
+            last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+            raise ArenaError(f"coacd failed on {len(solid.faces)} faces (exit {done.returncode}): {last}")
+        with np.load(target, allow_pickle=False) as arrays:
+            parts = [(arrays[f"vertices_{i}"], arrays[f"faces_{i}"]) for i in range(int(arrays["count"]))]
+    pieces = [piece for vertices, _ in parts if (piece := make_piece(vertices)) is not None]
+    if not pieces:
+        raise ArenaError(f"coacd found no piece with a volume in {len(solid.faces)} faces")
+    return pieces
+
+
+def make_piece(points: np.ndarray) -> trimesh.Trimesh | None:
+    """Return the convex hull of points, of at most 64 vertices; None where it is flat."""
+    hull = make_hull(points)
+    if hull is not None and len(hull.vertices) > MAX_HULL_VERTICES:
+        hull = make_hull(_take_extremes(np.asarray(hull.vertices)))
+    return hull if hull is not None and hull.volume > MIN_VOLUME else None
+
+
+def _take_extremes(points: np.ndarray) -> np.ndarray:
+    """The points farthest out, each farthest from those taken before."""
+    taken = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    distance = np.linalg.norm(points - points[taken[0]], axis=1)
+    while len(taken) < MAX_HULL_VERTICES:
+        taken.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(points - points[taken[-1]], axis=1))
+    return points[taken]

@@ -1,1 +1,0 @@
-"""From a surface to convex pieces: repair, closing, cutting, decomposition."""

@@ -1,0 +1,147 @@
+"""Jobs in the real environment: equal on any number of lanes, threads and beside any neighbours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evolution.backends import rollout
+from evolution.backends.rollout import make_environment_options, simulate, split_job
+from evolution.backends.trials import Job, Outcome, Randomisation, Trials
+from evolution.champions.policy import ChampionPolicy
+from evolution.controllers.controller import REFLEX, SENSORS, make_controller
+from evolution.errors import RunError
+from evolution.search.config import EvolutionConfig
+from evolution.search.evaluation import evaluate, make_backend
+from evolution.search.loop import evolve
+from evolution.search.validation import Champion
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+
+SHORT = Trials(modules=4, count=3, seed=(4,), environment=(("duration", 3.0),))
+
+
+def make_jobs(trials: Trials = SHORT, count: int = 3) -> list[Job]:
+    genotypes = np.random.default_rng(0).uniform(-0.5, 0.5, (count, 8))
+    return [Job(genotype, trials) for genotype in genotypes]
+
+
+def test_lanes_threads_and_neighbours_change_nothing(monkeypatch):
+    jobs = make_jobs()
+    expected = simulate(jobs, 1)
+    assert simulate(jobs, 2) == expected
+    assert [simulate([job], 1)[0] for job in jobs] == expected
+    monkeypatch.setattr(rollout, "LANES", (2,))
+    rollout._environments.clear()
+    assert simulate(jobs[::-1], 1)[::-1] == expected
+
+
+def test_a_mixed_batch_is_sorted_out():
+    jobs = (
+        make_jobs(count=2)
+        + make_jobs(replace(SHORT, modules=5), 2)
+        + make_jobs(replace(SHORT, start="floor"), 1)
+    )
+    assert simulate(jobs, 1) == [simulate([job], 1)[0] for job in jobs]
+
+
+@pytest.mark.parametrize("law", ["reactive", "travelling"])
+def test_the_single_environment_agrees_to_the_bit(law):
+    controller = make_controller(law, 4)
+    job = Job(np.array(controller.initial), replace(SHORT, controller=law))
+    progress, seconds = [], 0.0
+    for trial in split_job(0, job):
+        environment = SnakePitEnv(**make_environment_options(job.trials), stretch=trial.stretch)
+        observation, info = environment.reset(seed=trial.seed, options=dict(trial.conditions))
+        state, ended = controller.begin(1), False
+        while not ended:
+            actions, state = controller.act(
+                observation[None], job.genotype, environment.observation_structure, state
+            )
+            observation, _, terminated, truncated, info = environment.step(actions[0])
+            ended = terminated or truncated
+        progress.append(float(info["progress"]))
+        seconds += float(info["time"])
+    outcome = simulate([job], 1)[0]
+    assert outcome.progress == np.mean(progress)
+    assert outcome.seconds == pytest.approx(seconds)
+
+
+def test_processes_agree_to_the_bit():
+    jobs = make_jobs()
+    backend = make_backend("processes", 2)
+    try:
+        assert backend.run(jobs) == simulate(jobs, 1)
+    finally:
+        backend.close()
+
+
+def test_physics_that_diverges_costs_its_genotype_only(monkeypatch):
+    jobs = make_jobs()
+    expected = simulate(jobs, 1)
+    endings = rollout._run_lanes
+
+    def diverge(environment, controller, trials):
+        ended = endings(environment, controller, trials)
+        return {key: ending._replace(diverged=key[0] == 1) for key, ending in ended.items()}
+
+    monkeypatch.setattr(rollout, "_run_lanes", diverge)
+    outcomes = simulate(jobs, 1)
+    assert outcomes[1].diverged == 3
+    assert outcomes[1].progress == -1.0
+    assert [outcomes[0], outcomes[2]] == [expected[0], expected[2]]
+
+
+def test_an_arena_that_is_not_there_is_an_error_not_a_bad_genotype():
+    with pytest.raises(RunError, match="nowhere"):
+        evaluate(np.zeros(8), arena="nowhere")
+
+
+def test_evolution_runs_in_the_environment(tmp_path):
+    config = EvolutionConfig(
+        arena="truth",
+        modules=4,
+        generations=2,
+        population_size=4,
+        trials=1,
+        folder=str(tmp_path / "run"),
+        environment=(("duration", 2.0),),
+    )
+    run = evolve(config)
+    assert len(run.history) == 2
+    assert run.champion is not None
+    assert run.champion.environment == (("duration", 2.0),)
+
+
+@pytest.fixture
+def champion() -> Champion:
+    controller = make_controller("reactive", 4)
+    return Champion(REFLEX, controller.parameters, "reactive", 4, "truth", 0, 0.0)
+
+
+def test_a_champion_is_a_policy(champion, tmp_path):
+    environment = SnakePitEnv(modules=4, start="pit", duration=2.0, sensors=SENSORS)
+    policy = ChampionPolicy(champion, environment.observation_structure)
+    observation, info = environment.reset(seed=0)
+    state, ended = None, False
+    while not ended:
+        action, state = policy.predict(observation, state)
+        assert environment.action_space.contains(action)
+        observation, _, terminated, truncated, info = environment.step(action)
+        ended = terminated or truncated
+    rest = Randomisation((0.7, 0.7), (1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
+    _, outcomes = evaluate(np.array(REFLEX), modules=4, trials=1, randomisation=rest, duration=2.0)
+    assert isinstance(outcomes[0], Outcome)
+    assert outcomes[0].progress == info["progress"]
+
+
+def test_a_policy_forgets_between_episodes_and_refuses_another_body(champion):
+    environment = SnakePitEnv(modules=4, sensors=SENSORS)
+    policy = ChampionPolicy(champion, environment.observation_structure)
+    rows = np.zeros((2, environment.observation_structure["contact"].stop))
+    _, state = policy.predict(rows)
+    _, state = policy.predict(rows, state, episode_start=np.array([True, False]))
+    assert state.silence[:, 0].tolist() == [1, 2]
+    with pytest.raises(RunError, match="lacks contact"):
+        ChampionPolicy(champion, {"hinge_angle": slice(0, 3), "pitch": slice(3, 7)})
+    with pytest.raises(RunError, match="has 4 modules"):
+        ChampionPolicy(champion, SnakePitEnv(modules=5, sensors=SENSORS).observation_structure)

@@ -1,0 +1,228 @@
+"""The command line: it helps, it refuses in one line, and nothing is left half-written."""
+
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+import toys
+
+import evolution as ev
+import symbrion_gym as sg
+from evolution.cli.commands import COMMANDS
+from evolution.cli.main import run
+
+
+@pytest.fixture
+def cloud(tmp_path: Path) -> Path:
+    """A file of points on a wavy sheet."""
+    points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))
+    points[:, 2] = 0.1 * np.sin(3 * points[:, 0])
+    path = tmp_path / "sheet.xyz"
+    np.savetxt(path, points)
+    return path
+
+
+def refuse(words: list[str], code: int, capsys: pytest.CaptureFixture[str]) -> str:
+    """Run a command line that must fail with one line on standard error; return that line."""
+    assert run(words) == code
+    output = capsys.readouterr()
+    lines = [line for line in output.err.splitlines() if line.startswith("symbrion: ")]
+    assert len(lines) == 1, output.err
+    assert "Traceback" not in output.err
+    return lines[0]
+
+
+def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["reconstruct", str(cloud), "--raw", "--units", "100", "--out", str(tmp_path / "a.ply")]
+    line = refuse([*words, "--max-gigabytes", "0.00005"], 1, capsys)
+    assert "sheet.xyz" in line
+    assert "limit of 5e-05 GB" in line
+    assert "--max-gigabytes" in line
+    assert "no limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
+    assert not (tmp_path / "a.ply").exists()
+    assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([name, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "--json" in text
+    assert ("--seed" in text) == (name not in ("resume", "compare"))
+    assert "Example" in text
+
+
+def test_help_lists_every_subcommand(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in COMMANDS)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"symbrion-gym {version('symbrion-gym')}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fly"], "fly"),
+        (["survey", "truth", "--seed", "-1"], "-1 is negative"),
+        (["survey", "truth", "--seed", "one"], "--seed"),
+        (["survey", "nowhere"], "no arena 'nowhere'"),
+        (["survey", "truth", "--out", "log.txt"], ".npz"),
+        (["reconstruct", "absent.ply"], "no such file"),
+        (["reconstruct"], "SCAN"),
+        (["reconstruct", "absent.ply", "--method", "poisson"], "poisson"),
+        (["arena", "absent.ply"], "no such file"),
+        (["evolve", "--modules", "0"], "--modules 0"),
+        (["evolve", "--body-lengths", "8", "4"], "--body-lengths 8 4"),
+        (["evolve", "--body-lengths", "1", "4"], "--body-lengths 1 4"),
+        (["evolve", "--restart-after", "0"], "--restart-after 0"),
+        (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
+        (["evolve", "--generations", "0"], "--generations 0"),
+        (["evolve", "--workers", "0"], "--workers 0"),
+        (["resume", "absent"], "holds no run"),
+        (["resume", "absent", "--seed", "1"], "--seed"),
+        (["resume", "absent", "--backend", "cluster"], "cluster"),
+        (["replay", "absent"], "holds no run"),
+        (["demo", "--seed", "-5"], "-5 is negative"),
+    ],
+)
+def test_wrong_use_is_one_line(
+    words: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refuse(words, 2, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", ["", "nan nan nan\n" * 100, "0 0 0\n", "hello world\n", "1 2\n3 4\n"])
+def test_unusable_clouds_are_refused(
+    content: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    scan = tmp_path / "scan.xyz"
+    scan.write_text(content)
+    assert "scan.xyz" in refuse(["reconstruct", str(scan), "--out", str(tmp_path / "out.ply")], 1, capsys)
+    assert list(tmp_path.iterdir()) == [scan]
+
+
+@pytest.mark.parametrize("value", ["3", "-1"])
+def test_too_few_units_are_refused(value: str, cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f"--units {value}" in refuse(["reconstruct", str(cloud), "--units", value], 2, capsys)
+
+
+def test_empty_crop_is_refused(cloud: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["reconstruct", str(cloud), "--crop", "1", "0", "0", "1", "0", "1"]
+    assert "--crop" in refuse(words, 2, capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["survey", "truth", "--out", "file/log.npz"], "--out"),
+        (["reconstruct", "file", "--out", "file/surface.npz"], "--out"),
+        (["arena", "file", "--out", "file/arena"], "--out"),
+        (["evolve", "--folder", "file/run"], "--folder"),
+        (["demo", "--out", "file/demo"], "--out"),
+    ],
+)
+def test_places_that_cannot_be_written_are_refused(
+    words: list[str],
+    option: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("in the way")
+    assert option in refuse(words, 2, capsys)
+
+
+def test_reconstruct_writes_mesh_and_summary(
+    cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "surface.ply"
+    assert run(["reconstruct", str(cloud), "--units", "100", "--out", str(out), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["points"] == pytest.approx(3000, rel=0.1)
+    assert summary["quality"]["topology"]["non_manifold_edges"] == 0
+    assert out.stat().st_size > 1000
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["sheet.xyz", "surface.ply"]
+
+
+def test_evolve_then_resume_then_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "run"
+    start = ["evolve", "--arena", "truth", "--modules", "3", "--population", "4", "--trials", "1", "--json"]
+    assert run([*start, "--generations", "2", "--folder", str(folder)]) == 0
+    assert json.loads(capsys.readouterr().out)["generations"] == 2
+    assert "holds" in refuse([*start, "--generations", "2", "--folder", str(folder)], 1, capsys)
+    assert run(["resume", str(folder), "--generations", "3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["generations"] == 3
+    assert run(["replay", str(folder), "--trials", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["trials"] == 2
+
+
+def test_evolution_may_choose_the_length_of_the_body(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["evolve", "--arena", "truth", "--body-lengths", "3", "4", "--population", "4", "--trials", "1"]
+    assert run([*words, "--generations", "1", "--folder", str(tmp_path / "run"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["champion"]["modules"] in (3, 4)
+
+
+DAMAGE = {
+    "friction": lambda about: about | {"friction": "rough"},
+    "num_pieces": lambda about: about | {"num_pieces": 2},
+    "quality": lambda about: about | {"quality": None},
+}
+
+
+@pytest.mark.parametrize("field", DAMAGE)
+def test_a_damaged_arena_is_refused_by_file_and_field(
+    field: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sg.load_arena("truth").save(tmp_path / "pit")
+    about = tmp_path / "pit" / "arena.json"
+    about.write_text(json.dumps(DAMAGE[field](json.loads(about.read_text()))))
+    for words in (
+        ["evolve", "--arena", str(tmp_path / "pit"), "--folder", str(tmp_path / "run")],
+        ["survey", str(tmp_path / "pit"), "--out", str(tmp_path / "log.npz")],
+    ):
+        said = refuse(words, 1, capsys)
+        assert "arena.json" in said
+        assert field in said
+    assert [path.name for path in tmp_path.iterdir()] == ["pit"]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("sigma", float("nan")), ("modules", 10**9), ("stages", 7), ("wings", 2)]
+)
+def test_a_damaged_run_is_refused_by_file_and_field(
+    field: str, value: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = ev.EvolutionConfig(arena="truth", generations=1, folder=str(tmp_path / "run"))
+    ev.evolve(config, simulate=toys.bowl)
+    path = tmp_path / "run" / "config.json"
+    content = json.loads(path.read_text())
+    content["config"][field] = value
+    path.write_text(json.dumps(content))
+    for command in ("resume", "replay", "compare"):
+        said = refuse([command, str(tmp_path / "run")], 1, capsys)
+        assert "config.json" in said
+        assert field in said
+
+
+def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "way.json"
+    for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}"):
+        path.write_text(text)
+        assert "way.json" in refuse(["survey", "truth", "--path", str(path)], 2, capsys)

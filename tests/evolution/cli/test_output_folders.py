@@ -1,0 +1,277 @@
+"""Commands write over nothing of others, and a kill leaves what was there or what was wanted."""
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from kills import kill_at_each_moment
+
+import evolution as ev
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution.cli.main import run
+from evolution.experiments.demo.demo import DemoConfig, claim_folder
+from evolution.experiments.paper import robots
+from evolution.experiments.paper.config import QUICK
+from evolution.experiments.paper.folder import MADE, PaperFolder, write_json
+from evolution.report.page import Page
+
+DEMO_MADE = (
+    "survey.npz",
+    "cloud.ply",
+    "gsrm.npz",
+    "gg.npz",
+    "arenas/gsrm",
+    "arenas/gg",
+    "run",
+    "report.html",
+)
+
+
+def put_mine(folder: Path, name: str) -> Path:
+    """Put a file of the user's where a command would write a file or a folder."""
+    path = folder / name / "notes.txt" if "." not in name else folder / name
+    path.parent.mkdir(parents=True)
+    path.write_text("mine")
+    return path
+
+
+def take_stock(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("name", DEMO_MADE)
+def test_the_demo_refuses_a_folder_with_things_of_others(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_mine(tmp_path / "x", name)
+    before = take_stock(tmp_path)
+    assert run(["demo", "--out", str(tmp_path / "x")]) == 1
+    error = capsys.readouterr().err
+    assert name in error
+    assert "name another folder" in error
+    assert take_stock(tmp_path) == before
+
+
+def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
+    config = DemoConfig(tmp_path / "x")
+    claim_folder(config)
+    for name in DEMO_MADE:
+        (tmp_path / "x" / name).parent.mkdir(exist_ok=True)
+        (tmp_path / "x" / name).touch()
+    claim_folder(config)
+
+
+@pytest.mark.parametrize("content", ['{"my": "own"}', "[]", "not json", ""])
+def test_a_mark_of_others_makes_no_folder_the_demos(tmp_path: Path, content: str) -> None:
+    (tmp_path / "demo.json").write_text(content)
+    (tmp_path / "survey.npz").write_text("mine")
+    with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
+        claim_folder(DemoConfig(tmp_path))
+    assert (tmp_path / "demo.json").read_text() == content
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_paper_refuses_a_folder_with_things_of_others(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_mine(tmp_path / "x", name)
+    before = take_stock(tmp_path)
+    assert run(["paper", "--quick", "--out", str(tmp_path / "x")]) == 1
+    error = capsys.readouterr().err
+    assert name in error
+    assert "name another folder" in error
+    assert take_stock(tmp_path) == before
+
+
+def test_the_paper_begins_a_damaged_run_anew_beside_what_is_not_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = []
+    monkeypatch.setattr(robots.ev, "evolve", lambda config, progress: begun.append(take_stock(tmp_path)))
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("config.json", "record.npz", "notes.txt"):
+        (folder / name).write_text("damaged")
+    robots.evolve_champion(tmp_path, "gsrm", "run", QUICK, 3, 1)
+    assert begun == [{"run/notes.txt": b"damaged", "run/.lock": b""}]
+
+
+def test_the_paper_removes_no_run_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: object, **options: object) -> None:
+        raise ev.RunError("the disk is full")
+
+    monkeypatch.setattr(robots, "_goes_on", lambda wanted, place: True)
+    monkeypatch.setattr(robots.ev, "resume", refuse)
+    put_mine(tmp_path, "run/record.npz")
+    with pytest.raises(ev.RunError, match="disk is full"):
+        robots.evolve_champion(tmp_path, "gsrm", "run", QUICK, 3, 1)
+    assert take_stock(tmp_path) == {"run/record.npz": b"mine"}
+
+
+@pytest.mark.parametrize(("command", "code"), [("arena", 2), ("assets", 1)])
+def test_arenas_go_where_arenas_are(
+    tmp_path: Path, command: str, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mesh = tmp_path / "m.ply"
+    trimesh.creation.box().export(mesh)
+    put_mine(tmp_path / "x", "gsrm")
+    before = take_stock(tmp_path)
+    out = tmp_path / "x" / "gsrm" if command == "arena" else tmp_path / "x"
+    assert run([command, *([str(mesh)] if command == "arena" else []), "--out", str(out)]) == code
+    assert "holds no arena; choose another folder" in capsys.readouterr().err
+    assert take_stock(tmp_path) == before
+
+
+@pytest.mark.parametrize(("command", "name"), [("survey", "survey.npz"), ("reconstruct", "surface.npz")])
+@pytest.mark.parametrize("is_archive", [True, False])
+def test_a_default_name_replaces_nothing_of_others(
+    tmp_path: Path,
+    command: str,
+    name: str,
+    is_archive: bool,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("cloud.xyz", np.random.default_rng(0).uniform(size=(50, 3)))
+    if is_archive:
+        np.savez(name, heights=np.zeros(3))
+    else:
+        Path(name).write_text("mine")
+    before = take_stock(tmp_path)
+    assert run([command, "truth" if command == "survey" else "cloud.xyz"]) == 2
+    assert f"{name} is there and was not written by this command" in capsys.readouterr().err
+    assert take_stock(tmp_path) == before
+
+
+def test_a_scan_is_not_replaced_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scan = tmp_path / "scan.ply"
+    rc.save_points(scan, np.random.default_rng(0).uniform(size=(50, 3)))
+    before = take_stock(tmp_path)
+    assert run(["reconstruct", str(scan), "--out", f"{tmp_path}/../{tmp_path.name}/scan.ply"]) == 2
+    assert "is the scan itself" in capsys.readouterr().err
+    assert take_stock(tmp_path) == before
+
+
+@pytest.mark.parametrize("words", [["survey", "truth"], ["reconstruct", "cloud.xyz"]])
+def test_a_folder_is_never_replaced_by_a_file(
+    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("cloud.xyz").write_text("0 0 0\n0 0 1\n0 1 0\n")
+    put_mine(tmp_path, "out.npz/notes.txt")
+    assert run([*words, "--out", "out.npz"]) == 2
+    assert (tmp_path / "out.npz" / "notes.txt").read_text() == "mine"
+
+
+def make_log(value: float) -> rc.ScanLog:
+    return rc.ScanLog(np.full((2, 3), value), np.arange(3.0), np.stack([np.eye(4)] * 2))
+
+
+def make_page(text: str) -> Page:
+    page = Page(text)
+    page.add_text(text)
+    return page
+
+
+WRITERS = {
+    "scan log": (lambda path, which: make_log(which).save(path), "a.npz"),
+    "points": (lambda path, which: rc.save_points(path, np.full((4, 3), float(which))), "a.ply"),
+    "page": (lambda path, which: make_page(f"page {which}").write(path), "a.html"),
+    "record of an experiment": (lambda path, which: write_json(path, {"figures": which}), "a.json"),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.parametrize("exists", [True, False])
+def test_a_kill_leaves_the_old_file_or_the_new_one(
+    tmp_path: Path, kind: str, exists: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
+    write, name = WRITERS[kind]
+    path = tmp_path / name
+    write(path, 2)
+    new = path.read_bytes()
+    write(path, 1)
+    old = path.read_bytes() if exists else None
+
+    def prepare() -> None:
+        path.unlink() if old is None else path.write_bytes(old)
+
+    seen = set()
+    for _ in kill_at_each_moment(lambda: path.exists() and prepare(), lambda: write(path, 2)):
+        seen.add(path.read_bytes() if path.exists() else None)
+    assert seen == {old, new}
+
+
+def test_a_kill_leaves_a_paper_folder_that_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
+    folder = tmp_path / "paper"
+
+    def work() -> None:
+        PaperFolder(folder, QUICK).keep("cloud", lambda: {"a": 1})
+
+    for _ in kill_at_each_moment(lambda: shutil.rmtree(folder, ignore_errors=True), work):
+        found = PaperFolder(folder, QUICK).find("cloud")
+        assert found is None or found["figures"] == {"a": 1}
+        work()
+
+
+PROGRAM = "import sys; from evolution.cli.main import main; main(sys.argv[1:])"
+KILLS = 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["arena", "survey", "reconstruct"])
+def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
+    """Signal 9 comes a random moment after the first change in the folder."""
+    box = trimesh.creation.box((2, 2, 0.3))
+    box.export(tmp_path / "box.ply")
+    rc.save_points(tmp_path / "cloud.xyz", np.random.default_rng(0).uniform(size=(400, 3)))
+    out = tmp_path / "out" / {"arena": "a", "survey": "a.npz", "reconstruct": "a.npz"}[command]
+    words = {
+        "arena": ["arena", "box.ply", "--kind", "prisms"],
+        "survey": ["survey", "truth", "--speed", "5", "--beams", "31"],
+        "reconstruct": ["reconstruct", "cloud.xyz", "--units", "30", "--raw"],
+    }[command]
+    out.parent.mkdir()
+    rng = random.Random(0)
+    for _ in range(KILLS):
+        before = _list(out.parent)
+        process = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, *words, "--out", str(out), "--quiet", "--json"],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+            stdout=subprocess.DEVNULL,
+        )
+        while process.poll() is None and _list(out.parent) == before:
+            time.sleep(0.002)
+        time.sleep(10 ** rng.uniform(-4, 0))
+        process.send_signal(signal.SIGKILL)
+        assert process.wait() in (0, -signal.SIGKILL)
+        if command == "arena":
+            if (out / "arena.json").exists():
+                assert len(sg.Arena.load(out).pieces) == len(box.faces)
+        elif out.exists():
+            (rc.load_scan_log if command == "survey" else rc.Reconstruction.load)(out)
+
+
+def _list(folder: Path) -> list[tuple[str, int]]:
+    found = []
+    for path in sorted(folder.rglob("*")):
+        try:
+            found.append((str(path), path.stat().st_mtime_ns))
+        except FileNotFoundError:
+            continue
+    return found

@@ -1,0 +1,198 @@
+"""Runs and champions from a stranger: every field is checked by type and range, and named when it is wrong."""
+
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import toys
+
+from evolution.backends.trials import Randomisation, Scoring
+from evolution.errors import RunError
+from evolution.experiments.paper.config import QUICK
+from evolution.experiments.paper.folder import PaperFolder
+from evolution.search.config import EvolutionConfig
+from evolution.search.loop import evolve, load_run, resume
+from evolution.search.run import RunFolder, load_champion
+from evolution.search.stages import Stage
+from evolution.search.validation import Validation
+
+sys.path.append(str(Path(__file__).parents[1] / "reconstruction"))
+from evil_json import DEEP, find_trouble, mutate
+
+CONFIG = EvolutionConfig(
+    arena="truth",
+    generations=1,
+    stop_when_solved=False,
+    stages=(Stage("simple", 5), Stage("truth")),
+    body_lengths=(4, 9),
+    restart_after=7,
+    environment={"pit": 0.35, "sensors": ["pitch", "contact", "hinge_angle"]},  # pyright: ignore[reportArgumentType]
+)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    evolve(replace(CONFIG, folder=str(folder)), simulate=toys.bowl)
+    return folder
+
+
+@pytest.fixture
+def folder(saved, tmp_path) -> Path:
+    return Path(shutil.copytree(saved, tmp_path / "run"))
+
+
+def test_every_field_of_a_config_is_checked(folder):
+    path = folder / "config.json"
+    content = {"config": json.loads(path.read_text())["config"]}
+    troubles = find_trouble(mutate(content), path, lambda: use(RunFolder(folder).read_config()), RunError)
+    assert not troubles, "\n".join(troubles)
+
+
+def use(config: EvolutionConfig) -> None:
+    """What is accepted is a config that can be kept again, and is the same then."""
+    again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
+    assert again == config
+    assert again.digest() == config.digest()
+    assert hash(config)
+
+
+def test_every_field_of_a_champion_is_checked(folder):
+    path = folder / "champion.json"
+    content = json.loads(path.read_text())
+    troubles = find_trouble(mutate(content), path, lambda: hash(load_champion(path)), RunError)
+    assert not troubles, "\n".join(troubles)
+
+
+@pytest.mark.parametrize("text", ["null", "[]", "7", '"run"', "{", "", DEEP, "NaN", '{"config": 1}'])
+@pytest.mark.parametrize("name", ["config.json", "champion.json"])
+def test_files_of_another_kind_are_refused(folder, name, text):
+    (folder / name).write_text(text)
+    load = load_champion if name == "champion.json" else load_run
+    with pytest.raises(RunError, match=name.replace(".", r"\.")) as refusal:
+        load(folder)
+    assert str(refusal.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["config.json", "champion.json"])
+def test_a_folder_in_place_of_a_file_is_refused(folder, name):
+    (folder / name).unlink()
+    (folder / name).mkdir()
+    load = load_champion if name == "champion.json" else load_run
+    with pytest.raises(RunError, match=rf"{name}: there is no such file"):
+        load(folder)
+
+
+def test_integers_are_taken_for_floats(folder):
+    path = folder / "config.json"
+    content = json.loads(path.read_text())
+    content["config"]["scoring"]["success"] = 1
+    path.write_text(json.dumps(content))
+    assert isinstance(load_run(folder).config.scoring.success, float)
+
+
+def test_a_run_configured_with_integers_is_resumed(tmp_path):
+    config = EvolutionConfig(
+        arena="truth",
+        generations=1,
+        sigma=1,
+        scoring=Scoring(success=2),
+        randomisation=Randomisation(friction=(1, 1), stretch=[1]),  # pyright: ignore[reportArgumentType]
+        validation=Validation(rounds=[4, 4], solved=1),  # pyright: ignore[reportArgumentType]
+        folder=str(tmp_path / "run"),
+    )
+    evolve(config, simulate=toys.bowl)
+    assert len(resume(tmp_path / "run", generations=2, simulate=toys.bowl).history) == 2
+
+
+def test_fingerprints_of_runs_that_exist_stay():
+    """Were they others, no run from before could be resumed."""
+    usual = EvolutionConfig(controller="reactive", origin="hint", sigma=0.15, restart_after=None)
+    staged = replace(
+        usual,
+        arena="simple",
+        stages=(Stage("simple", 5), Stage("truth")),
+        body_lengths=(4, 9),
+        environment={"pit": 0.35, "abyss": True},  # pyright: ignore[reportArgumentType]
+    )
+    assert usual.digest().startswith("f87bed95a632b9e9")
+    assert staged.digest().startswith("6368e8626df69a12")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"modules": 51},
+        {"modules": True},
+        {"seed": 2**32},
+        {"trials": 10**6},
+        {"workers": 10**6},
+        {"sigma": float("inf")},
+        {"stage_sigma": -1.0},
+        {"controller": "magic"},
+        {"body_lengths": (4, 51)},
+        {"body_lengths": (4.5, 8)},
+        {"body_lengths": (4, 6, 8)},
+        {"environment": {"wings": 2}},
+        {"environment": {"pit": float("nan")}},
+        {"environment": {"randomise": {"friction": 1}}},
+    ],
+)
+def test_configs_refuse_what_no_machine_holds(arguments):
+    with pytest.raises(RunError, match=next(iter(arguments))):
+        EvolutionConfig(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments"),
+    [
+        (Randomisation, {"friction": (0.0, 1.0)}),
+        (Randomisation, {"yaw": (0.0, 9.0)}),
+        (Randomisation, {"torque_scale": (1.0,)}),
+        (Randomisation, {"stretch": ()}),
+        (Randomisation, {"stretch": (0.0,)}),
+        (Scoring, {"effort": float("nan")}),
+        (Scoring, {"success": 1e308}),
+        (Validation, {"rounds": (1,) * 101}),
+        (Validation, {"rounds": (10**6,)}),
+        (Validation, {"centre": float("inf")}),
+        (Validation, {"start": "sky"}),
+        (Stage, {"arena": "a", "patience": 1.5}),
+        (Stage, {"arena": "a", "trials": 10**9}),
+    ],
+)
+def test_parts_of_a_config_refuse(kind, arguments):
+    with pytest.raises(RunError, match=list(arguments)[-1]):
+        kind(**arguments)
+
+
+def test_a_champion_is_whole(folder):
+    champion = load_champion(folder)
+    for changes in (
+        {"genotype": (1.0,)},
+        {"successes": 9},
+        {"modules": 51},
+        {"genotype": (float("nan"),) * 8},
+    ):
+        with pytest.raises(RunError, match=next(iter(changes))):
+            replace(champion, **changes)
+
+
+def test_every_field_of_the_papers_config_is_checked(tmp_path):
+    PaperFolder(tmp_path, QUICK)
+    path = tmp_path / "config.json"
+    content = json.loads(path.read_text())
+    troubles = find_trouble(mutate(content), path, lambda: PaperFolder(tmp_path, QUICK), RunError)
+    assert not troubles, "\n".join(troubles)
+
+
+def test_every_field_of_an_experiment_is_checked(tmp_path):
+    folder = PaperFolder(tmp_path, QUICK)
+    folder.keep("cloud", lambda: {"points": 3})
+    path = tmp_path / "experiments" / "cloud.json"
+    content = json.loads(path.read_text())
+    troubles = find_trouble(mutate(content), path, lambda: folder.find("cloud"), RunError)
+    assert not troubles, "\n".join(troubles)

@@ -1,0 +1,56 @@
+"""The options of `symbrion survey`: waypoints, scanner, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+import reconstruction as rc
+from evolution.cli.command import UsageError
+from evolution.cli.commands.survey import Survey, read_path
+from evolution.cli.main import run
+from symbrion_gym.sensing.survey import SurveyRobot
+
+PLACES = [[-1.0, 1.6], [0.2, 2.8]]
+
+
+def test_waypoints_come_from_words_and_files(tmp_path):
+    np.testing.assert_array_equal(read_path("-1,1.6 0.2,2.8"), PLACES)
+    table, listing = tmp_path / "a.csv", tmp_path / "a.json"
+    table.write_text("-1, 1.6\n0.2, 2.8\n\n")
+    listing.write_text(json.dumps(PLACES))
+    np.testing.assert_array_equal(read_path(str(table)), PLACES)
+    np.testing.assert_array_equal(read_path(str(listing)), PLACES)
+
+
+@pytest.mark.parametrize("path", ["", "1,2", "a,b c,d", "1,2,3 4,5,6", "1,1 1,1", "nan,1 2,2", "absent.csv"])
+def test_waypoints_that_lead_nowhere_are_refused(path):
+    with pytest.raises(UsageError, match="--path"):
+        read_path(path)
+
+
+def test_a_json_file_of_something_else_is_refused(tmp_path):
+    file = tmp_path / "a.json"
+    for words in ("{}", "[[1, 2], [3]]", "not json", "7"):
+        file.write_text(words)
+        with pytest.raises(UsageError, match="--path"):
+            read_path(str(file))
+
+
+@pytest.mark.parametrize(
+    "option", [{"speed": 0.0}, {"rate": -1.0}, {"noise": -0.1}, {"beams": 1}, {"max_range": np.nan}]
+)
+def test_impossible_robots_are_refused(option):
+    with pytest.raises(UsageError, match="--"):
+        Survey(**option)
+
+
+def test_without_options_it_is_the_default_robot():
+    assert Survey().make_robot() == SurveyRobot()
+
+
+def test_a_short_drive_is_logged(tmp_path):
+    out = tmp_path / "log.npz"
+    words = ["survey", "truth", "--path=-1,1.6 0,2.6", "--speed", "0.5", "--rate", "4", "--beams", "181"]
+    assert run([*words, "--out", str(out), "--quiet"]) == 0
+    assert rc.load_scan_log(out).ranges.shape[1] == 181

@@ -1,0 +1,190 @@
+"""Laws known by hand; batched and alone they agree to the bit."""
+
+import numpy as np
+import pytest
+
+from evolution.controllers.controller import (
+    CONTROLLERS,
+    HINGE_RANGE,
+    KNOTS,
+    PATIENCE,
+    REACTIVE,
+    STAMINA,
+    make_controller,
+)
+from evolution.errors import RunError
+from symbrion_gym.environment.config import SnakePitConfig
+
+MODULES = 6
+STRUCTURE = {
+    "hinge_angle": slice(0, 5),
+    "pitch": slice(5, 11),
+    "contact": slice(11, 17),
+    "track_odometry": slice(17, 18),
+}
+SIZE = 18
+
+
+def make_observations(count: int, seed: int = 0) -> np.ndarray:
+    observation = np.random.default_rng(seed).normal(0, 0.5, (count, SIZE))
+    observation[:, STRUCTURE["contact"]] = np.maximum(observation[:, STRUCTURE["contact"]], 0)
+    return observation
+
+
+def act(name: str, genotype, observation=None, *, ticks: int = 1) -> np.ndarray:
+    """Return hinge targets [rad] after so many equal observations."""
+    controller = make_controller(name, MODULES)
+    observation = np.zeros((1, SIZE)) if observation is None else observation
+    state = controller.begin(len(observation))
+    action = np.zeros(0)
+    for _ in range(ticks):
+        action, state = controller.act(observation, np.asarray(genotype, float), STRUCTURE, state)
+    return action * HINGE_RANGE
+
+
+def make_reactive(**genes: float) -> np.ndarray:
+    return np.array([genes.get(name, 0.0) for name in REACTIVE])
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_population_acts_as_each_alone(name):
+    controller = make_controller(name, MODULES)
+    generator = np.random.default_rng(1)
+    genotypes = generator.uniform(-1, 1, (37, len(controller.parameters)))
+    together, alone = controller.begin(37), [controller.begin(1) for _ in range(37)]
+    for tick in range(2 * PATIENCE):
+        observation = make_observations(37, tick)
+        actions, together = controller.act(observation, genotypes, STRUCTURE, together)
+        assert actions.shape == (37, MODULES - 1)
+        assert np.abs(actions).max() <= 1.0
+        for row in range(37):
+            action, alone[row] = controller.act(
+                observation[row : row + 1], genotypes[row], STRUCTURE, alone[row]
+            )
+            assert np.array_equal(action[0], actions[row])
+
+
+def test_reactive_biases():
+    target = act("reactive", make_reactive(bias=0.1, head_bias=0.2, tail_bias=-0.3))[0]
+    assert target == pytest.approx([0.3, 0.1, 0.1, 0.1, -0.2])
+
+
+def test_reactive_follows_the_pitch_ahead_and_behind():
+    observation = np.zeros((1, SIZE))
+    observation[0, STRUCTURE["pitch"]] = [0.6, 0.1, 0.2, 0.3, 0.4, 0.5]
+    assert act("reactive", make_reactive(pitch_ahead=1.0), observation)[0] == pytest.approx(
+        [0.6, 0.1, 0.2, 0.3, 0.4]
+    )
+    assert act("reactive", make_reactive(pitch_behind=-1.0), observation)[0] == pytest.approx(
+        [-0.1, -0.2, -0.3, -0.4, -0.5]
+    )
+    assert act("reactive", make_reactive(head_pitch=0.5), observation)[0] == pytest.approx([0.3, 0, 0, 0, 0])
+
+
+def test_reactive_lifts_the_ends_that_hang_in_the_air_for_a_while():
+    observation = np.zeros((1, SIZE))
+    observation[0, STRUCTURE["contact"]] = [0, 0, 5, 0, 9, 0]
+    genes = make_reactive(front_air=0.8, rear_air=-0.4)
+    assert not act("reactive", genes, observation, ticks=PATIENCE).any()
+    assert act("reactive", genes, observation, ticks=PATIENCE + 1)[0] == pytest.approx([0.8, 0.8, 0, 0, -0.4])
+    assert not act("reactive", genes, observation, ticks=STAMINA + 1).any()
+
+
+def place_head(odometry: float) -> np.ndarray:
+    """An observation that tells nothing but where the tracks have brought the head [m]."""
+    observation = np.zeros((1, SIZE))
+    observation[0, STRUCTURE["track_odometry"]] = odometry
+    return observation
+
+
+def test_touch_lost_for_a_moment_is_touch_and_a_head_beyond_an_edge_lifts_within_half_a_second():
+    """A head that drives over an edge goes on by 2.5 cm in that time."""
+    tick = SnakePitConfig().dt
+    hanging = np.ones((1, SIZE))
+    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
+    genes = make_reactive(front_air=0.8)
+    assert not act("reactive", genes, hanging, ticks=round(0.2 / tick)).any()
+    assert act("reactive", genes, hanging, ticks=round(0.5 / tick))[0] == pytest.approx([0.8, 0, 0, 0, 0])
+
+
+def test_a_head_that_is_raised_comes_down_again():
+    tick = SnakePitConfig().dt
+    hanging = np.ones((1, SIZE))
+    hanging[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
+    genes = make_reactive(front_air=0.8)
+    assert act("reactive", genes, hanging, ticks=round(3.0 / tick)).any()
+    assert not act("reactive", genes, hanging, ticks=round(4.0 / tick)).any()
+
+
+def test_travelling_holds_a_posture_fixed_to_the_ground():
+    genotype = np.zeros(12)
+    genotype[6] = 1.2
+    place = KNOTS[6]
+    spacing = 0.1254
+    for hinge in range(5):
+        target = act("travelling", genotype, place_head(place + (hinge + 1) * spacing))[0]
+        assert np.argmax(target) == hinge
+        assert target[hinge] == pytest.approx(1.2)
+    assert not act("travelling", np.ones(12), place_head(-5.0)).any()
+
+
+def test_path_gives_each_module_the_slope_of_its_place():
+    slopes = np.sin(np.arange(12))
+    head = 0.52
+    places = head - 0.1254 * np.arange(MODULES)
+    wanted = np.interp(places, KNOTS, slopes, left=0.0, right=0.0)
+    target = act("path", slopes, place_head(head))[0]
+    assert target == pytest.approx(wanted[:-1] - wanted[1:])
+    assert not act("path", np.ones(12), place_head(-5.0)).any()
+
+
+def test_path_of_one_slope_is_straight():
+    assert act("path", np.full(12, 0.7), place_head(0.5))[0] == pytest.approx(np.zeros(5), abs=1e-12)
+
+
+def test_path_finds_steep_modules_close_together():
+    observation = place_head(0.5)
+    observation[0, STRUCTURE["pitch"]] = np.pi / 3
+    slopes = np.linspace(-0.5, 0.6, 12)
+    wanted = np.interp(0.5 - 0.5 * 0.1254 * np.arange(MODULES), KNOTS, slopes)
+    assert act("path", slopes, observation)[0] == pytest.approx(wanted[:-1] - wanted[1:])
+
+
+def test_no_law_reads_what_a_robot_cannot_sense():
+    sensed = {"hinge_angle", "pitch", "contact", "track_odometry"}
+    for name in CONTROLLERS:
+        assert set(make_controller(name, MODULES).sensors) <= sensed
+
+
+def test_posture_holds_one_angle_a_hinge():
+    assert act("posture", [0.1, 0.2, 0.3, 0.4, 0.5])[0] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+
+
+def test_network_is_nothing_without_weights_and_a_bias_with_one():
+    size = len(make_controller("network", MODULES).parameters)
+    assert not act("network", np.zeros(size), make_observations(1)).any()
+    assert act("network", np.eye(size)[-1] * 0.7, make_observations(1))[0] == pytest.approx([0.7] * 5)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("modules", [2, 5, 10])
+def test_a_search_can_begin_anywhere(name, modules):
+    controller = make_controller(name, modules)
+    sizes = {
+        len(controller.parameters),
+        len(controller.lower),
+        len(controller.upper),
+        len(controller.initial),
+    }
+    assert len(sizes) == 1
+    assert len(set(controller.parameters)) == len(controller.parameters)
+    assert np.all(np.abs(controller.initial) < controller.upper)
+
+
+def test_refusals():
+    with pytest.raises(RunError, match="there are path, reactive, travelling"):
+        make_controller("psychic", 8)
+    with pytest.raises(RunError, match="at least 2"):
+        make_controller("reactive", 1)
+    with pytest.raises(RunError, match="reads 5"):
+        make_controller("posture", 6).check(np.zeros(7))

@@ -1,0 +1,189 @@
+"""Files unpack to no more than is allowed, headers that lie are refused, and damage has one error."""
+
+import bz2
+import gzip
+import io
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import flip_bits, make_npy, make_npz
+
+from reconstruction.files.bounded_read import UnreadableFileError, find_npz_names, open_bounded, read_npz
+
+ARRAYS = {
+    "grid": np.arange(12.0).reshape(3, 4),
+    "turned": np.asfortranarray(np.arange(6, dtype=">i2").reshape(2, 3)),
+    "words": np.array(["one", "three"]),
+    "single": np.array(7),
+    "nothing": np.zeros((0, 3)),
+    "rows": np.array([(1, 2.5)], dtype=[("a", "<i4"), ("b", "<f8")]),
+}
+PACKINGS = {"": bytes, ".gz": gzip.compress, ".bz2": bz2.compress}
+MEGABYTE = 1_000_000
+
+
+def pack(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("packing", PACKINGS)
+def test_a_file_is_measured_and_read(tmp_path: Path, packing: str) -> None:
+    path = tmp_path / f"a.TXT{packing}"
+    path.write_bytes(PACKINGS[packing](b"one\ntwo\r\nthree\rfour"))
+    with open_bounded(path) as file:
+        assert (file.suffix, file.size, file.num_lines) == (".txt", 19, 4)
+        assert file.read_exactly(3) == b"one"
+        assert file.num_left == 16
+        with pytest.raises(UnreadableFileError, match="17 bytes are promised where 16 are left"):
+            file.read_exactly(17)
+
+
+@pytest.mark.parametrize("packing", PACKINGS)
+def test_the_limit_is_the_last_byte(tmp_path: Path, packing: str) -> None:
+    path = tmp_path / f"a.txt{packing}"
+    path.write_bytes(PACKINGS[packing](bytes(MEGABYTE)))
+    with open_bounded(path, max_bytes=MEGABYTE) as file:
+        assert file.size == MEGABYTE
+    with pytest.raises(UnreadableFileError, match=r"limit of 0\.000999 GB.*max_bytes=.*--max-gigabytes"):  # noqa: SIM117
+        with open_bounded(path, max_bytes=MEGABYTE - 1000):
+            pass
+
+
+def test_a_limit_must_be_a_limit(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("x")
+    with pytest.raises(UnreadableFileError, match="above 0"), open_bounded(tmp_path / "a.txt", max_bytes=0):
+        pass
+
+
+def test_errors_of_the_reader_stay_what_they_are(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("x")
+    with pytest.raises(KeyError), open_bounded(tmp_path / "a.txt"):
+        raise KeyError("x")
+
+
+def test_arrays_come_back_as_they_were() -> None:
+    found = read_npz(io.BytesIO(pack(**ARRAYS)))
+    assert list(found) == list(ARRAYS)
+    for name, array in ARRAYS.items():
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+    assert find_npz_names(io.BytesIO(pack(**ARRAYS))) == list(ARRAYS)
+
+
+def test_only_what_is_wanted_counts() -> None:
+    content = pack(small=np.ones(3), large=np.zeros(MEGABYTE))
+    assert list(read_npz(io.BytesIO(content), ["small"], max_bytes=1000)) == ["small"]
+    with pytest.raises(UnreadableFileError, match="limit of 1e-06 GB"):
+        read_npz(io.BytesIO(content), max_bytes=1000)
+    with pytest.raises(UnreadableFileError, match="lacks middle; it holds small, large"):
+        read_npz(io.BytesIO(content), ["middle"])
+
+
+def understate_size(content: bytes) -> bytes:
+    """Let the zip's directory say that the first member unpacks to 200 bytes."""
+    at = content.rindex(b"PK\x01\x02")
+    return content[: at + 24] + (200).to_bytes(4, "little") + content[at + 28 :]
+
+
+BODY = bytes(64)
+LIES = {
+    "more than there is": make_npz(a=make_npy((10**6,), "<f8", BODY)),
+    "more than there can be": make_npz(a=make_npy((10**9, 10**9, 10**9), "<f8", BODY)),
+    "overflowing": make_npz(a=make_npy((2**32, 2**32), "<f8", BODY)),
+    "negative": make_npz(a=make_npy((-8,), "<f8", BODY)),
+    "twice negative": make_npz(a=make_npy((-2, -4), "<f8", BODY)),
+    "less than there is": make_npz(a=make_npy((7,), "<f8", BODY)),
+    "rows of nothing": make_npz(a=make_npy((10**15,), "|V0", b"")),
+    "a large item": make_npz(a=make_npy((1,), "|V2000000000", BODY)),
+    "objects": make_npz(a=make_npy((8,), "|O", BODY)),
+    "no array": make_npz(a=b"hello"),
+    "a deep header": make_npz(a=b"\x93NUMPY\x01\x00\x00\x20" + b"(" * 8192),
+    "another version": make_npz(a=b"\x93NUMPY\x09\x00" + BODY),
+    "packed by bzip2": make_npz(zipfile.ZIP_BZIP2, a=make_npy((8,), "<f8", BODY)),
+    "packed by lzma": make_npz(zipfile.ZIP_LZMA, a=make_npy((8,), "<f8", BODY)),
+    "understated size": understate_size(pack(a=np.zeros(MEGABYTE))),
+    "a name that is no array's": make_npz(a=make_npy((8,), "<f8", BODY)).replace(b"a.npy", b"a.npx"),
+    "no archive": b"PK\x03\x04" + bytes(200),
+    "empty": b"",
+}
+
+
+@pytest.mark.parametrize("name", LIES)
+def test_archives_that_lie_are_refused(name: str) -> None:
+    with pytest.raises(UnreadableFileError):
+        read_npz(io.BytesIO(LIES[name]))
+
+
+def test_absent_files_and_folders_are_refused(tmp_path: Path) -> None:
+    for read in (read_npz, find_npz_names):
+        with pytest.raises(UnreadableFileError, match="no such file"):
+            read(tmp_path / "absent.npz")
+        with pytest.raises(UnreadableFileError, match="folder"):
+            read(tmp_path)
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_a_flipped_bit_gives_the_same_or_the_error(save) -> None:
+    file = io.BytesIO()
+    save(file, **ARRAYS)
+    num_refused = 0
+    for damaged in flip_bits(file.getvalue(), 800):
+        try:
+            found = read_npz(io.BytesIO(damaged), ARRAYS)
+        except UnreadableFileError:
+            num_refused += 1
+            continue
+        for name, array in ARRAYS.items():
+            np.testing.assert_array_equal(found[name], array)
+    assert num_refused > 300
+
+
+PROGRAM = """
+import resource, sys
+from reconstruction.scans.formats import load_points
+from reconstruction.errors import ScanError
+
+def peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+for path in sys.argv[1:]:
+    before = peak()
+    try:
+        load_points(path, max_bytes=30e6)
+    except ScanError as error:
+        assert "limit of 0.03 GB" in str(error), error
+    else:
+        raise AssertionError(path)
+    assert peak() - before < 20e6, (path, peak() - before)
+"""
+
+
+def test_refusing_takes_little_memory(tmp_path: Path) -> None:
+    """Files of some kilobytes that would take 60 MB and more, each refused within 20 MB."""
+    zeros, rows = bytes(2_500_000 * 24), b"1 2 3\n"
+    bombs = {
+        "text.xyz.gz": gzip.compress(rows * 10_000_000, 1),
+        "short_text.xyz.gz": gzip.compress(rows * 2_500_000, 1),  # fits, but its numbers do not
+        "lines.txt.gz": gzip.compress(b"\n" * 5_000_000, 1),
+        "array.npy.gz": gzip.compress(make_npy((2_500_000, 3), "<f8", zeros), 1),
+        "array.npz": make_npz(points=make_npy((2_500_000, 3), "<f8", zeros)),
+        "bytes.npz": make_npz(points=make_npy((2_500_000, 3), "|u1", zeros[:7_500_000])),
+        "log.npz": make_npz(
+            ranges=make_npy((1, 2_500_000), "<f2", zeros[:5_000_000]),
+            angles=make_npy((2_500_000,), "<f2", zeros[:5_000_000]),
+            poses=make_npy((1, 4, 4), "<f8", np.eye(4).tobytes()),
+        ),
+    }
+    for name, content in bombs.items():
+        (tmp_path / name).write_bytes(content)
+    paths = [str(tmp_path / name) for name in bombs]
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *paths], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr

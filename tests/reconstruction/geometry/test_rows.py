@@ -1,0 +1,40 @@
+"""Arithmetic along short rows: the same as NumPy's, to the bit."""
+
+import numpy as np
+import pytest
+
+from reconstruction.geometry.rows import (
+    all_corners,
+    any_corner,
+    cross_rows,
+    find_extent,
+    find_lengths,
+    sum_rows,
+)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("shape", [(1, 3), (1000, 3), (50, 7, 3)])
+def test_rows_are_numpys(shape: tuple[int, ...], dtype: type) -> None:
+    rng = np.random.default_rng(0)
+    first, second = (rng.normal(size=(2, *shape)) * 10 ** rng.uniform(-8, 8, (2, *shape))).astype(dtype)
+    np.testing.assert_array_equal(sum_rows(first * second), (first * second).sum(axis=-1))
+    np.testing.assert_array_equal(find_lengths(first), np.linalg.norm(first, axis=-1))
+    np.testing.assert_array_equal(cross_rows(first, second), np.cross(first, second))
+    assert cross_rows(first, second).dtype == dtype
+
+
+def test_extent() -> None:
+    points = np.random.default_rng(1).normal(size=(100, 3))
+    low, high = find_extent(points)
+    np.testing.assert_array_equal(low, points.min(axis=0))
+    np.testing.assert_array_equal(high, points.max(axis=0))
+
+
+@pytest.mark.parametrize("sides", [2, 3])
+def test_corners(sides: int) -> None:
+    rng = np.random.default_rng(2)
+    is_chosen, faces = rng.random(50) < 0.4, rng.integers(0, 50, (200, sides))
+    np.testing.assert_array_equal(any_corner(is_chosen, faces), is_chosen[faces].any(axis=1))
+    np.testing.assert_array_equal(all_corners(is_chosen, faces), is_chosen[faces].all(axis=1))
+    assert len(any_corner(is_chosen, faces[:0])) == 0

@@ -1,0 +1,256 @@
+"""The growing grid: what it must reach, keep and refuse."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, refine, train
+from reconstruction.networks.growing_grid.growth import (
+    choose_line_pair,
+    choose_lines,
+    insert_lines,
+    score_gaps,
+    start_grid,
+)
+from reconstruction.networks.growing_grid.mesh import find_folded, triangulate, unfold
+from reconstruction.networks.growing_grid.refinement import open_pinches
+from reconstruction.surfaces.quality import Quality, find_distances, measure_quality, sample_area
+
+
+def make_step(half_width: float = 0.7, edge: float = 0.0, height: float = 0.3) -> trimesh.Trimesh:
+    """Return a step across x = edge, 3 m long: floor, wall, floor."""
+    profile = np.array([[-1.5, 0.0], [edge, 0.0], [edge, height], [1.5, height]])
+    sides = [np.insert(profile, 1, y, axis=1) for y in (-half_width, half_width)]
+    faces = [[i, i + 1, i + 5] for i in range(3)] + [[i, i + 5, i + 4] for i in range(3)]
+    return trimesh.Trimesh(np.concatenate(sides), faces, process=False)
+
+
+def draw(mesh: trimesh.Trimesh, number: int, seed: int = 0, noise: float = 0.004) -> np.ndarray:
+    points = sample_area(np.asarray(mesh.vertices), np.asarray(mesh.faces), number, seed)
+    return points + np.random.default_rng([seed, 7]).normal(0, noise, points.shape)
+
+
+def judge(state: State, truth: trimesh.Trimesh | None = None) -> Quality:
+    return measure_quality(
+        trimesh.Trimesh(state.vertices, state.faces, process=False), truth=truth, num_samples=20_000
+    )
+
+
+@pytest.fixture(scope="module")
+def step() -> trimesh.Trimesh:
+    return make_step()
+
+
+@pytest.fixture(scope="module")
+def grown(step) -> State:
+    return train(draw(step, 20_000), GrowingGridConfig(units=300), seed=0)
+
+
+def test_it_finds_the_surface_up_to_its_rim(step, grown):
+    quality = judge(grown, step)
+    assert quality.truth_to_mesh is not None
+    assert quality.mesh_to_truth is not None
+    assert quality.truth_to_mesh.mean < 0.002
+    assert quality.truth_to_mesh.p95 < 0.008
+    assert quality.mesh_to_truth.mean < 0.002
+    assert (quality.self_intersections, quality.folds) == (0, 0)
+    assert quality.min_angle > np.deg2rad(30)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_is_one_sheet_whatever_the_seed(step, seed):
+    state = train(draw(step, 6000, seed), GrowingGridConfig(units=300), seed=seed)
+    topology = judge(state).topology
+    assert topology.is_manifold
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+
+
+def test_equal_seeds_give_equal_bytes(step):
+    points = draw(step, 6000)
+    first, again, other = (train(points, GrowingGridConfig(units=300), seed=s) for s in (3, 3, 4))
+    assert first.units.tobytes() == again.units.tobytes()
+    assert first.units.tobytes() != other.units.tobytes()
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e2])
+def test_the_unit_of_length_does_not_matter(step, scale):
+    points = draw(step, 6000)
+    near = judge(train(points, GrowingGridConfig(units=300)), step)
+    scaled = step.copy()
+    scaled.apply_scale(scale)
+    far = judge(train(points * scale, GrowingGridConfig(units=300)), scaled)
+    assert near.truth_to_mesh is not None
+    assert far.truth_to_mesh is not None
+    assert far.truth_to_mesh.mean == pytest.approx(scale * near.truth_to_mesh.mean, rel=0.3)
+
+
+@pytest.mark.parametrize("triangles", [210, 800])
+def test_the_wanted_triangles_come_out(step, triangles):
+    state = train(draw(step, 6000), GrowingGridConfig(triangles=triangles))
+    assert len(state.faces) == pytest.approx(triangles, rel=0.02)
+
+
+@pytest.mark.parametrize("insertion", ["longest", "counter", "distant"])
+def test_every_insertion_rule_reaches_its_size(step, insertion):
+    state = train(draw(step, 6000), GrowingGridConfig(units=300, insertion=insertion))
+    assert state.vertices.shape[0] == pytest.approx(300, rel=0.05)
+    assert np.isfinite(state.units).all()
+
+
+@pytest.mark.parametrize("insertion", ["counter", "distant"])
+def test_the_paper_rules_spread_over_the_surface(step, insertion):
+    points = draw(step, 4000)
+    state = train(points, GrowingGridConfig(units=60, mode="paper", insertion=insertion))
+    assert 60 <= len(state.vertices) <= 75
+    assert judge(state).topology.is_manifold
+    assert find_distances(points, state.vertices, state.faces).mean() < 0.1
+    again = train(points, GrowingGridConfig(units=60, mode="paper", insertion=insertion))
+    assert again.units.tobytes() == state.units.tobytes()
+
+
+def test_outliers_and_doubled_points_do_little_harm(step):
+    points = draw(step, 10_000)
+    outliers = np.random.default_rng(1).uniform(points.min(axis=0) - 0.1, points.max(axis=0) + 0.1, (500, 3))
+    cloud = np.concatenate([points, points[:2000], outliers])
+    quality = judge(train(cloud, GrowingGridConfig(units=300)), step)
+    assert quality.truth_to_mesh is not None
+    assert quality.truth_to_mesh.mean < 0.006
+    assert quality.topology.is_manifold
+
+
+def test_a_ring_keeps_its_hole():
+    rng = np.random.default_rng(0)
+    radius, angle = rng.uniform(0.7, 1.0, 8000), rng.uniform(0, 2 * np.pi, 8000)
+    points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), rng.normal(0, 0.002, 8000)])
+    state = train(points, GrowingGridConfig(units=400))
+    middle = state.vertices[state.faces].mean(axis=1)
+    topology = judge(state).topology
+    assert topology.is_manifold
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (0, 2, 1)
+    assert (np.linalg.norm(middle, axis=1) < 0.6).mean() < 0.02
+
+
+def test_four_units_are_the_least():
+    points = draw(make_step(), 200)
+    assert train(points, GrowingGridConfig(units=4)).units.shape == (2, 2, 3)
+    for wrong in ({"units": 3}, {"triangles": 1}, {"growth": 1.0}):
+        with pytest.raises(ReconstructionError, match=str(next(iter(wrong)))):
+            GrowingGridConfig(**wrong)
+    with pytest.raises(ReconstructionError, match="'longest', 'counter' or 'distant'"):
+        GrowingGridConfig(insertion="nearest")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ReconstructionError, match="'batch' or 'paper'"):
+        GrowingGridConfig(mode="fast")  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_no_pinch_on_a_fine_grid(step, seed):
+    """Padding repeats samples, and equal coordinates once put strays into tiles: the grid was dragged to them."""
+    quality = judge(train(draw(step, 61_000, seed), GrowingGridConfig(units=7000), seed=seed))
+    assert (quality.self_intersections, quality.folds) == (0, 0)
+
+
+def test_readings_that_agree_change_nothing(step, grown):
+    points = draw(step, 20_000)
+    state, known = refine(grown, points, draw(step, 2000, seed=5), GrowingGridConfig(units=300))
+    np.testing.assert_array_equal(state.units, grown.units)
+    assert len(known) == 22_000
+
+
+def test_a_wall_that_moved_moves_and_the_rest_stays(step, grown):
+    moved = make_step(edge=0.12)
+    state, _ = refine(grown, draw(step, 20_000), draw(moved, 20_000, seed=6), GrowingGridConfig(units=300))
+    quality = judge(state, moved)
+    assert quality.truth_to_mesh is not None
+    assert quality.truth_to_mesh.mean < 0.004
+    assert quality.topology.is_manifold
+    far = grown.vertices[np.abs(grown.vertices[:, 0]) > 0.6]
+    assert find_distances(far, state.vertices, state.faces).max() < 0.002
+    assert (quality.self_intersections, quality.folds) == (0, 0)
+
+
+def test_a_new_part_grows(step):
+    points = draw(step, 20_000)
+    is_known = points[:, 0] < 0.6
+    config = GrowingGridConfig(units=300)
+    known = train(points[is_known], config)
+    state, _ = refine(known, points[is_known], points[~is_known], config)
+    quality = judge(state, step)
+    assert quality.truth_to_mesh is not None
+    assert quality.truth_to_mesh.mean < 0.004
+    assert state.units.size > known.units.size
+    assert quality.topology.is_manifold
+    assert (quality.self_intersections, quality.folds) == (0, 0)
+
+
+def test_a_part_that_is_gone_goes(step, grown):
+    points = draw(step, 20_000)
+    again = draw(step, 20_000, seed=8)
+    state, _ = refine(grown, points, again[again[:, 0] < 1.0], GrowingGridConfig(units=300))
+    used = state.vertices[state.faces].reshape(-1, 3)
+    assert used[:, 0].max() < 1.12
+    assert judge(state).topology.is_manifold
+
+
+def test_a_box_that_is_gone_leaves_the_floor():
+    rng = np.random.default_rng(0)
+    floor = np.column_stack([rng.uniform(-1, 1, (16_000, 2)), rng.normal(0, 0.003, 16_000)])
+    under = (np.abs(floor[:, :2]) < 0.25).all(axis=1)
+    box = draw(trimesh.creation.box((0.5, 0.5, 0.4)), 5000)
+    box[:, 2] += 0.2
+    before = np.concatenate([floor[~under], box[box[:, 2] > 0.02]])
+    config = GrowingGridConfig(units=300)
+    state, known = refine(train(before, config), before, floor[np.abs(floor[:, 0]) < 0.6], config)
+    used = state.vertices[state.faces].reshape(-1, 3)
+    assert used[:, 2].max() < 0.05
+    assert (known[:, 2] > 0.1).mean() < 0.01
+    topology = judge(state).topology
+    assert (topology.euler_number, topology.is_manifold) == (1, True)
+
+
+def test_lines_go_into_the_longest_gaps():
+    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "longest"), [1, 1, 2, 1])
+    np.testing.assert_array_equal(choose_lines(np.array([1.0, 8.0, 3.0]), 4, "counter"), [1, 2, 0, 1])
+
+
+def test_inserted_lines_lie_evenly_between():
+    units = np.zeros((3, 2, 3))
+    units[:, :, 0] = np.array([[0.0], [1.0], [4.0]])
+    grown = insert_lines(units, np.array([1, 1, 0]))
+    np.testing.assert_allclose(grown[:, 0, 0], [0, 0.5, 1, 2, 3, 4])
+
+
+def test_the_sequential_rule_asks_the_unit_that_won_most():
+    units = np.zeros((2, 3, 3))
+    units[..., 0], units[..., 1] = np.meshgrid([0.0, 1.0, 5.0], [0.0, 2.0])
+    counters = np.array([[0, 9, 1], [0, 5, 0]])
+    assert choose_line_pair(units, counters, "counter") == (0, 0)
+    assert choose_line_pair(units, counters, "distant") == (1, 1)
+    down, across = score_gaps(units, counters.astype(float), "counter")
+    assert down[0] == 9
+    assert across.max() < 9
+
+
+def test_a_folded_unit_is_laid_flat_again():
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0), indexing="ij")
+    units = np.stack([x, y, 0 * x], axis=2)
+    assert not find_folded(units).any()
+    units[2, 2] += [1.7, 1.3, 0]
+    assert find_folded(units).any()
+    flat = unfold(units)
+    assert not find_folded(flat).any()
+    faces = triangulate(flat, np.ones((5, 4), dtype=bool))
+    corners = flat.reshape(-1, 3)[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0).all()
+
+
+def test_cells_that_touch_at_a_corner_only_are_parted():
+    has_face = np.array([[True, False], [False, True]])
+    assert open_pinches(has_face).sum() == 1
+
+
+def test_the_first_four_units_span_the_plane_of_the_points(step):
+    corners = start_grid(draw(step, 2000)).reshape(4, 3)
+    assert np.linalg.matrix_rank(corners - corners.mean(axis=0), tol=0.05) == 2

@@ -1,0 +1,192 @@
+"""The growing self-reconstruction map makes a true two-manifold of the right topology, whatever the cloud."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapes import make_sheet, make_trench, sample_mesh
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.networks.gsrm.gsrm import GSRMConfig, State, train
+from reconstruction.networks.som.compilation import keep_compiled_programs
+from reconstruction.surfaces.quality import Topology, count_topology, find_distances
+
+keep_compiled_programs()
+ROOT = Path(__file__).parents[3]
+SPHERE = trimesh.creation.icosphere(4)
+TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=64, minor_sections=32)
+
+
+def _grow(points: np.ndarray, units: int = 300, seed: int = 0) -> tuple[State, Topology]:
+    state = train(points, GSRMConfig(units=units), seed)
+    topology = count_topology(state.faces, len(state.units))
+    assert np.isfinite(state.units).all()
+    assert topology.is_manifold
+    assert topology.unused_vertices == 0
+    return state, topology
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sheet_has_one_rim(seed: int) -> None:
+    points = make_sheet(seed=seed)
+    state, topology = _grow(points, seed=seed)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+    assert 290 <= len(state.units) <= 300
+    assert find_distances(points, state.units, state.faces).mean() < 0.004
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sharp_edges_and_vertical_walls(seed: int) -> None:
+    points = make_trench(seed=seed)
+    state, topology = _grow(points, 800, seed)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+    clean = make_trench(noise=0.0)
+    assert find_distances(clean, state.units, state.faces).mean() < 0.0015
+
+
+@pytest.mark.parametrize(("mesh", "euler_number"), [(SPHERE, 2), (TORUS, 0)])
+def test_closed_surfaces(mesh: trimesh.Trimesh, euler_number: int) -> None:
+    _, topology = _grow(sample_mesh(mesh, 12000, 0.01), 500)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (euler_number, 0, 1)
+
+
+def test_several_components() -> None:
+    far = TORUS.copy()
+    far.apply_translation([3.0, 0.0, 0.0])
+    _, topology = _grow(sample_mesh(SPHERE + far, 20000, 0.005), 800)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 2)
+
+
+def test_outliers_and_duplicates() -> None:
+    rng = np.random.default_rng(0)
+    clean = make_sheet(12000)
+    low, high = clean.min(axis=0) - 0.5, clean.max(axis=0) + 0.5
+    outliers = rng.uniform(low, high, size=(600, 3))
+    state, topology = _grow(np.concatenate([clean, clean[:3000], outliers]), 400)
+    assert find_distances(clean, state.units, state.faces).mean() < 0.005
+    assert topology.components <= 2
+    is_off = find_distances(state.units, *_mesh_of(make_sheet(60000, 0.0))) > 0.05
+    assert is_off.mean() < 0.02
+
+
+def _mesh_of(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    state = train(points, GSRMConfig(units=2000), 0)
+    return state.units, state.faces
+
+
+def test_uneven_density() -> None:
+    points = make_sheet(60000)
+    rng = np.random.default_rng(1)
+    uneven = points[rng.random(len(points)) < np.clip(np.exp(-2 * (points[:, 0] + 1)), 0.04, 1)]
+    state, topology = _grow(uneven, 400)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+    assert find_distances(make_sheet(noise=0.0), state.units, state.faces).mean() < 0.006
+
+
+@pytest.mark.parametrize("units", [200, 800, 2200])
+def test_noisy_scan_lines_far_apart_make_one_sheet(units: int) -> None:
+    rng = np.random.default_rng(0)
+    line, along = np.divmod(np.arange(20000), 1000)
+    points = np.column_stack([line / 10, along / 1000, 0.1 * np.sin(line / 2)])
+    _, topology = _grow(points + rng.normal(0, 0.002, points.shape), units)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_thin_bodies_are_closed_along_their_sharp_rim(seed: int) -> None:
+    vertices = np.asarray(SPHERE.vertices) * [1.0, 1.0, 0.15]
+    lens = trimesh.Trimesh(vertices, SPHERE.faces, process=False)
+    _, topology = _grow(sample_mesh(lens, 20000, 0.002, seed), 1000, seed)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (2, 0, 1)
+
+
+def test_a_hole_in_the_data_stays_open() -> None:
+    points = make_sheet(20000)
+    _, topology = _grow(points[np.linalg.norm(points[:, :2], axis=1) > 0.2], 600)
+    assert (topology.euler_number, topology.boundary_loops) == (0, 2)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 100.0])
+def test_scale_is_free(scale: float) -> None:
+    points = make_sheet(5000)
+    once = train(points, GSRMConfig(units=200), 0)
+    scaled = train(points * scale + 1000 * scale, GSRMConfig(units=200), 0)
+    assert abs(len(scaled.units) - len(once.units)) <= 2
+    distance = find_distances(scaled.units / scale - 1000, once.units, once.faces)
+    assert distance.mean() < 0.003
+
+
+def test_equal_seeds_give_equal_bytes_in_another_process() -> None:
+    code = (
+        "import sys; sys.path[:0] = ['tests/reconstruction']; from shapes import make_sheet; import hashlib\n"
+        "from reconstruction.networks.gsrm.gsrm import GSRMConfig, train\n"
+        "from reconstruction.networks.som.compilation import keep_compiled_programs; keep_compiled_programs()\n"
+        "s = train(make_sheet(4000), GSRMConfig(units=150), 5)\n"
+        "print(hashlib.sha256(s.units.tobytes() + s.faces.tobytes()).hexdigest())"
+    )
+    command = [sys.executable, "-c", code]
+    runs = [subprocess.run(command, cwd=ROOT, capture_output=True, check=True) for _ in "ab"]
+    assert runs[0].stdout == runs[1].stdout
+    other = train(make_sheet(4000), GSRMConfig(units=150), 6)
+    assert not np.array_equal(train(make_sheet(4000), GSRMConfig(units=150), 5).units, other.units)
+
+
+@given(
+    number=st.integers(4, 60),
+    units=st.integers(4, 60),
+    kind=st.sampled_from(["plane", "ball", "repeated", "grid"]),
+    seed=st.integers(0, 100),
+)
+@settings(max_examples=10, deadline=None)
+def test_few_points_give_a_manifold_or_a_refusal(number: int, units: int, kind: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(number, 3))
+    if kind == "plane":
+        points[:, 2] = 0
+    elif kind == "repeated":
+        points = np.repeat(points[: max(4, number // 8)], 8, axis=0)
+    elif kind == "grid":
+        points = np.round(points)
+    try:
+        state = train(points, GSRMConfig(units=min(units, len(np.unique(points, axis=0)), len(points))), seed)
+    except ReconstructionError:
+        return
+    assert np.isfinite(state.units).all()
+    assert count_topology(state.faces, len(state.units)).is_manifold
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"units": 3}, {"mode": "fast"}, {"growth": 1.0}, {"start_share": 2.0}, {"settle_passes": 0}],
+)
+def test_config_refuses(options: dict) -> None:
+    with pytest.raises(ReconstructionError):
+        GSRMConfig(**options)
+
+
+def test_progress_ends_at_one() -> None:
+    told: list[float] = []
+    train(make_sheet(2000), GSRMConfig(units=50), 0, lambda _, fraction: told.append(fraction))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_ten_seeds(seed: int) -> None:
+    _, topology = _grow(make_trench(60000, 0.005), 2200, seed)
+    assert (topology.euler_number, topology.boundary_loops, topology.components) == (1, 1, 1)
+
+
+@pytest.mark.data
+def test_bunny(shared_data: Path) -> None:
+    bunny = trimesh.load(shared_data / "stanford-bunny.obj", process=False)
+    state, topology = _grow(np.asarray(bunny.vertices), 2200)
+    assert topology.components == 1
+    assert topology.euler_number == 2 - topology.boundary_loops
+    assert find_distances(np.asarray(bunny.vertices), state.units, state.faces).mean() < 0.0003

@@ -1,0 +1,77 @@
+"""The least-squares fit of a mesh to its samples."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.networks.surface_fit import fit_surface, make_ring
+from reconstruction.surfaces.quality import find_distances
+
+
+def make_roof(half: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Return a sheet of vertices over a ridge along y that it cuts short: (vertices, faces)."""
+    n = 2 * half
+    x, y = np.meshgrid(np.linspace(-0.9, 0.9, n), np.linspace(-0.9, 0.9, n), indexing="ij")
+    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + n, corner + n + 1], 1), np.stack([corner, corner + n + 1, corner + 1], 1)]
+    )
+    return np.stack([x.ravel(), y.ravel(), -np.abs(x.ravel()) - 0.03], axis=1), faces
+
+
+def make_samples(num_samples: int = 8000, noise: float = 0.003, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1, 1, (num_samples, 3))
+    points[:, 2] = -np.abs(points[:, 0])
+    return points + rng.normal(0, noise, points.shape)
+
+
+def test_the_fit_brings_the_faces_to_the_samples_and_the_rim_out():
+    vertices, faces = make_roof()
+    samples = make_samples()
+    fitted = fit_surface(vertices, faces, samples)
+    before, after = find_distances(samples, vertices, faces), find_distances(samples, fitted, faces)
+    assert after.mean() < 0.3 * before.mean()
+    assert fitted[:, 1].max() > 0.97
+    assert vertices[:, 1].max() == pytest.approx(0.9)
+
+
+def test_outliers_hardly_matter():
+    vertices, faces = make_roof()
+    samples = make_samples()
+    rng = np.random.default_rng(1)
+    outliers = rng.uniform(-1, 1, (400, 3))
+    clean = fit_surface(vertices, faces, samples)
+    spoiled = fit_surface(vertices, faces, np.concatenate([samples, outliers]))
+    assert np.linalg.norm(clean - spoiled, axis=1).mean() < 0.01
+
+
+def test_the_unit_of_length_does_not_matter():
+    vertices, faces = make_roof()
+    samples = make_samples()
+    small = fit_surface(vertices, faces, samples)
+    large = fit_surface(1000 * vertices + 5000, faces, 1000 * samples + 5000)
+    np.testing.assert_allclose(large, 1000 * small + 5000, atol=0.5)
+
+
+def test_equal_arguments_give_equal_bytes():
+    vertices, faces = make_roof()
+    samples = make_samples()
+    assert fit_surface(vertices, faces, samples).tobytes() == fit_surface(vertices, faces, samples).tobytes()
+
+
+def test_vertices_without_samples_or_faces_stay():
+    vertices, faces = make_roof()
+    lonely = np.concatenate([vertices, [[5.0, 5.0, 5.0]]])
+    fitted = fit_surface(lonely, faces, make_samples())
+    np.testing.assert_array_equal(fitted[-1], lonely[-1])
+    np.testing.assert_array_equal(fit_surface(vertices, faces[:0], make_samples()), vertices)
+    np.testing.assert_array_equal(fit_surface(vertices, faces, np.zeros((0, 3))), vertices)
+
+
+def test_the_ring_lists_each_face_at_each_of_its_vertices():
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    ring = make_ring(np.asarray(sphere.faces), len(sphere.vertices))
+    listed = {(v, *pair) for v, row in enumerate(ring) for pair in row.tolist() if pair[0] >= 0}
+    assert len(listed) == 3 * len(sphere.faces)
+    assert all((b, c, a) in listed for a, b, c in listed)

@@ -1,0 +1,41 @@
+"""coacd at arm's length."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.contact.decomposition import MAX_HULL_VERTICES, decompose, make_piece
+from symbrion_gym.errors import ArenaError
+
+
+def test_two_boxes_apart_become_two_pieces():
+    boxes = [trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1)).apply_translation([3, 0, 0])]
+    pieces = decompose(boxes[0] + boxes[1], threshold=0.05, time_limit=60)
+    assert len(pieces) == 2
+    assert sum(piece.volume for piece in pieces) == pytest.approx(2.0, rel=0.02)
+
+
+def test_the_caller_survives_what_coacd_does_not():
+    nonsense = trimesh.Trimesh(np.full((3, 3), np.inf), [[0, 1, 2]], process=False)
+    with pytest.raises(ArenaError, match="coacd"):
+        decompose(nonsense, time_limit=20)
+
+
+def test_time_runs_out_with_an_error_that_says_so():
+    with pytest.raises(ArenaError, match="longer than 0"):
+        decompose(trimesh.creation.icosphere(subdivisions=3), time_limit=0.05)
+
+
+def test_processor_time_runs_out_with_an_error_that_says_so():
+    dents = trimesh.creation.icosphere(subdivisions=5)
+    dents.vertices *= 1.0 + 0.2 * np.sin(20.0 * dents.vertices).prod(axis=1, keepdims=True)
+    with pytest.raises(ArenaError, match="processor time"):
+        decompose(dents, threshold=0.01, time_limit=100.0, processor_limit=1.0)
+
+
+def test_pieces_are_small_hulls_and_never_flat():
+    points = trimesh.creation.icosphere(subdivisions=4).vertices
+    piece = make_piece(points)
+    assert piece is not None
+    assert len(piece.vertices) <= MAX_HULL_VERTICES
+    assert make_piece(points * [1, 1, 0]) is None

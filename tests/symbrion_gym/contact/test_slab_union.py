@@ -1,0 +1,55 @@
+"""United slabs and what coacd makes of them."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.geometry.elevation import Elevation
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym.contact.builder import ContactOptions, make_contact
+from symbrion_gym.contact.planes import find_planes
+from symbrion_gym.contact.slab_union import find_heading, has_moved, unite_slabs
+from symbrion_gym.errors import ArenaError
+
+
+def turn(mesh, yaw):
+    return mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
+
+
+def test_the_union_is_one_closed_solid():
+    pieces = Course(pit=0.40).pieces()
+    solid = unite_slabs(pieces)
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(unite_slabs(pieces, 0.3).volume, rel=0.002)
+    with pytest.raises(ArenaError):
+        unite_slabs([])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.35, -0.6])
+def test_the_heading_is_that_of_the_course(yaw):
+    mesh = turn(make_scanned_surface(Course(pit=0.40).profile(), num_vertices=800), yaw)
+    assert find_heading(find_planes(mesh, 0.003), mesh.area_faces) == pytest.approx(yaw, abs=0.02)
+
+
+def test_a_moved_wall_and_a_filled_pit_are_noticed():
+    pieces = Course(pit=0.40).pieces()
+    assert not has_moved(pieces, pieces)
+    assert not has_moved([turn(piece, 0.0).apply_translation([0.001, 0, 0]) for piece in pieces], pieces)
+    assert has_moved(Course(pit=0.41).pieces(), pieces)
+    assert has_moved([unite_slabs(pieces).convex_hull], pieces)
+
+
+def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
+    mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=2200)
+    first, second = (make_contact(mesh, ContactOptions(seed=3)) for _ in range(2))
+    assert first.notes["way"] == "coacd of slabs"
+    for mine, theirs in zip(first.pieces, second.pieces, strict=True):
+        assert np.array_equal(mine.vertices, theirs.vertices)
+    x = np.linspace(-0.4, 0.4, 1601)
+    for y in (-0.9, 0.0, 0.9):
+        pit = x[Elevation(*first.pieces).height(x, y) < 0.125]
+        assert pit.min() == pytest.approx(-0.2, abs=0.005)
+        assert pit.max() == pytest.approx(0.2, abs=0.005)
+    short = make_contact(mesh, ContactOptions(time_limit=0.8))
+    assert short.pieces

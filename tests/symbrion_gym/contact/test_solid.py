@@ -1,0 +1,58 @@
+"""Open surfaces closed, and their shapes told apart."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
+from symbrion_gym.contact.mesh_repair import repair_mesh
+from symbrion_gym.contact.solid import close_downwards, close_holes, find_shape, take_top, thicken
+
+
+@pytest.fixture(scope="module")
+def terrain():
+    return repair_mesh(cut_irregular(make_scanned_surface(Course().profile(), num_vertices=900), 0.3))
+
+
+def make_tunnel():
+    angle, y = np.meshgrid(np.linspace(0, 2 * np.pi, 30), np.linspace(0, 2, 15))
+    i = (np.arange(14)[:, None] * 30 + np.arange(29)).ravel()
+    faces = np.concatenate([np.stack([i, i + 1, i + 30], 1), np.stack([i + 1, i + 31, i + 30], 1)])
+    return trimesh.Trimesh(
+        np.stack([np.cos(angle), y, np.sin(angle)], -1).reshape(-1, 3), faces[:, ::-1], process=False
+    )
+
+
+def test_a_terrain_becomes_a_closed_solid(terrain):
+    solid = close_downwards(terrain, 0.2)
+    assert solid.is_watertight
+    assert solid.is_winding_consistent
+    assert solid.volume > 0.2 * 0.8 * 12
+
+
+def test_thickened_surface_is_closed(terrain):
+    assert thicken(terrain, 0.05).is_watertight
+
+
+def test_shapes(terrain):
+    assert find_shape(terrain) == "terrain"
+    assert find_shape(close_downwards(terrain, 0.2)) == "terrain"
+    assert find_shape(trimesh.creation.icosphere()) == "closed"
+    assert find_shape(make_tunnel()) == "overhang"
+
+
+def test_the_top_of_a_closed_terrain_is_the_terrain(terrain):
+    top = take_top(close_downwards(terrain, 0.2))
+    np.testing.assert_allclose(top.bounds, terrain.bounds)
+
+
+def test_small_holes_close_and_large_ones_do_not(terrain):
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    torn = trimesh.Trimesh(ball.vertices, ball.faces[1:], process=False)
+    assert close_holes(torn).is_watertight
+    is_kept = np.ones(len(ball.faces), dtype=bool)
+    is_kept[np.abs(ball.triangles_center).argmax(axis=0)] = False
+    assert close_holes(trimesh.Trimesh(ball.vertices, ball.faces[is_kept], process=False)).is_watertight
+    assert not close_holes(make_tunnel()).is_watertight
+    assert close_holes(terrain) is terrain

@@ -1,0 +1,45 @@
+"""Coarse meshes cut finer, and arenas of them."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.arenas.course import Course, StairsCourse, make_simple_surface
+from symbrion_gym.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym.contact.builder import ContactOptions, make_contact
+from symbrion_gym.contact.subdivision import split_long_edges
+
+EXACT = {
+    "course": Course().surface(),
+    "simple": make_simple_surface(Course()),
+    "stairs": StairsCourse().surface(),
+}
+
+
+def count_parts(mesh):
+    return len(trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces))))
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_the_surface_stays_the_same_and_hangs_together(name):
+    fine = split_long_edges(EXACT[name])
+    assert fine.area == pytest.approx(EXACT[name].area)
+    assert fine.edges_unique_length.max() <= fine.extents.max() / 25 * (1 + 1e-9)
+    assert count_parts(fine) == count_parts(EXACT[name])
+    rim = trimesh.grouping.group_rows(fine.edges_sorted, require_count=1)
+    assert len(rim) == len(fine.edges) - 2 * len(fine.face_adjacency)
+    assert fine.is_winding_consistent
+
+
+def test_fine_meshes_are_left_alone():
+    mesh = make_scanned_surface(Course().profile(), num_vertices=800)
+    assert split_long_edges(mesh) is mesh
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_exact_coarse_meshes_make_arenas(name):
+    made = make_contact(EXACT[name], ContactOptions())
+    assert made.quality.mean < 0.0005
+    assert made.quality.uncovered < 0.001
+    assert made.quality.num_pieces <= 16
+    assert "slabs" in made.notes["why"]
