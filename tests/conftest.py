@@ -4,12 +4,15 @@ import os
 from pathlib import Path
 
 import pytest
+import shape_checks
 
 ROOT = Path(__file__).parents[1]
 SHARED_DATA = ROOT.parent / "shared" / "data"
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 os.environ.setdefault("SYMBRION_CACHE", str(ROOT / ".pytest_cache" / "symbrion"))
+
+shape_checks.install()
 
 
 @pytest.fixture(scope="session")
