@@ -185,6 +185,7 @@ class Reconstruction:
             network, config_type = _find_method(header["method"])
             config = _make_config(config_type, header["config"])
             state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
+            _check_saved(state, arrays["points"])
             return cls(header["method"], config, state, arrays["points"], arrays.get("viewpoint"))
         except ReconstructionError as error:
             raise ReconstructionError(f"{path}: {error}") from error
@@ -192,6 +193,21 @@ class Reconstruction:
             raise ReconstructionError(
                 f"{path} is no whole reconstruction ({error!r}); was it written by another version?"
             ) from error
+
+
+def _check_saved(state: Any, points: np.ndarray) -> None:
+    """Refuse arrays of a file that no network leaves behind.
+
+    Raises:
+        ReconstructionError: naming the array.
+    """
+    for name, array in (("points", points), ("units", state.units)):
+        is_right = array.dtype.kind == "f" and array.ndim > 1 and array.shape[-1] == 3
+        if not is_right or not np.isfinite(array).all():
+            raise ReconstructionError(f"{name} must be finite numbers [..., 3]; restore the file from a copy")
+    faces, count = np.asarray(state.faces), state.units.size // 3
+    if not len(faces) or faces.dtype.kind not in "iu" or faces.min() < 0 or faces.max() >= count:
+        raise ReconstructionError(f"faces must name units, 0 to {count - 1}; restore the file from a copy")
 
 
 def _find_method(method: str) -> tuple[ModuleType, Any]:

@@ -7,6 +7,8 @@ References:
 from __future__ import annotations
 
 import itertools
+import math
+import struct
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
@@ -41,6 +43,20 @@ _TYPES = {
     "double": "f8",
     "float64": "f8",
 }
+_STRUCTS = {
+    "i1": "b",
+    "i2": "h",
+    "i4": "i",
+    "i8": "q",
+    "u1": "B",
+    "u2": "H",
+    "u4": "I",
+    "u8": "Q",
+    "f4": "f",
+    "f8": "d",
+}
+_MOST_VALUES = 10_000_000
+"""Values and lists, in binary rows with lists, that are read one after the other: one to three seconds a million."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -50,6 +66,11 @@ class _Property(NamedTuple):
     name: str
     type: str
     length_type: str | None = None
+
+    @property
+    def size(self) -> int:
+        """Bytes of one value."""
+        return int(self.type[1:])
 
 
 class _Element(NamedTuple):
@@ -76,6 +97,7 @@ def read_ply(file: BoundedFile) -> Array:
         raise ScanError("the coordinates in the .ply file are lists")
     if not byte_order:
         return _read_ascii(file, before, vertex)
+    _refuse_slow([*before, vertex])
     for element in before:
         _skip(file, element, byte_order)
     if vertex.has_lists:
@@ -141,12 +163,22 @@ def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> 
     return points
 
 
+def _refuse_slow(elements: list[_Element]) -> None:
+    """Refuse what would take hours: rows of other lengths cannot be read many at once."""
+    count = sum(one.count * len(one.properties) for one in elements if one.has_lists)
+    if count > _MOST_VALUES:
+        raise ScanError(
+            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MOST_VALUES} are "
+            "read at most: write the vertices first, and without lists"
+        )
+
+
 def _skip(file: BoundedFile, element: _Element, byte_order: str) -> None:
     if element.has_lists:
         for _ in _iterate_rows(file, element, byte_order):
             pass
         return
-    size = element.count * sum(np.dtype(one.type).itemsize for one in element.properties)
+    size = element.count * sum(one.size for one in element.properties)
     _skip_bytes(file, size)
 
 
@@ -158,17 +190,25 @@ def _skip_bytes(file: BoundedFile, size: int) -> None:
 
 def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iterator[dict[str, float]]:
     """Yield the single values of binary rows whose lists make each as long as it likes."""
+    properties = [
+        (
+            one.name,
+            struct.Struct(byte_order + _STRUCTS[one.length_type or one.type]),
+            one.length_type,
+            one.size,
+        )
+        for one in element.properties
+    ]
     for _ in range(element.count):
         row = {}
-        for one in element.properties:
-            kind = np.dtype(byte_order + (one.length_type or one.type))
-            value = np.frombuffer(file.read_exactly(kind.itemsize), kind)[0]
-            if one.length_type is None:
-                row[one.name] = float(value)
-            elif value < 0:
-                raise ScanError(f"the .ply file has a list {one.name} of {value} values")
-            else:
-                _skip_bytes(file, int(value) * np.dtype(one.type).itemsize)
+        for name, kind, length_type, size in properties:
+            (value,) = kind.unpack(file.read_exactly(kind.size))
+            if length_type is None:
+                row[name] = float(value)
+            elif not 0 <= value < math.inf:
+                raise ScanError(f"the .ply file has a list {name} of {value} values")
+            elif value:
+                _skip_bytes(file, int(value) * size)
         yield row
 
 

@@ -1,6 +1,5 @@
 """Rows of a file, text or binary records, as points: read piece by piece into room that was checked before."""
 
-import itertools
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from io import TextIOWrapper
@@ -13,8 +12,12 @@ from reconstruction.scans.scan import Array
 
 _MAX_LINE = 1 << 20
 """Longest line of a text file and largest record of a binary one [characters, bytes]: no point has more fields."""
+_MAX_HEADER = 1 << 20
+"""Longest text before binary data [bytes]: what is read of it takes many times that in memory."""
 _BLOCK = 50_000
-"""Lines that are parsed at once."""
+"""Lines that are parsed at once, where they are short."""
+_BLOCK_TEXT = 1 << 22
+"""Characters that are parsed at once: as many numbers take twenty times that in memory."""
 
 
 def make_room(file: BoundedFile, count: int) -> Array:
@@ -37,10 +40,21 @@ def read_lines(file: BoundedFile) -> Iterator[str]:
 
 def read_header_line(file: BoundedFile) -> str:
     """Return the next line of the text that stands before binary data, without blanks around it."""
+    if file.stream.tell() > _MAX_HEADER:
+        raise ScanError(f"the header is longer than {_MAX_HEADER} bytes")
     line = file.stream.readline(_MAX_LINE)
     if not line.endswith(b"\n"):
         raise UnreadableFileError("ends before its data, or has no header")
     return line.decode("latin1").strip()
+
+
+def take_block(lines: Iterator[str]) -> list[str]:
+    """Return the next lines, as many as may be parsed at once; none at the end."""
+    block, num_characters = [], 0
+    while len(block) < _BLOCK and num_characters < _BLOCK_TEXT and (line := next(lines, "")):
+        block.append(line)
+        num_characters += len(line)
+    return block
 
 
 def read_text_rows(
@@ -60,7 +74,7 @@ def read_text_rows(
         comments: what begins a comment.
     """
     points, filled, remaining = make_room(file, file.num_lines), 0, iter(lines)
-    while block := list(itertools.islice(remaining, _BLOCK)):
+    while block := take_block(remaining):
         try:
             with warnings.catch_warnings(action="ignore"):  # a block of comments alone
                 rows = np.loadtxt(block, delimiter=delimiter, comments=comments, usecols=columns, ndmin=2)

@@ -15,6 +15,7 @@ from reconstruction.scans.point_rows import (
     read_lines,
     read_records,
     read_text_rows,
+    take_block,
 )
 from reconstruction.scans.scan import Array
 
@@ -85,7 +86,7 @@ def _read_numbers(file: BoundedFile, count: int) -> Array:
     points, filled, lines = make_room(file, count), 0, read_lines(file)
     flat = points.reshape(-1)
     while filled < len(flat):
-        words = " ".join(itertools.islice(lines, 10_000)).split()[: len(flat) - filled]
+        words = " ".join(take_block(lines)).split()[: len(flat) - filled]
         if not words:
             raise ScanError(f"the .vtk file promises {count} points, but ends after {filled} numbers")
         flat[filled : filled + len(words)] = np.array(words, dtype=np.float64)

@@ -19,6 +19,9 @@ _LONGEST_NAME = 200
 _SMALLEST_AREA = 1e-9
 """[m²]; of a surface, of which MuJoCo computes the inertia of a shell."""
 
+_SMALLEST_PIECE = 1e-12
+"""[m²]; files keep the vertices of pieces to 1e-6 m."""
+
 
 def check_friction(friction: float, what: str = "friction") -> None:
     """Refuse a sliding friction that is no number or out of range.
@@ -57,10 +60,14 @@ def check_piece(piece: trimesh.Trimesh, source: object) -> None:
     from reconstruction.geometry.hulls import make_hull
 
     check_vertices(piece, source)
-    if len(piece.vertices) < 4 or not piece.is_watertight:
+    if len(piece.vertices) < 4 or not len(piece.faces) or not piece.is_watertight:
         raise ArenaError(f"{source}: not a closed solid; a contact piece is one of 4 or more vertices")
     if make_hull(np.asarray(piece.vertices, dtype=np.float32)) is None:
         raise ArenaError(f"{source}: the piece is flat; a contact piece needs a volume")
+    if not piece.area > _SMALLEST_PIECE:
+        raise ArenaError(
+            f"{source}: the piece has an area of {piece.area:.2g} m²; MuJoCo compiles none so small"
+        )
 
 
 def check_surface(surface: trimesh.Trimesh, source: object) -> None:

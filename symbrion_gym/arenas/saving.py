@@ -19,6 +19,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
+from reconstruction.files.typed_json import read_json
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError
@@ -94,14 +95,14 @@ def find_own_files(folder: Path) -> OwnFiles:
 
 def _read_about(path: Path) -> dict[str, Any]:
     try:
-        about = json.loads(path.read_text())
+        about = read_json(path)
         if about["format"] > FORMAT:
             raise ArenaError(f"{path}: written by a newer version; choose another folder")
         if not isinstance(about.get("files", []), list) or about["num_pieces"] < 0 or not about["kind"]:
             raise ValueError("not an arena's")
         if about.get("place", PLAIN) not in (PLAIN, SPARE):
             raise ValueError("no place of an arena's meshes")
-    except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+    except (OSError, ValueError, TypeError, KeyError) as error:
         if isinstance(error, ArenaError):
             raise
         raise ArenaError(

@@ -19,6 +19,8 @@ LARGEST_COORDINATE = 1e6
 """[m]; MuJoCo keeps vertices in single precision, 6 cm apart out there."""
 _MAX_FACES = 30_000
 """Larger meshes are simplified first: planes need no more, and time is bounded."""
+_UNBOUNDED = (".bz2", ".gz", ".tbz2", ".tgz", ".xz")
+"""Packings that trimesh unpacks whatever their size; `zip` tells its size."""
 _MIN_PART = 0.02
 """Loose parts below this share of the area are dropped."""
 
@@ -26,14 +28,16 @@ _logger = logging.getLogger(__name__)
 
 
 def load_surface(path: str | Path) -> trimesh.Trimesh:
-    """Read a mesh file, as many formats as trimesh knows.
+    """Read a mesh file, as many formats as trimesh knows; of packed ones .zip and .3mf alone.
 
     Raises:
-        ArenaError: no such file, or it holds no triangles.
+        ArenaError: no such file, too large once unpacked, or it holds no triangles.
     """
     path = Path(path)
     if not path.is_file():
         raise ArenaError(f"no mesh file {path}")
+    if path.suffix.lower() in _UNBOUNDED:
+        raise ArenaError(f"{path}: a packed mesh is not read; unpack it first")
     try:
         if zipfile.is_zipfile(path):  # .zip, .3mf; zipfile unpacks no member beyond the size told here
             with zipfile.ZipFile(path) as archive:

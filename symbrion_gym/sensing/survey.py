@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +24,8 @@ from symbrion_gym.sensing.survey_world import SurveyWorld
 _FIRST_WAYPOINT = 2
 """The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
 
+_SMALLEST = 1e-3
+"""The steps of a range reading are no smaller [m]."""
 _LARGEST = 200.0
 """The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
 _LEAST_VERTICES = 4
@@ -182,25 +184,43 @@ def _find_surface(arena: Any) -> trimesh.Trimesh:
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
             surface = load_arena(str(arena))
         else:
-            try:
-                surface = trimesh.load_mesh(arena)
-            except Exception as error:
-                raise ArenaError(
-                    f"{arena}: no named arena ({', '.join(NAMED_ARENAS)}) and no mesh file: {error}"
-                ) from error
+            return _load_surface(arena, NAMED_ARENAS)
     surface = getattr(surface, "surface", surface)
     surface = surface() if isinstance(surface, Callable) else surface
-    if not isinstance(surface, trimesh.Trimesh) or not len(surface.faces):
+    if not isinstance(surface, trimesh.Trimesh):
         raise ArenaError(f"survey needs a mesh with faces, got {surface!r}")
+    _check_size(surface, "survey")
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
+
+
+def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh.Trimesh:
+    """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
+    from symbrion_gym.contact.mesh_repair import load_surface
+
+    try:
+        surface = load_surface(path)
+    except ArenaError as error:
+        raise ArenaError(f"no named arena ({', '.join(named)}), and no mesh: {error}") from error
+    surface.remove_infinite_values()
+    _check_size(surface, f"survey of {path}")
+    surface.merge_vertices()
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
+
+
+def _check_size(surface: trimesh.Trimesh, what: str) -> None:
+    if not len(surface.faces):
+        raise ArenaError(f"{what}: the mesh has no faces")
     if not np.isfinite(surface.vertices).all():
-        raise ArenaError("survey: the mesh has vertices that are not finite")
-    extent = float(surface.extents.max())
+        raise ArenaError(f"{what}: the mesh has vertices that are not finite")
+    with np.errstate(over="ignore"):
+        extent = float(np.ptp(surface.vertices[surface.faces.ravel()], axis=0).max())
+    if not extent >= _SMALLEST:
+        raise ArenaError(f"{what}: the mesh is {extent:g} m large; {_SMALLEST:g} m is the least")
     if extent > _LARGEST:
         raise ArenaError(
-            f"survey: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimetre, "
+            f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimetre, "
             "scale it first: mesh.apply_scale(0.001)"
         )
-    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
 
 
 def _check_path(path: ArrayLike) -> np.ndarray:

@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 import trimesh
 
+from symbrion_gym.errors import ArenaError
+
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground beside it, black skirting, and the room's walls."""
 _GAP = 0.10
@@ -38,7 +40,10 @@ class SurveyWorld:
             _add_box(spec, a, b, ground - 0.002, ground, _FLOOR)
         for a, b in _make_walls(low, high):
             _add_box(spec, a, b, ground - 0.5, ground + 3.0, _WALLS)
-        self._model = spec.compile()
+        try:
+            self._model = spec.compile()
+        except ValueError as error:
+            raise ArenaError(f"survey: MuJoCo refuses the mesh: {' '.join(str(error).split())}") from error
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
         self._is_black = self._model.geom_group == _SKIRT

@@ -240,3 +240,27 @@ def test_checked_points_are_plain_float64():
     points = check_points(make_ground(10).astype(np.float32)[:, ::-1])
     assert points.dtype == np.float64
     assert points.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("points", lambda array: np.full_like(array, np.nan)),
+        ("points", lambda array: np.array("x")),
+        ("state_units", lambda array: np.full_like(array, np.inf)),
+        ("state_units", lambda array: array[:, :2]),
+        ("state_faces", lambda array: array - 7),
+        ("state_faces", lambda array: array + 2**20),
+        ("state_faces", lambda array: array[:0]),
+        ("state_faces", lambda array: array.astype(float)),
+    ],
+)
+def test_saved_arrays_of_no_network_are_refused(tmp_path, name, change):
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, 20), np.linspace(0.0, 1.0, 20))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    reconstruct(points, method="gsrm", units=30).save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        arrays = dict(file)
+    np.savez(tmp_path / "a.npz", **{**arrays, name: change(arrays[name])})
+    with pytest.raises(ReconstructionError, match=rf"a\.npz: {name.removeprefix('state_')} must"):
+        Reconstruction.load(tmp_path / "a.npz")

@@ -146,6 +146,24 @@ def test_flat_and_open_pieces_are_refused(folder):
         Arena.load(folder)
 
 
+def test_a_piece_of_vertices_alone_or_too_small_for_mujoco_is_refused(folder):
+    path = folder / "pieces" / "001.obj"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if line.startswith("v")))
+    with pytest.raises(ArenaError, match=r"001\.obj: not a closed solid"):
+        Arena.load(folder)
+    for size, is_accepted in ((1e-5, True), (1e-9, False)):
+        tetrahedron = trimesh.Trimesh(
+            size * np.eye(4, 3), [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]], process=False
+        )
+        path.write_text(tetrahedron.export(file_type="obj", digits=12))
+        if is_accepted:
+            Arena.load(folder).spec().compile()
+        else:
+            with pytest.raises(ArenaError, match=r"001\.obj: the piece has an area of .*MuJoCo"):
+                Arena.load(folder)
+
+
 def test_a_piece_is_accepted_where_mujoco_compiles_it():
     generator = np.random.default_rng(0)
     box = trimesh.creation.box((1.0, 1.0, 1.0))

@@ -129,6 +129,20 @@ def test_a_folder_of_something_else_is_refused_untouched(tmp_path: Path, about: 
     assert (tmp_path / "surface.obj").read_text() == "mine"
 
 
+def test_a_manifest_without_an_end_is_refused_unread(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device or pipe in its place would be read for ever."""
+    read_text = Path.read_text
+
+    def read_files_alone(path: Path, *args, **kwargs) -> str:
+        assert path.is_file(), f"{path} is read"
+        return read_text(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "read_text", read_files_alone)
+    (tmp_path / "arena.json").symlink_to("/dev/zero")
+    with pytest.raises(ArenaError, match="damaged or of another program"):
+        find_own_files(tmp_path)
+
+
 def test_an_edited_manifest_leads_nowhere_else(folder: Path) -> None:
     outside = folder.parent / "outside.obj"
     outside.write_text("outside")

@@ -1,5 +1,7 @@
 """The virtual survey: its path, its errors, what comes home."""
 
+import bz2
+
 import igl
 import numpy as np
 import pytest
@@ -142,6 +144,31 @@ def test_a_mesh_in_millimetres_is_refused_with_the_remedy():
 def test_what_is_no_arena_is_refused(arena):
     with pytest.raises(ArenaError):
         survey(arena)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "words"),
+    [
+        (["0 0 0"] * 3, "0 m large"),
+        (["0 0 0", "1 0 0", "2 0 0"], "MuJoCo refuses the mesh"),
+        (["1e308 0 0", "-1e308 0 0", "0 1e308 0"], "inf m large"),
+        (["1e30 0 0", "1 0 0", "0 1 0"], r"1e\+30 m large"),
+        (["nan 0 0", "1 0 0", "0 1 0"], "no faces"),
+        ([], "no triangles"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_mesh_files_that_are_no_place_are_refused(tmp_path, vertices, words):
+    face = "f 1 2 3\n" if vertices else ""
+    (tmp_path / "a.obj").write_text("".join(f"v {vertex}\n" for vertex in vertices) + face)
+    with pytest.raises(ArenaError, match=rf"(?s)^[^\n]*{words}[^\n]*$"):
+        survey(tmp_path / "a.obj")
+
+
+def test_a_packed_mesh_that_grows_without_limit_is_refused(tmp_path):
+    (tmp_path / "a.obj.bz2").write_bytes(bz2.compress(bytes(1000)))
+    with pytest.raises(ArenaError, match=r"a\.obj\.bz2: a packed mesh is not read; unpack it first"):
+        survey(tmp_path / "a.obj.bz2")
 
 
 @pytest.mark.parametrize("path", [[[0, 0]], [[0, 0, 0], [1, 1, 1]], [[0, 0], [np.nan, 1]], [[1, 1], [1, 1]]])
