@@ -292,6 +292,25 @@ def test_what_disagreed_before_must_disagree_clearly_more_often(sheet, before, n
     assert least <= np.mean(moved) <= most
 
 
+def test_where_nothing_was_read_before_what_disagrees_is_believed(sheet):
+    """The surface was closed over a gap in the old readings, at a height that was never measured."""
+    old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
+    old = old[(np.abs(old[:, :2] - 1) > 0.2).any(axis=1)]
+    gap = (np.abs(sheet[0][:, :2] - 1) < 0.12).all(axis=1)
+    assert weigh_evidence(*sheet, old, new, SPACING).is_moved[gap].all()
+
+
+def test_faces_may_be_integers_of_any_kind(sheet):
+    vertices, faces = sheet
+    new = raise_middle(read(4000, seed=1), 0.05)
+    wide, narrow = (
+        weigh_evidence(vertices, faces.astype(kind), read(8000), new, SPACING)
+        for kind in (np.int64, np.int32)
+    )
+    assert np.array_equal(wide.distance, narrow.distance)
+    assert np.array_equal(wide.is_moved, narrow.is_moved)
+
+
 def test_what_rays_pass_through_is_gone(sheet):
     """A floor a metre below the sheet is seen from a metre above its middle."""
     new = read(4000, seed=1)
