@@ -218,6 +218,23 @@ def test_two_readings_side_by_side_are_not_alone():
     assert len(preprocess(pair)) == len(preprocess(log)) + 2
 
 
+def test_of_very_many_lonely_readings_only_few_go():
+    """At most half a percent of a log: what its scans do not show as mixed is mostly thin, not wrong."""
+    log = make_log([0.0] * 40)
+    rng = np.random.default_rng(0)
+    scans, beams = np.nonzero(log.is_valid)
+    lonely = rng.choice(len(scans), 400, replace=False)
+    ranges = log.ranges.copy()
+    ranges[scans[lonely], beams[lonely]] *= rng.uniform(0.2, 0.9, 400)
+    log = log.replace(ranges=ranges)
+    is_left = log.is_valid & ~find_mixed_beams(log.ranges, step=find_step(log.angles))
+    least = 0.995 * is_left.sum()
+    cleaned = remove_mixed_pixels(log)
+    assert isinstance(cleaned, ScanLog)
+    assert least <= cleaned.is_valid.sum() < is_left.sum()
+    assert least <= len(preprocess(log)) < is_left.sum()
+
+
 @pytest.mark.parametrize("spacing", [1, 2, 3])
 def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(spacing):
     log = make_veiled_log(spacing)
