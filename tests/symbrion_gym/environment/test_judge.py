@@ -205,6 +205,17 @@ def test_a_way_along_x_need_not_be_in_the_middle():
     assert np.array(judge.find_places(places)) == pytest.approx(places[:, :2].T - [[0], [0.5]])
 
 
+@pytest.mark.parametrize(("heading", "lateral"), [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (np.pi / 2, 0.0)])
+def test_places_are_measured_along_and_beside_any_way(heading, lateral):
+    world = World(SnakePitConfig(modules=3, pit=2 * FAR_EDGE))
+    world.route = replace(world.route, heading=heading, lateral=lateral)
+    places = np.array([[0.3, 0.02, 0.31], [0.0, -0.07, 0.29]])
+    ahead, left = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    along, across = Judge(world).find_places(places)
+    assert along == pytest.approx(places[:, :2] @ ahead)
+    assert across == pytest.approx(places[:, :2] @ left - lateral)
+
+
 def test_places_on_a_straight_way_are_x_and_y(judge: Judge):
     places = np.array([[0.3, 0.02, 0.31], [0.0, -0.07, 0.29]])
     assert judge.find_distance(places[None]) == pytest.approx(places[None, :, 0])
