@@ -9,14 +9,17 @@ it was; it works in `mutants/`. Survivors are explained in docs/mutants.md.
 import argparse
 import math
 import random
-import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from mutmut.__main__ import _run as run_mutmut
 from mutmut.configuration import config
 from mutmut.mutation.data import SourceFileMutationData
 from mutmut.mutation.file_mutation import mutate_file_contents
+from mutmut.runners.harness import PytestRunner
+from mutmut.state import state
 from mutmut.stats import status_by_exit_code
 from mutmut.utils.format_utils import get_mutant_name
 
@@ -56,6 +59,22 @@ def choose_names(share: float, again: bool) -> list[str] | None:
     return None if share >= 1 else [name for name in draw_names(share) if name not in statuses]
 
 
+def try_mutants(names: Sequence[str], children: int) -> None:
+    """Try the mutants of these names; of none, all that were not tried yet.
+
+    Of the tests of a mutant those that take the least time are asked first: most mutants are killed by one of these.
+    """
+    run_tests = PytestRunner.run_tests
+
+    def run_fastest_first(self: PytestRunner, *, mutant_name: str | None, tests: Iterable[str]) -> int:
+        seconds = state().duration_by_test
+        ordered = sorted(tests, key=lambda name: (seconds.get(name, 0.0), name))
+        return run_tests(self, mutant_name=mutant_name, tests=ordered)
+
+    PytestRunner.run_tests = run_fastest_first
+    run_mutmut(tuple(names), children)
+
+
 def print_table() -> bool:
     """Print what came of the mutants of each file; return whether enough were killed in all of them."""
     print(f"\n{'file':48}" + "".join(f"{name:>10}" for name in (*COLUMNS, "other", "score")))
@@ -89,8 +108,7 @@ def main() -> None:
     options = parser.parse_args()
     names = [] if options.table else choose_names(options.share, options.again)
     if names is None or names:
-        command = [sys.executable, "-m", "mutmut", "run", "--max-children", str(options.children)]
-        subprocess.run([*command, *(names or ())], check=True)
+        try_mutants(names or (), options.children)
     sys.exit(not print_table())
 
 

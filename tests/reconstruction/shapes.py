@@ -33,3 +33,19 @@ def make_trench(number: int = 20000, noise: float = 0.003, seed: int = 0) -> np.
         axis=1,
     )
     return points + rng.normal(size=points.shape) * noise
+
+
+def make_floor(side: int = 21, size: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and faces of a flat square, so many vertices along a side, one corner at the origin."""
+    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    lower = np.stack([corner, corner + side, corner + side + 1], axis=1)
+    upper = np.stack([corner, corner + side + 1, corner + 1], axis=1)
+    vertices = size / (side - 1) * np.stack([x.ravel(), y.ravel(), np.zeros(side**2)], axis=1)
+    return vertices, np.concatenate([lower, upper])
+
+
+def read_floor(number: int, seed: int = 0) -> np.ndarray:
+    """Return readings of that square, with a noise of 3 mm."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(0, 2, (number, 2)), rng.normal(0, 0.003, number)])

@@ -187,10 +187,13 @@ def test_entries_live_again_must_be_those_that_were_tried(tmp_path):
     ):
         put_back(tmp_path, run, changed)
         for action in (load_run, resume):
-            with pytest.raises(
-                RunError, match=rf"^generation {generation} of .* does not come out as recorded"
-            ):
+            with pytest.raises(RunError) as caught:
                 action(tmp_path)
+            assert str(caught.value) == (
+                f"generation {generation} of {tmp_path} does not come out as recorded: the record was changed, "
+                "or NumPy, cma or the processor differ from those it began with (config.json); "
+                "resume it where it began, or start anew in another folder"
+            )
 
 
 @pytest.mark.parametrize(
@@ -201,6 +204,7 @@ def test_entries_live_again_must_be_those_that_were_tried(tmp_path):
         {"backend": "processes"},
         {"address": "here"},
         {"stop_when_solved": True},
+        {"generations": 4, "workers": 2, "backend": "processes", "address": "here", "stop_when_solved": True},
     ],
 )
 def test_how_far_and_by_whom_may_change(tmp_path, changes):
@@ -258,6 +262,12 @@ def test_a_folder_that_holds_a_run_says_in_what_it_differs(tmp_path):
         RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
     ):
         evolve(replace(config, seed=1, sigma=0.2))
+
+
+def test_a_damaged_record_that_is_left_alone_is_named(tmp_path):
+    (tmp_path / "record.npz").write_bytes(b"PK")
+    with pytest.raises(RunError, match=rf"^{tmp_path}/record\.npz is damaged"):
+        evolve(replace(SHORT, folder=str(tmp_path)), simulate=toys.bowl)
 
 
 @pytest.mark.parametrize("fails", [False, True])

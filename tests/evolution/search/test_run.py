@@ -343,10 +343,11 @@ def test_a_run_begins_where_it_writes_over_nothing(folder, tmp_path, name):
     assert (other / name).read_bytes() == content
 
 
-def test_removing_a_run_leaves_what_is_not_its_own(folder):
+def test_removing_a_run_whatever_is_left_of_it_leaves_what_is_not_its_own(folder):
     (folder / "notes.txt").write_text("mine")
     RunFolder(folder).remove()
     assert {path.name for path in folder.iterdir()} - {".lock"} == {"notes.txt"}
+    RunFolder(folder).remove()
 
 
 def test_history_is_written_exactly(folder):

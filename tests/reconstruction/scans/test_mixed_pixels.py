@@ -102,6 +102,27 @@ def test_one_beam_without_return_hides_no_edge_and_makes_none():
         assert find_places(ranges) == []
 
 
+def test_a_beam_without_return_beside_an_edge_is_filled_from_its_own_side():
+    for place, found in ((31, [30, 31]), (28, [27, 28]), (59, [58, 59])):
+        ranges = lay_steps(place, height=0.5)
+        ranges[0, 29] = np.nan
+        assert find_places(ranges) == found
+    ranges = lay_steps(30, height=0.5)
+    ranges[0, [1, 58]] = np.nan
+    assert find_places(ranges) == [29, 30]
+
+
+def test_beyond_the_rim_of_a_scan_there_is_no_doubt():
+    assert find_places(lay_steps(3)) == [2, 3]
+    assert find_places(lay_steps(57)) == [56, 57]
+
+
+def test_veils_do_not_count_among_the_doubtful_beams():
+    ranges = lay_steps(30, 31, beams=100, height=0.2) + lay_steps(70, beams=100, height=0.05, distance=0.0)
+    assert find_places(ranges, max_share=0.04) == [29, 30, 31, 69, 70]
+    assert find_places(ranges, max_share=0.039) == [29, 30, 31]
+
+
 def test_no_return_is_no_mixed_pixel():
     ranges = lay_steps(30, 31, height=0.5)
     ranges[0, 30] = np.nan
@@ -127,6 +148,7 @@ def test_where_readings_are_noisy_an_edge_is_higher(noise, least, most):
     assert min(jumps) == pytest.approx(expected, abs=0.009)
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("spacing_deg", "beams", "step"),
     [

@@ -113,3 +113,18 @@ def test_a_beam_without_return_is_no_crease():
     ranges = np.ones((1, 21))
     ranges[0, 10] = np.nan
     assert not find_creases(ranges).any()
+
+
+@pytest.mark.parametrize("missing", [7, 13])
+def test_a_beam_without_return_nearby_hides_no_crease(missing):
+    """Three beams away: the crease itself can be told, the bend beside it cannot."""
+    ranges = bend(10, 0.018)[None]
+    ranges[0, missing] = np.nan
+    assert np.flatnonzero(find_creases(ranges)).tolist() == [10]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("across_jumps", [True, False])
+def test_beams_without_return_are_no_reason_to_warn(across_jumps):
+    ranges = np.stack([np.where(np.arange(12) % 5 == 0, np.nan, RANGES), np.full(12, np.nan)])
+    assert np.isfinite(smooth(ranges, across_jumps=across_jumps)[0]).sum() == 9

@@ -1,5 +1,9 @@
 """The strict test of success: bodies laid beyond the pit by hand, with one thing wrong at a time."""
 
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -16,9 +20,15 @@ HALF = 0.0525
 """Half the height and width of a module [m]: its centre above the ground, whichever of four sides it lies on."""
 
 
-@pytest.fixture(scope="module")
+@cache
+def find_world(modules: int = 3, **options: Any) -> World:
+    """Return a world that is compiled once; what judges in it is made for each test."""
+    return World(SnakePitConfig(modules=modules, **options))
+
+
+@pytest.fixture
 def judge() -> Judge:
-    return Judge(World(SnakePitConfig(modules=3, pit=2 * FAR_EDGE)))
+    return Judge(find_world(pit=2 * FAR_EDGE))
 
 
 def turn(axis: str, angle_deg: float) -> np.ndarray:
@@ -123,6 +133,21 @@ def test_no_module_makes_progress_beyond_the_finish(judge: Judge):
     assert everything.is_across
     before = measure(judge, [[finish - 0.1, 0, 0.3]] * 3)
     assert before.progress == before.mean == pytest.approx(finish - 0.1)
+    assert before.is_across is False
+
+
+def test_a_body_without_hinges_needs_no_power():
+    measured = measure(Judge(find_world(1)), [[0.0, 0.0, 0.3]], torque=np.zeros(0), hinge_rate=np.zeros(0))
+    assert measured.power == 0.0
+
+
+def test_a_robot_takes_itself_to_start_as_far_from_the_middle_of_the_pit_as_its_map_says():
+    world = World(SnakePitConfig(modules=3, pit=2 * FAR_EDGE))
+    assert Judge(world).start == world.route.start
+    world.map_route = replace(world.map_route, start=-1.0, pit=(0.3, 0.7, 0.0))
+    assert Judge(world).start == pytest.approx(-1.5)
+    world.map_route = replace(world.map_route, pit=None)
+    assert Judge(world).start == -1.0
 
 
 @pytest.mark.parametrize(
@@ -150,10 +175,10 @@ def test_a_body_must_stand_for_three_tenths_of_a_second(judge: Judge, frame_skip
     assert Judge(World(config)).hold_ticks == ticks
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def turned() -> Judge:
     """Of a way across the flat floor, neither along x nor through the middle."""
-    return Judge(World(SnakePitConfig(modules=3, arena="truth", start=(-2.9, -0.6), goal=(-2.1, 0.2))))
+    return Judge(find_world(arena="truth", start=(-2.9, -0.6), goal=(-2.1, 0.2)))
 
 
 def test_on_a_turned_way_all_is_measured_along_it(turned: Judge):
@@ -173,12 +198,22 @@ def test_on_a_turned_way_all_is_measured_along_it(turned: Judge):
 
 
 def test_a_way_along_x_need_not_be_in_the_middle():
-    config = SnakePitConfig(modules=3, arena="truth", start=(-2.9, 0.5), goal=(-2.1, 0.5))
-    judge = Judge(World(config))
+    judge = Judge(find_world(arena="truth", start=(-2.9, 0.5), goal=(-2.1, 0.5)))
     places = np.array([[-2.4, 0.45, HALF], [-2.5, 0.5, HALF], [-2.6, 0.58, HALF]])
     measured = measure(judge, places)
     assert (measured.head, measured.mean, measured.aside) == pytest.approx((-2.4, -2.5, 0.08))
     assert np.array(judge.find_places(places)) == pytest.approx(places[:, :2].T - [[0], [0.5]])
+
+
+@pytest.mark.parametrize(("heading", "lateral"), [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (np.pi / 2, 0.0)])
+def test_places_are_measured_along_and_beside_any_way(heading, lateral):
+    world = World(SnakePitConfig(modules=3, pit=2 * FAR_EDGE))
+    world.route = replace(world.route, heading=heading, lateral=lateral)
+    places = np.array([[0.3, 0.02, 0.31], [0.0, -0.07, 0.29]])
+    ahead, left = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    along, across = Judge(world).find_places(places)
+    assert along == pytest.approx(places[:, :2] @ ahead)
+    assert across == pytest.approx(places[:, :2] @ left - lateral)
 
 
 def test_places_on_a_straight_way_are_x_and_y(judge: Judge):
@@ -202,9 +237,24 @@ def test_on_a_turned_way_corners_count_along_it(turned: Judge, tail, yaw, stands
     assert turned.is_standing(physics, 0) is stands
 
 
-@pytest.fixture(scope="module")
+@pytest.mark.parametrize(("yaw", "stands"), [(1, True), (-1, False)])
+def test_on_a_way_to_the_left_a_module_turned_to_the_right_reaches_farther_back(yaw, stands):
+    """The way turns by the angle of a triangle of sides 3, 4 and 5; so does a module along it."""
+    judge = Judge(find_world(arena="truth", start=(-2.9, -0.6), goal=(-2.1, 0.0)))
+    ahead, left = np.array([0.8, 0.6]), np.array([-0.6, 0.8])
+    steps = judge.finish - 0.1254 / 2 + 0.06 + 0.1254 * np.arange(3)[::-1]
+    physics = lay(tail=0.12)
+    middle = (np.array([-2.9, -0.6]) @ left) * left
+    physics.position[0] = np.column_stack([middle + np.outer(steps, ahead), np.full(3, HALF)])
+    angle = np.degrees(np.arcsin(0.6))
+    rotations = np.array([turn("z", angle), turn("z", angle), turn("z", yaw * angle)])
+    physics.rotation[0] = rotations.reshape(3, 9)
+    assert judge.is_standing(physics, 0) is stands
+
+
+@pytest.fixture
 def abyss() -> Judge:
-    return Judge(World(SnakePitConfig(modules=3, pit=2 * FAR_EDGE, abyss=True)))
+    return Judge(find_world(pit=2 * FAR_EDGE, abyss=True))
 
 
 def test_a_module_that_touches_the_floor_of_the_pit_is_seen(abyss: Judge):
@@ -239,8 +289,11 @@ def test_what_is_within_the_limits_has_left_nothing_and_touched_nothing(judge: J
 
 
 def test_a_way_without_a_pit_has_no_abyss():
-    config = SnakePitConfig(modules=3, arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), abyss=True)
-    assert not Judge(World(config)).is_abyss
+    judge = Judge(find_world(arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), abyss=True))
+    assert not judge.is_abyss
+    physics = lay(tail=0.3, height=0.0)
+    assert not judge.has_touched_pit(physics, 0)
+    assert judge.find_limits() == (judge.farthest_aside, judge.lowest)
 
 
 def make_wall(x: float, height: float, length: float = 0.0) -> np.ndarray:

@@ -3,35 +3,24 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from shapes import make_floor
+from shapes import read_floor as read
 
 from reconstruction.networks.change.detection import (
     Evidence,
     find_crowded,
-    find_gone,
-    find_read,
     find_superseded,
     weigh_evidence,
 )
 from reconstruction.networks.som.padding import pad_rows, padded_length
 
-SIDE = 21
 SPACING = 0.1
 
 
 @pytest.fixture(scope="module")
 def sheet() -> tuple[np.ndarray, np.ndarray]:
     """A flat sheet 2 m x 2 m: (vertices, faces)."""
-    x, y = np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing="ij")
-    corner = (np.arange(SIDE - 1)[:, None] * SIDE + np.arange(SIDE - 1)).ravel()
-    lower = np.stack([corner, corner + SIDE, corner + SIDE + 1], axis=1)
-    upper = np.stack([corner, corner + SIDE + 1, corner + 1], axis=1)
-    vertices = SPACING * np.stack([x.ravel(), y.ravel(), np.zeros(SIDE**2)], axis=1)
-    return vertices, np.concatenate([lower, upper])
-
-
-def read(number: int, seed: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return np.column_stack([rng.uniform(0, 2, (number, 2)), rng.normal(0, 0.003, number)])
+    return make_floor()
 
 
 def test_readings_of_the_same_surface_change_nothing(sheet):
@@ -57,26 +46,6 @@ def test_two_stray_readings_are_not_believed(sheet):
     assert not weigh_evidence(*sheet, read(8000), new, SPACING).is_moved.any()
 
 
-def test_a_hole_in_a_whole_scan_is_gone_and_what_was_out_of_sight_is_not(sheet):
-    new = read(8000, seed=1)
-    in_hole = (np.abs(new[:, :2] - 1) < 0.4).all(axis=1)
-    evidence = weigh_evidence(*sheet, read(8000), new[~in_hole], SPACING)
-    assert evidence.is_gone[np.linalg.norm(sheet[0] - [1, 1, 0], axis=1) < 0.2].all()
-    corner = new[(new[:, :2] < 0.8).all(axis=1)]
-    assert not weigh_evidence(*sheet, read(8000), corner, SPACING).is_gone.any()
-
-
-def test_a_ring_of_readings_shows_that_its_middle_is_gone(sheet):
-    vertices, faces = sheet
-    new = read(8000, seed=1)
-    radius = np.linalg.norm(new[:, :2] - 1, axis=1)
-    ring = new[(radius > 0.5) & (radius < 0.9)]
-    is_gone = find_gone(vertices, faces, ring, find_read(vertices, ring, SPACING)[0], SPACING)
-    from_middle = np.linalg.norm(vertices[:, :2] - 1, axis=1)
-    assert is_gone[from_middle < 0.3].all()
-    assert not is_gone[from_middle > 1.1].any()
-
-
 def test_padding_has_few_sizes_and_wastes_little():
     sizes = {padded_length(n) for n in range(64, 4097)}
     assert len(sizes) < 30
@@ -94,6 +63,31 @@ def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
     # Readings a square metre: the sheet has four.
     assert few.density == pytest.approx(2000 / 4, rel=0.3)
     assert many.density == pytest.approx(60_000 / 4, rel=0.3)
+
+
+def test_a_finer_surface_is_compared_with_more_readings():
+    """Three for each of its 5000 faces; of its very many old readings so many are asked as suffice."""
+    evidence = weigh_evidence(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04)
+    assert len(evidence.compared) == 12_000
+    assert evidence.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.1)
+    assert not (evidence.is_moved | evidence.is_gone).any()
+
+
+def test_readings_of_what_is_no_surface_yet_are_far_from_it(sheet):
+    """Old readings were there, too, but have made no face."""
+    old, new = (read(number, seed=number) + np.array([10, 0, 0]) for number in (2000, 500))
+    evidence = weigh_evidence(*sheet, np.concatenate([read(8000), old]), new, SPACING)
+    assert evidence.distance == pytest.approx(new[:, 0] - 2, abs=0.01)
+    assert not evidence.is_gone.any()
+
+
+@pytest.mark.parametrize(("apart", "is_moved"), [(0.26, True), (0.36, False)])
+def test_pairs_of_readings_within_three_spacings_are_believed_together(sheet, apart, is_moved):
+    new = read(4000, seed=1) * [1, 1, 0]
+    new = new[(np.abs(new[:, :2] - [0.85, 1]) > [0.3, 0.1]).any(axis=1)]
+    pairs = [[0.85 + side * apart / 2, y, 0.05] for side in (-1, 1) for y in (0.995, 1.005)]
+    evidence = weigh_evidence(*sheet, read(8000), np.concatenate([new, pairs]), SPACING)
+    assert evidence.is_moved.sum() == 2 * is_moved
 
 
 def test_readings_are_crowded_by_their_vertex_or_by_their_neighbours():
@@ -134,91 +128,6 @@ def test_a_reading_beside_the_place_makes_an_old_point_needless_if_it_agrees():
     assert (
         is_superseded.dtype == against.dtype == find_superseded(points[:0], readings, evidence).dtype == bool
     )
-
-
-def lay_ring(inner: float, outer: float, missing: float = 0.0) -> np.ndarray:
-    """Readings on a ring round the middle of the sheet, but for a sector of some degrees."""
-    angle, radius = np.meshgrid(np.radians(np.arange(missing, 360, 3)), np.linspace(inner, outer, 4))
-    flat = np.zeros(angle.size)
-    return np.column_stack([1 + (radius * np.cos(angle)).ravel(), 1 + (radius * np.sin(angle)).ravel(), flat])
-
-
-@pytest.mark.parametrize(
-    ("readings", "is_surrounded"),
-    [
-        (lay_ring(0.4, 0.5), True),
-        (lay_ring(1.10, 1.15), True),
-        (lay_ring(1.22, 1.28), False),
-        (lay_ring(0.4, 0.5, missing=70), False),
-        (lay_ring(0.05, 0.2), False),
-    ],
-)
-def test_a_patch_is_gone_if_readings_lie_just_beyond_it_on_all_sides(sheet, readings, is_surrounded):
-    """A patch of radius 0.3 m; just beyond is within its radius and six times the spacing."""
-    vertices, faces = sheet
-    patch = np.linalg.norm(vertices - [1, 1, 0], axis=1) < 0.31
-    is_read = ~patch
-    is_read[vertices[:, 0] < 0.45] = False
-    is_gone = find_gone(vertices, faces, readings, is_read, SPACING)
-    assert is_gone.dtype == bool
-    assert np.array_equal(is_gone, patch if is_surrounded else np.zeros_like(patch))
-
-
-def test_what_is_gone_does_not_depend_on_where_the_world_is(sheet):
-    """A wall that faces the origin from 50 m away instead of a floor beside it."""
-    vertices, faces = sheet
-    patch = np.linalg.norm(vertices - [1, 1, 0], axis=1) < 0.31
-    is_read = ~patch & (vertices[:, 0] > 0.45)
-
-    def stand_up(points):
-        return points @ np.array([[0.6, 0.8, 0], [0, 0, 1], [0.8, -0.6, 0]]) + [39.4, -30.8, -1.0]
-
-    for readings in (lay_ring(0.4, 0.5), lay_ring(0.4, 0.5, missing=70)):
-        here = find_gone(vertices, faces, readings, is_read, SPACING)
-        there = find_gone(stand_up(vertices), faces, stand_up(readings), is_read, SPACING)
-        assert np.array_equal(here, there)
-
-
-def test_one_or_two_vertices_without_readings_are_no_hole_and_every_hole_is_looked_at_alone(sheet):
-    vertices, faces = sheet
-    middle = SIDE * 10 + 10
-    is_read = vertices[:, 0] > 0.45
-    for unread, is_hole in (([0], False), ([0, 1], False), ([0, 1, SIDE], True)):
-        missing = middle + np.array(unread)
-        is_gone = find_gone(
-            vertices, faces, lay_ring(0.3, 0.4), is_read & ~np.isin(np.arange(SIDE**2), missing), SPACING
-        )
-        assert np.flatnonzero(is_gone).tolist() == (missing.tolist() if is_hole else [])
-
-
-def test_a_scan_of_nearly_all_shows_what_is_gone_wherever_it_is(sheet):
-    vertices, faces = sheet
-    for width, is_whole in ((3, True), (5, False)):
-        is_edge = vertices[:, 0] < (width - 0.5) * SPACING
-        readings = vertices[~is_edge]
-        is_gone = find_gone(vertices, faces, readings, ~is_edge, SPACING)
-        assert np.array_equal(is_gone, is_edge if is_whole else np.zeros_like(is_edge))
-    loose = np.concatenate([vertices, [[5.0, 5.0, 5.0]]])
-    nothing = find_gone(loose, faces, vertices, np.r_[np.ones(SIDE**2, dtype=bool), False], SPACING)
-    assert nothing.dtype == bool
-    assert not nothing.any(), "a vertex of no face cannot go"
-
-
-def test_a_vertex_is_read_where_a_reading_is_as_near_as_readings_are_dense():
-    """Readings 5 cm apart: a vertex within 7.5 cm and its own spacing of one is read."""
-    x, y = np.meshgrid(0.05 * np.arange(21), 0.05 * np.arange(21))
-    readings = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    vertices = np.array(
-        [[0.5, 0.5, 0.0], [0.5, 0.5, 0.17], [0.5, 0.5, 0.18], [1.17, 1.0, 0.0], [1.18, 1.0, 0.0]]
-    )
-    is_read, density = find_read(vertices, readings, SPACING)
-    assert is_read.tolist() == [True, True, False, True, False]
-    assert is_read.dtype == bool
-    assert density == pytest.approx(4 / (np.pi * 0.05**2))
-    few, density = find_read(vertices, readings[:2], SPACING)
-    assert not few.any()
-    assert density == pytest.approx(1 / (np.pi * 0.05**2))
-    assert np.isfinite(find_read(vertices, readings[[0, 0]], SPACING)[1])
 
 
 def test_each_reading_has_its_distance_and_its_vertex(sheet):
@@ -292,16 +201,23 @@ def test_what_disagreed_before_must_disagree_clearly_more_often(sheet, before, n
     assert least <= np.mean(moved) <= most
 
 
-def test_what_rays_pass_through_is_gone(sheet):
-    """A floor a metre below the sheet is seen from a metre above its middle."""
-    new = read(4000, seed=1)
-    under = (np.abs(new[:, :2] - 1) < 0.5).all(axis=1)
-    new[under, 2] -= 1.0
-    origins = new * [1, 1, 0] + [0, 0, 1.0]
-    gone = weigh_evidence(*sheet, read(8000), new, SPACING, origins).is_gone
-    inside = (np.abs(sheet[0][:, :2] - 1) < 0.35).all(axis=1)
-    assert gone[inside].all()
-    assert not gone[(np.abs(sheet[0][:, :2] - 1) > 0.65).any(axis=1)].any()
+def test_where_nothing_was_read_before_what_disagrees_is_believed(sheet):
+    """The surface was closed over a gap in the old readings, at a height that was never measured."""
+    old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
+    old = old[(np.abs(old[:, :2] - 1) > 0.2).any(axis=1)]
+    gap = (np.abs(sheet[0][:, :2] - 1) < 0.12).all(axis=1)
+    assert weigh_evidence(*sheet, old, new, SPACING).is_moved[gap].all()
+
+
+def test_faces_may_be_integers_of_any_kind(sheet):
+    vertices, faces = sheet
+    new = raise_middle(read(4000, seed=1), 0.05)
+    wide, narrow = (
+        weigh_evidence(vertices, faces.astype(kind), read(8000), new, SPACING)
+        for kind in (np.int64, np.int32)
+    )
+    assert np.array_equal(wide.distance, narrow.distance)
+    assert np.array_equal(wide.is_moved, narrow.is_moved)
 
 
 def test_nothing_depends_on_where_the_world_is(sheet):
