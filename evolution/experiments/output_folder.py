@@ -16,8 +16,12 @@ def refuse_foreign(folder: Path, mark: str, names: Iterable[str]) -> None:
         names: files and folders that the command makes.
 
     Raises:
-        RunError: there is something of one of these names, and no mark.
+        RunError: there is something of one of these names, and no mark; or one of them is a link, behind which what
+            is written would go elsewhere.
     """
+    links = [name for name in (mark, *names) if (folder / name).is_symlink()]
+    if links:
+        raise RunError(f"{folder / links[0]} is a link to elsewhere; name another folder, or move the link")
     if (folder / mark).is_file():
         return
     taken = [name for name in (mark, *names) if os.path.lexists(folder / name)]
