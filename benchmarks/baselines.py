@@ -10,6 +10,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from benchmarks.evolution_runs import Results
@@ -57,6 +58,27 @@ def count_crossings(
     return outcome.successes
 
 
+def count_random_crossings(trials: int, modules: int = 8) -> int:
+    """Return how many of so many episodes of the default environment, in truth, succeed by random actions.
+
+    Each action is drawn from the whole action space at every step, independently of the others.
+    """
+    options = {"arena": "truth", "modules": modules, "autoreset_mode": "Disabled"}
+    envs: Any = gym.make_vec(
+        "symbrion_gym/SnakePit-v1", num_envs=trials, vectorization_mode="vector_entry_point", **options
+    )
+    envs.reset(seed=SEED)
+    envs.action_space.seed(SEED)
+    is_over, successes = np.zeros(trials, dtype=bool), 0
+    while not is_over.all():
+        _, _, terminated, truncated, infos = envs.step(envs.action_space.sample())
+        ends = (terminated | truncated) & ~is_over
+        successes += int(infos["success"][ends].sum()) if ends.any() else 0
+        is_over |= ends
+    envs.close()
+    return successes
+
+
 class Baselines:
     """The parts, each a method of its name.
 
@@ -92,6 +114,11 @@ class Baselines:
             found = [count_crossings(draw, pit, 8, max(count // len(draws), 1), law) for draw in draws]
             figures[f"random of {law}"] = sum(found)
         self._put("default_course", figures)
+
+    def random_actions(self) -> None:
+        """The default environment with 8 modules: an action drawn at random at every step."""
+        count = self._default_trials
+        self._put("random_actions", {"trials": count, "successes": count_random_crossings(count)})
 
     def other_tasks(self) -> None:
         """Doing nothing where the search is for less: six modules, and a bridge over the abyss of the benchmark."""
