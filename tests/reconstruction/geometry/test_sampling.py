@@ -14,7 +14,7 @@ def count_in_quarters(points: np.ndarray) -> np.ndarray:
 
 def test_area_samples_are_even_and_on_the_surface():
     points = sample_area(np.asarray(SQUARE.vertices), np.asarray(SQUARE.faces), 4000)
-    assert (points[:, 2] == 1).all()
+    np.testing.assert_allclose(points[:, 2], 1)
     np.testing.assert_allclose(count_in_quarters(points), 1000, rtol=0.05)
 
 
