@@ -20,8 +20,9 @@ import trimesh
 
 from benchmarks.material.changes import NUM_POINTS, Change, draw, make_changes, make_surface
 from benchmarks.report import write_results
+from reconstruction.geometry.sampling import sample_area
 from reconstruction.reconstruct import Reconstruction, reconstruct
-from reconstruction.surfaces.quality import find_distances, sample_area
+from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.arenas.course import Course
 
 SIZES: dict[str, tuple[str, dict[str, Any]]] = {

@@ -1,12 +1,12 @@
-"""Points in, surface out: read and clean laser scans, and reconstruct surfaces with self-organising networks."""
+"""Points in, surface out: read and clean laser scans, and reconstruct surfaces with self-organizing networks."""
 
 from typing import TYPE_CHECKING
 
 from reconstruction.lazy import export_lazily
-from reconstruction.reconstruct import Reconstruction, reconstruct  # a function named as its module
+from reconstruction.reconstruct import Reconstruction, reconstruct  # the function has the name of its module
 
 if TYPE_CHECKING:
-    from reconstruction.errors import ReconstructionError, ScanError
+    from reconstruction.errors import ReconstructionError, ReconstructionPackageError, ScanError
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
@@ -30,6 +30,7 @@ __all__ = [
     "Quality",
     "Reconstruction",
     "ReconstructionError",
+    "ReconstructionPackageError",
     "ScanError",
     "ScanLog",
     "crop",

@@ -1,6 +1,8 @@
-"""Optional dependencies: which modules each extra brings, and what to say where one is missing."""
+"""Optional dependencies: which modules each extra brings, and the error where one is missing."""
 
 from importlib.util import find_spec
+
+from reconstruction.errors import ReconstructionPackageError
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
@@ -10,12 +12,12 @@ EXTRAS: dict[str, tuple[str, ...]] = {
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 
 
-class MissingExtraError(RuntimeError):
-    """Something was asked for that needs an optional dependency; the message says how to install it."""
+class MissingExtraError(ReconstructionPackageError, RuntimeError):
+    """An optional dependency is not installed; the message says how to install it."""
 
 
 def require_extras(purpose: str, *extras: str) -> None:
-    """Refuse in one line, before any work is done, what the installed packages cannot do.
+    """Refuse in one line, before any work is done, what needs packages that are not installed.
 
     Args:
         purpose: what needs the extras, as the beginning of a sentence: "`symbrion demo`".
@@ -24,11 +26,11 @@ def require_extras(purpose: str, *extras: str) -> None:
     Raises:
         MissingExtraError: a module of one of these extras is not installed.
     """
-    absent = {name: gone for name in extras if (gone := [m for m in EXTRAS[name] if find_spec(m) is None])}
-    if absent:
-        names = " and ".join(f"'{name}'" for name in absent)
-        modules = ", ".join(module for gone in absent.values() for module in gone)
+    missing = {name: found for name in extras if (found := [m for m in EXTRAS[name] if find_spec(m) is None])}
+    if missing:
+        names = " and ".join(f"'{name}'" for name in missing)
+        modules = ", ".join(module for found in missing.values() for module in found)
         raise MissingExtraError(
-            f"{purpose} needs the extra{'s' * (len(absent) > 1)} {names} (not installed: {modules}): "
-            f"pip install 'symbrion-gym[{','.join(absent)}]'"
+            f"{purpose} needs the extra{'s' * (len(missing) > 1)} {names} (not installed: {modules}): "
+            f"pip install 'symbrion-gym[{','.join(missing)}]'"
         )

@@ -1,9 +1,9 @@
-"""How long work tells its caller how far it is."""
+"""Progress of long work, reported to the caller."""
 
 from collections.abc import Callable
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the fraction that is done, 0 to 1."""
+"""Called with the name of the present step and the fraction of all work done, 0 to 1."""
 
 
 def silent(message: str, fraction: float) -> None:

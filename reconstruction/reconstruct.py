@@ -1,4 +1,4 @@
-"""From points to a surface by one call, and the surface as something that goes on learning."""
+"""From points to a surface by one call, and the surface as a network that learns on."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import dataclasses
 import importlib
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol, TypeAlias, cast
 
 import numpy as np
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
@@ -25,7 +26,12 @@ from reconstruction.scans.scan import ScanLog
 if TYPE_CHECKING:
     import trimesh
 
+    from reconstruction.networks.growing_grid import growing_grid
+    from reconstruction.networks.gsrm import gsrm
     from reconstruction.surfaces.quality import Quality
+
+    NetworkConfig: TypeAlias = gsrm.GSRMConfig | growing_grid.GrowingGridConfig
+    State: TypeAlias = gsrm.State | growing_grid.State
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -36,6 +42,34 @@ METHODS = {
 """Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
 
 
+class Network(Protocol):
+    """What the module of a network offers."""
+
+    @property
+    def State(self) -> type[State]:
+        """The network as plain arrays."""
+        ...
+
+    def train(
+        self, points: Float[np.ndarray, "N 3"], config: NetworkConfig, seed: int, progress: Progress
+    ) -> State:
+        """Return a network that has grown over the points."""
+        ...
+
+    def refine(
+        self,
+        state: State,
+        points: Float[np.ndarray, "N 3"],
+        new_points: Float[np.ndarray, "M 3"],
+        config: NetworkConfig,
+        seed: int,
+        progress: Progress,
+        origins: Float[np.ndarray, "M 3"] | None,
+    ) -> tuple[State, Float[np.ndarray, "P 3"]]:
+        """Return the network after new readings, and the points that it knows then."""
+        ...
+
+
 def reconstruct(
     points: ArrayLike,
     method: str = "gsrm",
@@ -44,19 +78,19 @@ def reconstruct(
     mode: str = "batch",
     progress: Progress = silent,
     viewpoint: ArrayLike | None = None,
-    **options: Any,
+    **options: object,
 ) -> Reconstruction:
-    """Let a self-organising network grow over a point cloud and return its surface.
+    """Grow a self-organizing network over a point cloud and return its surface.
 
     Args:
-        points: `[N, 3]` positions [m], any real number type; about 20 for each unit are good.
+        points: `[N, 3]` positions [m], any real number type; 20 for each unit are a good number.
         method: "gsrm" (growing self-reconstruction map: any topology) or "gg" (growing grid: one sheet).
-        units: neurons wanted, the resolution.
+        units: number of neurons, the resolution.
         seed: equal seeds give equal meshes, byte for byte.
         mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
-        progress: told how far it is.
-        viewpoint: `[3]` or `[K, 3]` where the scanner stood; the normals point there. Else upwards, or
-            outwards for closed surfaces.
+        progress: called with each step and the fraction done.
+        viewpoint: `[3]` or `[K, 3]` positions of the scanner; the normals point there. Without it they point up,
+            or outwards on closed surfaces.
         options: further fields of `GSRMConfig` or `GrowingGridConfig`, such as `triangles=13860` for "gg".
 
     Raises:
@@ -64,8 +98,8 @@ def reconstruct(
     """
     cloud = check_points(points)
     network, config_type = _find_method(method)
-    chosen = options if mode == "batch" else {"mode": mode, **options}
-    config = _make_config(config_type, {"units": units, **chosen})
+    selected = options if mode == "batch" else {"mode": mode, **options}
+    config = _make_config(config_type, {"units": units, **selected})
     check_number(cloud, getattr(config, "wanted_units", config.units))
     seed, seen_from = _check_seed(seed), _check_viewpoint(viewpoint)
     keep_compiled_programs()
@@ -74,19 +108,24 @@ def reconstruct(
 
 
 class Reconstruction:
-    """A network that has learnt a surface: its mesh, its quality, and what it takes to learn on.
+    """A network that has learned a surface: its mesh, its quality, and all that it needs to learn on.
 
     Attributes:
         method: "gsrm" or "gg".
         config: the network's configuration.
         state: the network itself, plain arrays.
-        points: `[N, 3]` the cloud it knows [m].
-        viewpoint: where the scanner stood, or None.
+        points: `[N, 3]` the cloud that it was grown over [m].
+        viewpoint: `[3]` or `[K, 3]` positions of the scanner [m], or None.
         mesh: the surface; consistently wound, normals up, outwards or towards the scanner.
     """
 
     def __init__(
-        self, method: str, config: Any, state: Any, points: np.ndarray, viewpoint: np.ndarray | None
+        self,
+        method: str,
+        config: NetworkConfig,
+        state: State,
+        points: Float[np.ndarray, "N 3"],
+        viewpoint: Float[np.ndarray, "*K 3"] | None,
     ):
         """Wrap a network; `reconstruct` and `load` are the ways to get one."""
         self.method = method
@@ -110,20 +149,20 @@ class Reconstruction:
         *,
         origins: ArrayLike | None = None,
     ) -> Reconstruction:
-        """Return the same network after it has learnt from new readings; this one stays as it is.
+        """Return the same network after it has learned from new readings; this one stays as it is.
 
-        What has moved moves, new parts grow, parts that are no longer there go; the rest stays put.
+        Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays.
 
         Args:
             new_points: `[N, 3]` readings made since [m], in the frame and unit of the first; or a scan log, which
                 is levelled, filtered and smoothed, and knows its origins itself.
             seed: of the order of the signals.
-            progress: told how far it is.
-            origins: `[N, 3]` where each reading was made from, or `[3]` one place for all: what their rays pass
-                through is gone. Without them a part is gone where it is not read again and all about it is.
+            progress: called with each step and the fraction done.
+            origins: `[N, 3]` sensor position of each reading, or `[3]` one for all [m]: surface that their rays pass
+                through is removed. Without them a part is removed where it is not read again but all around it is.
 
         Raises:
-            ReconstructionError: the points or origins are no points, or their unit is another.
+            ReconstructionError: the points or origins are no points, or in another unit.
         """
         if isinstance(new_points, ScanLog):
             if origins is not None:
@@ -141,8 +180,12 @@ class Reconstruction:
         )
         return Reconstruction(self.method, self.config, state, points, self.viewpoint)
 
-    def save(self, path: str | os.PathLike) -> None:
-        """Write the network as plain arrays (.npz, no pickle); the file appears whole or not at all."""
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network as plain arrays (.npz, no pickle), atomically.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
         path = Path(path)
         header = {
             "format": FORMAT,
@@ -150,31 +193,29 @@ class Reconstruction:
             "method": self.method,
             "config": dataclasses.asdict(self.config),
         }
-        arrays: dict[str, Any] = {
-            f"state_{name}": np.asarray(value) for name, value in self.state._asdict().items()
-        }
+        arrays = {f"state_{name}": np.asarray(value) for name, value in self.state._asdict().items()}
         arrays["points"] = self.points
         if self.viewpoint is not None:
             arrays["viewpoint"] = self.viewpoint
-        with write_atomically(path) as beside, beside.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+        with write_atomically(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
 
     @classmethod
-    def load(cls, path: str | os.PathLike, max_bytes: float = MAX_BYTES) -> Reconstruction:
-        """Read what `save` wrote.
+    def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
+        """Read a file that `save` wrote.
 
         Args:
             path: .npz.
             max_bytes: the most that the file may hold once unpacked.
 
         Raises:
-            ReconstructionError: no such file, not such a file, or of a newer version.
+            ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
         try:
             arrays = read_npz(path, max_bytes=max_bytes)
             header = json.loads(str(arrays.pop("header")))
             is_known = header["format"] == FORMAT and header["version"] <= VERSION
-        except Exception as error:  # a stranger's file can be wrong in any way
+        except Exception as error:  # a file from outside can be wrong in any way
             raise ReconstructionError(f"{path} is not a saved reconstruction: {error}") from error
         if not is_known:
             raise ReconstructionError(
@@ -191,7 +232,7 @@ class Reconstruction:
             raise ReconstructionError(f"{path}: {error}") from error
         except Exception as error:
             raise ReconstructionError(
-                f"{path} is no whole reconstruction ({error!r}); was it written by another version?"
+                f"{path} is no complete reconstruction ({error!r}); was it written by another version?"
             ) from error
 
 
@@ -210,15 +251,20 @@ def _check_saved(state: Any, points: np.ndarray) -> None:
         raise ReconstructionError(f"faces must name units, 0 to {count - 1}; restore the file from a copy")
 
 
-def _find_method(method: str) -> tuple[ModuleType, Any]:
+def _find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
+    """Return the network and the configuration of a method.
+
+    Raises:
+        ReconstructionError: there is no such method.
+    """
     if method not in METHODS:
         raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
     module, config = METHODS[method]
     network = importlib.import_module(module)
-    return network, getattr(network, config)
+    return cast("Network", network), getattr(network, config)
 
 
-def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
+def _make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:
     """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
     known = {field.name for field in dataclasses.fields(config_type)}
     unknown = sorted(set(values) - known)
@@ -229,7 +275,8 @@ def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
     units = values.get("units")
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    return config_type(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+    make = cast("Callable[..., NetworkConfig]", config_type)
+    return make(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
 
 
 def _check_seed(seed: int) -> int:
@@ -238,7 +285,7 @@ def _check_seed(seed: int) -> int:
     return int(seed)
 
 
-def _check_viewpoint(viewpoint: ArrayLike | None) -> np.ndarray | None:
+def _check_viewpoint(viewpoint: ArrayLike | None) -> Float[np.ndarray, "*K 3"] | None:
     if viewpoint is None:
         return None
     array = np.asarray(viewpoint, dtype=np.float64)
@@ -249,7 +296,11 @@ def _check_viewpoint(viewpoint: ArrayLike | None) -> np.ndarray | None:
     return array
 
 
-def _make_mesh(units: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | None) -> trimesh.Trimesh:
+def _make_mesh(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    viewpoint: Float[np.ndarray, "*K 3"] | None,
+) -> trimesh.Trimesh:
     """Return the oriented mesh of the units that have a face."""
     import trimesh
 

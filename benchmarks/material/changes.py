@@ -9,7 +9,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from reconstruction.surfaces.quality import find_distances, sample_area
+from reconstruction.geometry.sampling import sample_area
+from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.arenas.course import Course
 
 NUM_POINTS = 60_000

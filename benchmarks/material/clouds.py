@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from reconstruction.geometry.sampling import sample_area
 from reconstruction.scans.formats import load_points
-from reconstruction.surfaces.quality import sample_area
 from symbrion_gym.arenas.course import Course, StairsCourse
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -6,7 +6,8 @@ import numpy as np
 import trimesh
 
 from reconstruction.geometry.orientation import find_components
-from reconstruction.surfaces.quality import count_topology, find_distances, sample_area
+from reconstruction.geometry.sampling import sample_area
+from reconstruction.surfaces.quality import count_topology, find_distances
 
 YAW = np.deg2rad(2.25)
 FIRST_RISER, TREAD, RISE, NUM_STEPS = 5.14, 0.34, 0.144, 12

@@ -1,4 +1,4 @@
-"""The one way in which this project writes files: beside their place, then renamed, so that none is ever half."""
+"""The one way in which this project writes files: to a temporary name, then renamed, so that none is ever half."""
 
 import errno
 import os
@@ -11,20 +11,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _LONGEST_STEM = 40
-"""Characters of a name that its file beside keeps: the whole must not exceed 255 bytes."""
+"""Characters of a name that its temporary file keeps: the whole must not exceed 255 bytes."""
 _LEFTOVER = re.compile(r"\.(?P<stem>.+)\.[0-9a-f]{12}\.part(?P<suffix>(?:\.[^.]*)?)")
 
 
 @contextmanager
 def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a path beside `path` to write to; it takes the place of `path` at the end.
+    """Yield a path in the same folder to write to; it replaces `path` at the end.
 
-    Whoever reads `path`, at any time and after any kill, meets the old file or the new one. After an error `path`
-    is as it was, and nothing lies beside it. A link stays a link: the file that it leads to is replaced. A file
-    that was there keeps its mode.
+    A reader of `path`, at any time and after any kill, finds the old file or the new one. After an error `path` is as
+    it was, and nothing is left next to it. A link stays a link: the file that it leads to is replaced. A file that was
+    there keeps its mode.
 
     Args:
-        path: the file wanted; its folder exists.
+        path: the file; its folder exists.
 
     Raises:
         OSError: it cannot be written, or what is there is a folder, a device or write-protected; the message
@@ -32,23 +32,23 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(os.path.realpath(path))
     _refuse_irreplaceable(path)
-    beside = path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
+    temporary = path.with_name(f".{path.stem[:_LONGEST_STEM]}.{secrets.token_hex(6)}.part{path.suffix}")
     try:
-        yield beside
+        yield temporary
         if path.exists():
-            shutil.copymode(path, beside)
-        _flush(beside)
-        os.replace(beside, path)
+            shutil.copymode(path, temporary)
+        _flush(temporary)
+        os.replace(temporary, path)
     except OSError as error:
-        if error.filename not in (None, str(beside)):
+        if error.filename not in (None, str(temporary)):
             raise
         raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def find_leftovers(folder: str | os.PathLike[str]) -> dict[Path, str]:
-    """Return what killed writers left in a folder, and what others write at this moment: path -> name meant.
+    """Return the temporary files in a folder, of killed writers and of present ones: path -> name they were for.
 
     Of a name longer than 40 characters the first 40 are known.
     """
@@ -68,7 +68,7 @@ def _refuse_irreplaceable(path: Path) -> None:
 
 
 def _flush(path: Path) -> None:
-    """Have the disk hold what was written before a rename makes it count."""
+    """Write to the disk what a rename is about to publish."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,8 +1,8 @@
-"""Reading files of others within a limit: no file unpacks to more, and no header is believed unchecked.
+"""Reading files from outside within a limit: no file unpacks to more, and every header is checked.
 
 `open_bounded` opens a plain, gzip or bzip2 file; `read_npz` reads NumPy's archives. Both find out what a file
-really holds before anything of its size is allocated, and both have one error, `UnreadableFileError`, for
-everything that can be wrong: zlib, zipfile, NumPy and the file system each raise kinds of their own.
+holds before anything of its size is allocated, and both raise one error, `UnreadableFileError`, for
+everything that can be wrong: zlib, zipfile, NumPy and the file system each raise their own.
 """
 
 import bz2
@@ -19,9 +19,11 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.errors import ReconstructionPackageError
+
 MAX_BYTES = 2_000_000_000
 """Most bytes that a file may hold once unpacked, and its points once read. A point takes 24, so this is room for
-83 million points; a scan of 100 million needs `max_bytes=3e9`. A machine needs about three times as much memory."""
+83 million points; a scan of 100 million needs `max_bytes=3e9`. Reading takes about three times as much memory."""
 _CHUNK = 1 << 20
 """Bytes unpacked at once."""
 _NPY_HEADERS = {
@@ -30,21 +32,19 @@ _NPY_HEADERS = {
 }
 _NPZ_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What NumPy writes; the others unpack a small block into gigabytes at once."""
-
-
 _ZIP_END = 22
 """Bytes of a zip archive's last record, before its comment."""
 
 
-class UnreadableFileError(ValueError):
-    """A file is absent, damaged, lies about its size, or is larger than allowed; the message names the reason."""
+class UnreadableFileError(ReconstructionPackageError, ValueError):
+    """A file is missing, damaged, of another size than it says, or larger than allowed; the message says which."""
 
 
 class BoundedFile:
     """A binary file, unpacked on the way, whose size is known and within the limit.
 
     Attributes:
-        stream: hands out the unpacked bytes.
+        stream: of the unpacked bytes.
         suffix: lower case, without that of the packing.
         max_bytes: the limit.
         size: bytes in the stream.
@@ -70,7 +70,11 @@ class BoundedFile:
         return self.size - self.stream.tell()
 
     def read_exactly(self, num_bytes: int) -> bytes:
-        """Return the next bytes; raise `UnreadableFileError` where there are fewer."""
+        """Return the next bytes.
+
+        Raises:
+            UnreadableFileError: there are fewer.
+        """
         if not 0 <= num_bytes <= self.num_left:
             raise UnreadableFileError(f"{num_bytes} bytes are promised where {self.num_left} are left")
         data = self.stream.read(num_bytes)
@@ -79,7 +83,7 @@ class BoundedFile:
         return data
 
     def _measure(self) -> tuple[int, int]:
-        """Return bytes and lines of the whole stream, stopping beyond the limit."""
+        """Return bytes and lines of the whole stream, up to the limit."""
         position, size, num_lines = self.stream.tell(), 0, 1
         self.stream.seek(0)
         while chunk := self.stream.read(_CHUNK):
@@ -114,7 +118,7 @@ def open_bounded(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> 
         max_bytes: the most it may hold once unpacked.
 
     Raises:
-        UnreadableFileError: absent, empty, damaged, or larger than the limit.
+        UnreadableFileError: missing, empty, damaged, or larger than the limit.
     """
     path = Path(path)
     suffixes = [suffix.lower() for suffix in path.suffixes]
@@ -144,7 +148,7 @@ def read_npz(
         max_bytes: the most that they may take together.
 
     Raises:
-        UnreadableFileError: absent, damaged, lacking an array, or larger than the limit.
+        UnreadableFileError: missing, damaged, lacking an array, or larger than the limit.
     """
     with _one_error(), zipfile.ZipFile(source) as archive:
         members = _find_members(archive)
@@ -159,7 +163,11 @@ def read_npz(
 
 
 def find_npz_names(source: str | os.PathLike[str] | BinaryIO) -> list[str]:
-    """Return the names of the arrays in an .npz, or raise `UnreadableFileError`."""
+    """Return the names of the arrays in an .npz.
+
+    Raises:
+        UnreadableFileError: missing or damaged.
+    """
     with _one_error(), zipfile.ZipFile(source) as archive:
         return list(_find_members(archive))
 
@@ -190,16 +198,16 @@ def read_array(stream: BinaryIO, num_left: int) -> NDArray:
     return data.view(dtype).reshape(shape, order="F" if is_fortran else "C")
 
 
-def _fill(stream: BinaryIO, room: NDArray[np.uint8]) -> None:
-    while len(room):
-        num_read = stream.readinto(room)  # type: ignore[attr-defined]
+def _fill(stream: BinaryIO, buffer: NDArray[np.uint8]) -> None:
+    while len(buffer):
+        num_read = stream.readinto(buffer)  # type: ignore[attr-defined]
         if not num_read:
             raise UnreadableFileError("ends in the middle of an array")
-        room = room[num_read:]
+        buffer = buffer[num_read:]
 
 
 def _find_members(archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
-    """Return the arrays of an archive; refuse one whose directory is not whole, as arrays would vanish from it."""
+    """Return the arrays of an archive; refuse one whose directory is incomplete, as arrays would be missing."""
     found = archive.infolist()
     if _count_members(archive) != min(len(found), 0xFFFF):
         raise UnreadableFileError(f"counts {_count_members(archive)} arrays, but names {len(found)}")
@@ -234,6 +242,7 @@ def _unpack(plain: BinaryIO, packing: str) -> BinaryIO:
 
 @contextmanager
 def _one_error() -> Iterator[None]:
+    """Raise `UnreadableFileError` for whatever goes wrong inside."""
     try:
         yield
     except UnreadableFileError:
@@ -244,5 +253,5 @@ def _one_error() -> Iterator[None]:
         raise UnreadableFileError("is a folder, not a file") from error
     except OSError as error:
         raise UnreadableFileError(f"cannot be read: {error}") from error
-    except Exception as error:  # damaged bytes make the libraries beneath raise every kind of error
+    except Exception as error:  # damaged bytes make the libraries raise every kind of error
         raise UnreadableFileError(f"is damaged: {error or type(error).__name__}") from error

@@ -11,17 +11,17 @@ import platformdirs
 
 CACHE_VARIABLE = "SYMBRION_CACHE"
 
-_LOG = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 def find_cache_folder(name: str) -> Path:
-    """Return a writable cache folder, made if need be.
+    """Return a writable cache folder, created if it is missing.
 
-    `SYMBRION_CACHE` names another place than the platform's own. Where neither can be written
-    (a read-only home), a folder in the system's temporary directory serves, if it is the user's alone.
+    `SYMBRION_CACHE` names another place than the platform's own. Where neither can be written (a read-only home), it is
+    a folder in the system's temporary directory, if only this user can write to it.
 
     Args:
-        name: the kind of things kept, one folder each.
+        name: of the folder; one for each kind of content.
     """
     wanted = Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_path("symbrion-gym")) / name
     try:
@@ -36,7 +36,7 @@ def find_cache_folder(name: str) -> Path:
 
 
 def _find_temporary_folder() -> Path:
-    """Return the user's own folder in the shared temporary one, or a fresh private one where it is not theirs."""
+    """Return the user's own folder in the shared temporary one, or a new private one where others could write to it."""
     user = os.getuid() if hasattr(os, "getuid") else "user"  # Windows: the temporary folder is the user's own
     folder = Path(tempfile.gettempdir()) / f"symbrion-gym-{user}"
     try:
@@ -48,7 +48,7 @@ def _find_temporary_folder() -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether a folder is the user's own, no link, and nobody else may write into it."""
+    """Return whether a folder is the user's own, no link, and nobody else may write into it."""
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode):
         return False
@@ -57,9 +57,9 @@ def _is_private(folder: Path) -> bool:
 
 @functools.cache
 def _make_private_folder(refused: Path) -> Path:
-    """Return a fresh folder for this process, and tell why."""
+    """Return a new folder for this process, and log why."""
     folder = Path(tempfile.mkdtemp(prefix="symbrion-gym-"))
-    _LOG.warning(
+    logger.warning(
         "%s is not this user's alone, nothing is read from it; what is made is kept in %s. Remove it, or "
         "set %s to a folder of yours",
         refused,

@@ -1,4 +1,4 @@
-"""Text from outside (names, paths, file contents) made fit for one line of a terminal or a file."""
+"""Text from outside (names, paths, file contents) made printable on one line of a terminal or a file."""
 
 
 def make_printable(text: object, limit: int = 2000) -> str:

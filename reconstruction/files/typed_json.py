@@ -1,4 +1,4 @@
-"""JSON from outside, read strictly: numbers are finite, nesting is bounded, every field has its type.
+"""JSON from outside, read strictly: finite numbers, bounded nesting, typed fields.
 
 Two steps: `read_json` reads a file as plain content, `as_type` turns content into a dataclass or another
 type. Messages name the field; the caller adds the file and the remedy.
@@ -15,12 +15,13 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from reconstruction.errors import ReconstructionPackageError
 from reconstruction.files.printable import make_printable
 
-LARGEST_FILE = 64 * 2**20
-"""Bytes; our own descriptions have some kilobytes."""
-DEEPEST = 50
-"""Levels of nesting; our own descriptions have six."""
+MAX_FILE_BYTES = 64 * 2**20
+"""Largest file read; those that this project writes have some kilobytes."""
+MAX_DEPTH = 50
+"""Most levels of nesting; files of this project have six."""
 _TOKEN = re.compile(
     r'"(?P<string>(?:[^"\\]|\\.)*+)"?\s*+(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])', re.DOTALL
 )
@@ -29,8 +30,8 @@ _TOKEN = re.compile(
 T = TypeVar("T")
 
 
-class JsonError(ValueError):
-    """Content is no JSON, or not of the type that was asked for; the message is one printable line."""
+class JsonError(ReconstructionPackageError, ValueError):
+    """Content is no JSON, or not of the type expected; the message is one printable line."""
 
     def __init__(self, message: str) -> None:
         super().__init__(make_printable(message))
@@ -46,8 +47,8 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     try:
         if not path.is_file():
             raise JsonError("there is no such file")
-        if path.stat().st_size > LARGEST_FILE:
-            raise JsonError(f"larger than {LARGEST_FILE // 2**20} MB")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise JsonError(f"larger than {MAX_FILE_BYTES // 2**20} MB")
         return parse_json(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise JsonError(f"cannot be read ({error.strerror})") from error
@@ -106,7 +107,7 @@ def _replace_surrogates(content: Any) -> Any:
 
 
 def _refuse_unknown(content: Any, value: Any, where: str) -> None:
-    """Refuse what msgspec overlooks: fields that a dataclass does not have."""
+    """Refuse what msgspec accepts: fields that a dataclass does not have."""
     if dataclasses.is_dataclass(value):
         names = [field.name for field in dataclasses.fields(value)]
         unknown = sorted(set(content) - set(names))
@@ -125,8 +126,8 @@ def _refuse_deep(text: str) -> None:
     for token in _TOKEN.finditer(text):
         if token["open"]:
             depth += 1
-            if depth > DEEPEST:
-                raise JsonError(f"{name or 'it'} is nested deeper than {DEEPEST} levels")
+            if depth > MAX_DEPTH:
+                raise JsonError(f"{name or 'it'} is nested deeper than {MAX_DEPTH} levels")
         elif token["close"]:
             depth -= 1
         elif token["is_name"]:

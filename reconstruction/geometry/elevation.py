@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 _EDGE_TOLERANCE = 1e-9
-"""How far outside a triangle (barycentric) a point still counts as inside: neighbours must leave no crack."""
+"""How far outside a triangle (barycentric) a point still counts as inside: neighbors must leave no gap."""
+_NO_AREA = 1e-12
+"""Triangles of less than half this area from above are vertical [m²]."""
+_MAX_CELLS = 2000.0
+"""Most cells of the grid along a side: it takes 32 MB at most, also where the triangles are long and thin."""
+_MIN_EXTENT = 1e-9
+"""Extent of the grid where the mesh has none [m]."""
 
 
 class Elevation:
     """The highest point of meshes above every (x, y): a uniform grid of triangle lists, built once.
 
-    Vertical triangles have no area from above and are left out; where a wall stands, its upper rim answers.
+    Vertical triangles have no area from above and are left out; where a wall stands, its upper rim counts.
     """
 
     def __init__(self, *meshes: trimesh.Trimesh) -> None:
@@ -21,10 +29,10 @@ class Elevation:
         corners = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
         area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
-        is_seen = np.abs(area) > 1e-12
+        is_seen = np.abs(area) > _NO_AREA
         self._corners = corners[is_seen]
         self._faces = np.flatnonzero(is_seen)
-        # One row a triangle, all that a point in it asks for: one place in memory to look up.
+        # One row a triangle with all that a point in it needs: one place in memory to read.
         seen = (
             self._corners[:, 0],
             side_1[is_seen],
@@ -40,8 +48,8 @@ class Elevation:
         low = self._corners[:, :, :2].min(axis=1)
         high = self._corners[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0) if count else np.zeros(2)
-        extent = np.maximum(high.max(axis=0) - self._origin, 1e-9) if count else np.ones(2)
-        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / 2000.0))
+        extent = np.maximum(high.max(axis=0) - self._origin, _MIN_EXTENT) if count else np.ones(2)
+        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / _MAX_CELLS))
         self._shape = np.floor(extent / self._cell).astype(np.int64) + 1
         first, last = self._find_cells(low), self._find_cells(high)
         spans = last - first + 1
@@ -55,11 +63,11 @@ class Elevation:
         self._triangles = triangle[order]
         self._starts = np.searchsorted(cell[order], np.arange(self._shape.prod() + 1))
 
-    def _find_cells(self, points: np.ndarray) -> np.ndarray:
+    def _find_cells(self, points: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, "N 2"]:
         cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
         return np.clip(cells, 0, self._shape - 1)
 
-    def height(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
+    def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, "*points"]:
         """Return the height of the mesh at each (x, y) [m], NaN where there is none.
 
         Args:
@@ -68,7 +76,9 @@ class Elevation:
         """
         return self.find_top(x, y)[0]
 
-    def find_top(self, x: np.ndarray | float, y: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
+    def find_top(
+        self, x: ArrayLike, y: ArrayLike
+    ) -> tuple[Float[np.ndarray, "*points"], Int[np.ndarray, "*points"]]:
         """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -89,8 +99,10 @@ class Elevation:
         heights[np.isneginf(heights)] = np.nan
         return heights.reshape(x.shape), faces.reshape(x.shape)
 
-    def _height_in(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
+    def _height_in(
+        self, triangle: Int[np.ndarray, " K"], points: Float[np.ndarray, "K 2"]
+    ) -> Float[np.ndarray, " K"]:
+        """Return the height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
         x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table[triangle].T
         to_x, to_y = points[:, 0] - x, points[:, 1] - y
         weight_b = (to_x * c_y - to_y * c_x) / area

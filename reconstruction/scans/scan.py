@@ -16,40 +16,6 @@ from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, re
 Array = NDArray[np.float64]
 
 
-def make_pose(
-    x: ArrayLike, y: ArrayLike, yaw: ArrayLike, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0
-) -> Array:
-    """Make poses `[..., 4, 4]` on the plane z = 0 from [m] and [rad], R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    x, y, yaw, roll, pitch = np.broadcast_arrays(*(np.asarray(v, float) for v in (x, y, yaw, roll, pitch)))
-    cy, sy, cp, sp, cr, sr = (
-        np.cos(yaw),
-        np.sin(yaw),
-        np.cos(pitch),
-        np.sin(pitch),
-        np.cos(roll),
-        np.sin(roll),
-    )
-    pose = np.zeros((*x.shape, 4, 4))
-    pose[..., 0, 0], pose[..., 0, 1], pose[..., 0, 2] = (
-        cy * cp,
-        cy * sp * sr - sy * cr,
-        cy * sp * cr + sy * sr,
-    )
-    pose[..., 1, 0], pose[..., 1, 1], pose[..., 1, 2] = (
-        sy * cp,
-        sy * sp * sr + cy * cr,
-        sy * sp * cr - cy * sr,
-    )
-    pose[..., 2, 0], pose[..., 2, 1], pose[..., 2, 2] = -sp, cp * sr, cp * cr
-    pose[..., 0, 3], pose[..., 1, 3], pose[..., 3, 3] = x, y, 1.0
-    return pose
-
-
-def planar_pose(poses: Array) -> Array:
-    """Read x, y [m] and yaw [rad] off poses `[S, 4, 4]`; returns `[S, 3]`."""
-    return np.stack([poses[:, 0, 3], poses[:, 1, 3], np.arctan2(poses[:, 1, 0], poses[:, 0, 0])], axis=1)
-
-
 @dataclass(frozen=True, eq=False)
 class HorizontalScans:
     """What localises the robot: a horizontal scanner and the wheels' odometry, one row a vertical scan.

@@ -1,101 +1,135 @@
-"""Turn edges that run across a crease, so that the faces beside it lie on its two sides.
+"""Flip edges that run across a crease, so that the faces next to it lie on its two sides.
 
 Where a fitted mesh has a vertex on a tread joined to one on the riser below, the two faces at that edge bridge the
-crease, like a tooth. The other diagonal of the same two faces runs along the crease. Turning is judged by the
-total absolute curvature round both faces: the sum of every edge's length times the angle between its faces.
+crease, like a tooth. The other diagonal of the same two faces runs along the crease. A flip is accepted by the
+total absolute curvature around both faces: the sum of every edge's length times the angle between its faces.
 
 References:
     van Damme and Alboul (1995), "Tight triangulations": the criterion.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from reconstruction.geometry.manifold import Sides, find_hinges, find_normals, group_sides, is_in_sorted
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from reconstruction.geometry.manifold import (
+    Sides,
+    find_ends,
+    find_hinges,
+    find_normals,
+    group_sides,
+    is_in_sorted,
+)
 from reconstruction.geometry.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
 
-MIN_TURN = np.deg2rad(30)
-"""Only edges whose faces differ by more are looked at."""
-MIN_GAIN = 1e-3
-"""Share of the curvature round an edge that turning it must save."""
-MIN_ANGLE_SINE = 0.1
-"""New faces have no angle below about 6 degrees."""
-MAX_ROUNDS = 8
+_SHORTEST = 1e-300
+"""Divided by instead of 0: the normal of a face without area is 0."""
 
 
-def turn_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the faces `[F, 3]` with edges turned where that makes the surface less crumpled.
+@dataclass(frozen=True)
+class FlipConfig:
+    """Which edges `flip_edges` flips.
 
-    After the first round only what lies about a turned edge, or about one that had to wait, is looked at again.
+    Attributes:
+        min_angle: only edges whose faces differ by more are checked [rad]: a smooth surface between units has less, a
+            tooth across a crease more.
+        min_gain: share of the curvature around an edge that a flip must save: above the rounding of floats, so that no
+            edge flips to and fro.
+        min_corner_sine: new faces have no corner sharper than this, about 6 degrees.
+        max_rounds: the search ends after this many, also where edges still wait for each other.
+    """
+
+    min_angle: float = np.deg2rad(30)
+    min_gain: float = 1e-3
+    min_corner_sine: float = 0.1
+    max_rounds: int = 8
+
+
+def flip_edges(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: FlipConfig | None = None
+) -> Int[np.ndarray, "F 3"]:
+    """Return the faces with edges flipped where that lowers the curvature.
+
+    After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]` of an oriented two-manifold; the result is one too, of the same topology.
+        vertices: [m].
+        faces: of an oriented two-manifold; the result is one too, of the same topology.
+        config: which edges are flipped.
     """
+    config = config or FlipConfig()
     faces = faces.copy()
-    is_restless = np.ones(len(vertices), dtype=bool)
-    for _ in range(MAX_ROUNDS):
-        is_open = any_corner(is_restless, faces)
-        is_about = np.zeros(len(vertices), dtype=bool)
-        is_about[faces[is_open]] = True
-        part = np.flatnonzero(any_corner(is_about, faces))
-        changed, turned, restless = _turn_once(vertices, faces[part], is_open[part])
+    is_active = np.ones(len(vertices), dtype=bool)
+    for _ in range(config.max_rounds):
+        is_open = any_corner(is_active, faces)
+        is_near = np.zeros(len(vertices), dtype=bool)
+        is_near[faces[is_open]] = True
+        part = np.flatnonzero(any_corner(is_near, faces))
+        changed, flipped, corners = _flip_once(vertices, faces[part], is_open[part], config)
         if len(changed) == 0:
             break
-        faces[part[changed]] = turned
-        is_restless[:] = False
-        is_restless[restless] = True
+        faces[part[changed]] = flipped
+        is_active[:] = False
+        is_active[corners] = True
     return faces
 
 
-def _turn_once(
-    vertices: np.ndarray, faces: np.ndarray, is_open: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Turn edges of which no two touch the same face, those first that gain most.
+def _flip_once(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_open: Bool[np.ndarray, " F"],
+    config: FlipConfig,
+) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
+    """Flip edges of which no two touch the same face, those first that gain most.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]`, with all those that share an edge with an open one.
-        is_open: `[F]` edges between two such faces may turn.
+        vertices: [m].
+        faces: with all those that share an edge with an open one.
+        is_open: edges between two such faces may flip.
+        config: which edges are flipped.
 
     Returns:
-        Which faces change `[C]`, into what `[C, 3]`, and the corners of all edges worth turning `[R, 4]`.
+        Which faces change, into what, and the corners of all edges worth flipping.
     """
     sides = group_sides(faces, len(vertices))
     hinges = find_hinges(faces, sides)
     normals = find_normals(vertices, faces)
     steep = np.flatnonzero(all_corners(is_open, hinges.faces))
-    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > MIN_TURN]
+    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > config.min_angle]
     across = np.full((len(faces), 3), -1)
     across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
     across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
     pair, side = hinges.faces[steep], hinges.sides[steep]
-    gain, corners, outer = _rate_turns(vertices, faces, normals, across, pair, side)
+    gain, corners, outer = _rate_flips(vertices, faces, normals, across, pair, side, config)
     worth = np.flatnonzero(gain)
     touched = np.concatenate([pair, outer], axis=1)[worth]
     gain = np.where(_are_joined(corners[worth, 2:], faces, sides, len(vertices)), 0, gain[worth])
-    chosen = worth[_choose_apart(gain, touched, len(faces))]
-    a, b, c, d = corners[chosen].T
-    turned = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
-    return pair[chosen].T.ravel(), turned, corners[worth]
+    selected = worth[_select_apart(gain, touched, len(faces))]
+    a, b, c, d = corners[selected].T
+    flipped = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
+    return pair[selected].T.ravel(), flipped, corners[worth]
 
 
-def _rate_turns(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    normals: np.ndarray,
-    across: np.ndarray,
-    pair: np.ndarray,
-    side: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what turning each edge saves, `[P]`, 0 where it saves nothing; its corners and outer faces.
+def _rate_flips(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    normals: Float[np.ndarray, "F 3"],
+    across: Int[np.ndarray, "F 3"],
+    pair: Int[np.ndarray, "P 2"],
+    side: Int[np.ndarray, "P 2"],
+    config: FlipConfig,
+) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
+    """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]`.
-        normals: `[F, 3]`.
-        across: `[F, 3]` the face behind every side, -1 where none.
-        pair: `[P, 2]` the two faces at each edge.
-        side: `[P, 2]` which side of each it is.
+        vertices: [m].
+        faces: of an oriented two-manifold.
+        normals: of the faces.
+        across: the face behind every side, -1 where none.
+        pair: the two faces at each edge.
+        side: which side of each it is.
+        config: how much must be saved.
     """
     first, second = pair.T
     a, b = faces[first, side[:, 0]], faces[first, (side[:, 0] + 1) % 3]
@@ -103,8 +137,8 @@ def _rate_turns(
     corners = np.stack([a, b, c, d], axis=1)
     outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
     rims = [(b, c), (c, a), (a, d), (d, b)]
-    left, is_sound = _make_normals(vertices, a, d, c)
-    right, is_sound_too = _make_normals(vertices, d, b, c)
+    left, is_sound = _make_normals(vertices, a, d, c, config.min_corner_sine)
+    right, is_sound_too = _make_normals(vertices, d, b, c, config.min_corner_sine)
     before = _length(vertices, a, b) * _angle(normals[first], normals[second])
     after = _length(vertices, c, d) * _angle(left, right)
     inner_before = (normals[first], normals[first], normals[second], normals[second])
@@ -112,49 +146,60 @@ def _rate_turns(
         length = np.where(outer[:, k] >= 0, _length(vertices, *rim), 0)
         before = before + length * _angle(old, normals[outer[:, k]])
         after = after + length * _angle(new, normals[outer[:, k]])
-    gain = np.where(is_sound & is_sound_too & (after < (1 - MIN_GAIN) * before), before - after, 0)
+    gain = np.where(is_sound & is_sound_too & (after < (1 - config.min_gain) * before), before - after, 0)
     return gain, corners, outer
 
 
 def _make_normals(
-    vertices: np.ndarray, i: np.ndarray, j: np.ndarray, k: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the unit normals of faces and which of these have no sharp corner."""
+    vertices: Float[np.ndarray, "V 3"],
+    i: Int[np.ndarray, " P"],
+    j: Int[np.ndarray, " P"],
+    k: Int[np.ndarray, " P"],
+    min_corner_sine: float,
+) -> tuple[Float[np.ndarray, "P 3"], Bool[np.ndarray, " P"]]:
+    """Return the unit normals of the faces (i, j, k) and which of these have no sharp corner."""
     p, q, r = vertices[i], vertices[j], vertices[k]
     cross = cross_rows(q - p, r - p)
     double = find_lengths(cross)
     squared = np.sort(
         np.stack([sum_rows((q - p) ** 2), sum_rows((r - q) ** 2), sum_rows((p - r) ** 2)]), axis=0
     )
-    is_sound = double > MIN_ANGLE_SINE * np.sqrt(squared[1] * squared[2])
-    return cross / np.maximum(double, 1e-300)[:, None], is_sound
+    is_sound = double > min_corner_sine * np.sqrt(squared[1] * squared[2])
+    return cross / np.maximum(double, _SHORTEST)[:, None], is_sound
 
 
-def _length(vertices: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+def _length(
+    vertices: Float[np.ndarray, "V 3"], i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
+) -> Float[np.ndarray, " P"]:
     return find_lengths(vertices[i] - vertices[j])
 
 
-def _angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _angle(first: Float[np.ndarray, "P 3"], second: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
+    """Return the angles between unit vectors [rad]."""
     return np.arccos(np.clip(sum_rows(first * second), -1, 1))
 
 
-def _are_joined(pairs: np.ndarray, faces: np.ndarray, sides: Sides, num_vertices: int) -> np.ndarray:
-    """Return which pairs of vertices `[P, 2]` have an edge."""
+def _are_joined(
+    pairs: Int[np.ndarray, "P 2"], faces: Int[np.ndarray, "F 3"], sides: Sides, num_vertices: int
+) -> Bool[np.ndarray, " P"]:
+    """Return which pairs of vertices have an edge."""
     slots = sides.slots[sides.starts]
-    ends = np.stack([faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]], axis=1)
+    ends = np.stack(find_ends(faces, slots), axis=1)
     keys, wanted = (
         part.min(axis=1).astype(np.int64) * num_vertices + part.max(axis=1) for part in (ends, pairs)
     )
     return is_in_sorted(wanted, keys)
 
 
-def _choose_apart(gain: np.ndarray, touched: np.ndarray, num_faces: int) -> np.ndarray:
-    """Return the places of the largest gains, of which no two touch the same face, `[C]`."""
+def _select_apart(
+    gain: Float[np.ndarray, " P"], touched: Int[np.ndarray, "P k"], num_faces: int
+) -> Int[np.ndarray, " C"]:
+    """Return the places of the largest gains, of which no two touch the same face."""
     is_taken = np.zeros(num_faces + 1, dtype=bool)
-    chosen = []
+    selected = []
     for place in np.argsort(-gain, kind="stable")[: (gain > 0).sum()].tolist():
         around = touched[place]
         if not is_taken[around].any():
             is_taken[around[around >= 0]] = True
-            chosen.append(place)
-    return np.array(chosen, dtype=np.int64)
+            selected.append(place)
+    return np.array(selected, dtype=np.int64)

@@ -1,7 +1,7 @@
 """Find where a surface passes through itself or doubles back.
 
 Two triangles that share no edge intersect, or do not: libigl decides. Two that share an edge cannot pass through each
-other, but can lie folded together: the angle between them tells.
+other, but can lie folded together: the angle between them decides.
 
 References:
     Guigue and Devillers (2003), "Fast and robust triangle-triangle overlap test using orientation predicates",
@@ -9,6 +9,7 @@ References:
 """
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.manifold import find_hinges, find_normals, group_sides
@@ -18,19 +19,24 @@ FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
 crease 90, a face laid back onto its neighbour 180."""
 SIZES_APART = 4.0
-"""Faces are compared by size: the largest of a group is at most so many times as large as the smallest."""
-DRAWN_IN = 1e-6
-"""A corner that two triangles share is drawn into the first by this share of the way to its middle before they are
-tested: so they intersect only where they meet elsewhere, too."""
+"""Faces are compared by size: the largest of a group is at most this many times as large as the smallest.
+It changes the time alone."""
+SHRINKAGE = 1e-6
+"""A corner that two triangles share is moved into the first by this share of the way to its center before they are
+tested: so they intersect only where they meet elsewhere, too. Far above the rounding of floats, far below any gap."""
+_SHORTEST = 1e-300
+"""Taken for 0 where a logarithm is."""
 
 
-def find_folded_edges(vertices: np.ndarray, faces: np.ndarray, angle: float = FOLD_ANGLE) -> np.ndarray:
-    """Return the pairs of faces at the edges where the surface doubles back, `[P, 2]`.
+def find_folded_edges(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], angle: float = FOLD_ANGLE
+) -> Int[np.ndarray, "P 2"]:
+    """Return the pairs of faces at the edges where the surface doubles back.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]`, wound in any way; those without area are no fold.
-        angle: by how much the normals differ there, at least.
+        vertices: [m].
+        faces: wound in any way; those without area are no fold.
+        angle: by how much the normals differ there, at least [rad].
     """
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     normals = find_normals(vertices, faces)
@@ -40,29 +46,31 @@ def find_folded_edges(vertices: np.ndarray, faces: np.ndarray, angle: float = FO
 
 
 def find_intersections(
-    vertices: np.ndarray, faces: np.ndarray, is_chosen: np.ndarray | None = None
-) -> np.ndarray:
-    """Return the pairs of faces that intersect, `[P, 2]` in ascending order; none that share an edge.
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_selected: Bool[np.ndarray, " F"] | None = None,
+) -> Int[np.ndarray, "P 2"]:
+    """Return the pairs of faces that intersect, in ascending order; none that share an edge.
 
     Faces that share a corner intersect where they meet elsewhere, too. Touching counts. Faces without area are
     left out.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]`.
-        is_chosen: `[F]` only pairs with such a face are looked for; all if absent.
+        vertices: [m].
+        faces: wound in any way.
+        is_selected: only pairs with such a face are searched; all if absent.
     """
     corners = np.asarray(vertices, dtype=np.float64)[faces]
-    pairs = _find_near(corners, np.ones(len(faces), dtype=bool) if is_chosen is None else is_chosen)
+    pairs = _find_near(corners, np.ones(len(faces), dtype=bool) if is_selected is None else is_selected)
     one, other = faces[pairs[:, 0]], faces[pairs[:, 1]]
     is_shared = np.stack([any_rows(one[:, [k]] == other) for k in range(3)], axis=1)
     is_apart = sum_rows(is_shared.astype(np.int8)) < 2
     pairs, is_shared = pairs[is_apart], is_shared[is_apart]
     first, second = corners[pairs[:, 0]], corners[pairs[:, 1]]
-    inwards = np.where(is_shared[..., None], first.mean(axis=1, keepdims=True) - first, 0.0)
-    first = first + DRAWN_IN * inwards
-    is_open = ~_is_beside(first, second)
-    is_open[is_open] = ~_is_beside(second[is_open], first[is_open])
+    inward = np.where(is_shared[..., None], first.mean(axis=1, keepdims=True) - first, 0.0)
+    first = first + SHRINKAGE * inward
+    is_open = ~_is_separated(first, second)
+    is_open[is_open] = ~_is_separated(second[is_open], first[is_open])
     import igl
 
     sixes = np.concatenate([first[is_open], second[is_open]], axis=1)[:, :, None]
@@ -70,8 +78,10 @@ def find_intersections(
     return np.unique(np.sort(pairs[is_open][is_hit], axis=1), axis=0)
 
 
-def _find_near(corners: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
-    """Return the pairs of triangles `[F, 3, 3]`, one of them chosen, whose boxes overlap: `[P, 2]`.
+def _find_near(
+    corners: Float[np.ndarray, "F 3 3"], is_selected: Bool[np.ndarray, " F"]
+) -> Int[np.ndarray, "P 2"]:
+    """Return the pairs of triangles, one of them selected, whose boxes overlap.
 
     Triangles of about one size are compared with those of their size and smaller ones: a few large ones among many
     small cost little.
@@ -81,13 +91,13 @@ def _find_near(corners: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
     centers = (low + high) / 2
     radius = find_lengths(high - low) / 2
     has_area = find_lengths(cross_rows(b - a, c - a)) > 0
-    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, 1e-300)) / np.log(SIZES_APART)), np.inf)
+    size = np.where(has_area, np.ceil(np.log(np.maximum(radius, _SHORTEST)) / np.log(SIZES_APART)), np.inf)
     found = [np.empty((0, 2), dtype=np.int64)]
     for largest in np.unique(size[has_area]):
         is_large, is_smaller = size == largest, size < largest
         for one, other in (
-            (is_large & is_chosen, is_large | is_smaller),
-            (is_large & ~is_chosen, is_smaller & is_chosen),
+            (is_large & is_selected, is_large | is_smaller),
+            (is_large & ~is_selected, is_smaller & is_selected),
         ):
             one, other = np.flatnonzero(one), np.flatnonzero(other)
             if len(one) == 0 or len(other) == 0:
@@ -97,20 +107,22 @@ def _find_near(corners: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
                 trees[1], 2 * radius[is_large].max(), output_type="ndarray"
             )
             one, other = one[near["i"]], other[near["j"]]
-            is_new = is_smaller[other] | ~is_chosen[other] | (one < other)
+            is_new = is_smaller[other] | ~is_selected[other] | (one < other)
             one, other = one[is_new], other[is_new]
             is_met = all_rows((low[one] <= high[other]) & (low[other] <= high[one]))
             found.append(np.stack([one[is_met], other[is_met]], axis=1))
     return np.concatenate(found)
 
 
-def _is_beside(triangle: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return whether the second triangle of each pair, `[P, 3, 3]`, lies beyond the plane or an edge of the first."""
+def _is_separated(
+    triangle: Float[np.ndarray, "P 3 3"], other: Float[np.ndarray, "P 3 3"]
+) -> Bool[np.ndarray, " P"]:
+    """Return whether the second triangle of each pair lies beyond the plane or an edge of the first."""
     sides = np.roll(triangle, -1, axis=1) - triangle
     normal = cross_rows(sides[:, 0], sides[:, 1])
     height = sum_rows(normal[:, None] * (other - triangle[:, :1]))
-    is_beside = all_rows(height > 0) | all_rows(height < 0)
+    is_separated = all_rows(height > 0) | all_rows(height < 0)
     for side in range(3):
-        outwards = cross_rows(sides[:, side], normal)
-        is_beside |= all_rows(sum_rows(outwards[:, None] * (other - triangle[:, side, None])) > 0)
-    return is_beside
+        outward = cross_rows(sides[:, side], normal)
+        is_separated |= all_rows(sum_rows(outward[:, None] * (other - triangle[:, side, None])) > 0)
+    return is_separated

@@ -1,17 +1,22 @@
-"""Measure a surface: how far from the data and the truth, and how sound as a mesh."""
+"""Measure a surface: its distances to the data and to the truth, and its quality as a mesh."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
+from reconstruction.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction.geometry.sampling import sample_area
 from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
 
 NUM_AREA_SAMPLES = 50_000
 """Points drawn on a surface to measure its distance to another: standard error below 1 % of the mean."""
+SLIVER_ANGLE = np.deg2rad(10)
+"""A face with a smaller angle is a sliver."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +47,7 @@ class Topology:
         non_manifold_edges: edges with more than two faces.
         pinched_vertices: vertices whose faces are not one fan.
         miswound_edges: directed edges that more than one face uses.
-        components: parts that hang together by edges.
+        components: parts connected by edges.
         euler_number: vertices - edges + faces.
     """
 
@@ -72,7 +77,7 @@ class Quality:
         area: surface area [m²].
         self_intersections: pairs of faces, without a common edge, that intersect.
         folds: edges at which the surface doubles back: the normals of their faces differ by more than 120 degrees.
-        folded_faces: share of faces in a fold or an intersection. Deprecated: ask for the two above.
+        folded_faces: share of faces in a fold or an intersection. Deprecated: use the two above.
         min_angle: mean of the faces' smallest angles [rad]; 60 degrees for equilateral triangles.
         slivers: share of faces with an angle below 10 degrees.
         cloud_to_mesh: from the data to the nearest point of the faces.
@@ -93,14 +98,14 @@ class Quality:
     mesh_to_truth: Distances | None = None
     hausdorff: float | None = None
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         """Return plain nested dicts, ready for JSON."""
         return asdict(self)
 
 
 def measure_quality(
     mesh: trimesh.Trimesh,
-    points: np.ndarray | None = None,
+    points: Num[np.ndarray, "N 3"] | None = None,
     truth: trimesh.Trimesh | None = None,
     *,
     num_samples: int = NUM_AREA_SAMPLES,
@@ -108,16 +113,16 @@ def measure_quality(
     """Measure a mesh, and its distances to the data and to the true surface.
 
     Args:
-        mesh: the surface to judge.
-        points: `[N, 3]` the cloud it was made from [m].
-        truth: the surface it should be.
+        mesh: the surface to measure.
+        points: the cloud it was made from [m].
+        truth: the true surface.
         num_samples: points spread over the area of a surface for the distances between surfaces.
 
     Returns:
         The same numbers for the same arguments: the samples are drawn with a fixed seed.
     """
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    areas = _find_areas(vertices, faces)
+    areas = find_areas(vertices, faces)
     angles = _find_angles(vertices, faces)
     intersections, folds = find_intersections(vertices, faces), find_folded_edges(vertices, faces)
     distances: dict[str, Distances | float] = {}
@@ -138,13 +143,15 @@ def measure_quality(
         folds=len(folds),
         folded_faces=len(np.union1d(intersections, folds)) / max(len(faces), 1),
         min_angle=float(angles.min(axis=1).mean()) if len(faces) else 0.0,
-        slivers=float((angles.min(axis=1) < np.deg2rad(10)).mean()) if len(faces) else 0.0,
+        slivers=float((angles.min(axis=1) < SLIVER_ANGLE).mean()) if len(faces) else 0.0,
         **distances,  # pyright: ignore[reportArgumentType]
     )
 
 
-def find_distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the exact distance of every point to the nearest point of the faces: `[N]`, by libigl."""
+def find_distances(
+    points: Num[np.ndarray, "N 3"], vertices: Num[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, " N"]:
+    """Return the exact distance of every point to the nearest point of the faces, by libigl."""
     import igl
 
     squared, _, _ = igl.point_mesh_squared_distance(
@@ -155,28 +162,17 @@ def find_distances(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) 
     return np.sqrt(np.maximum(squared, 0))
 
 
-def sample_area(vertices: np.ndarray, faces: np.ndarray, num_samples: int, seed: int = 0) -> np.ndarray:
-    """Return points spread evenly over the area of the faces: `[num_samples, 3]`, stratified by area."""
-    rng = np.random.default_rng(seed)
-    areas = _find_areas(vertices, faces)
-    place = (np.arange(num_samples) + rng.random(num_samples)) / num_samples * areas.sum()
-    face = np.minimum(np.searchsorted(np.cumsum(areas), place), len(faces) - 1)
-    root, split = np.sqrt(rng.random((num_samples, 1))), rng.random((num_samples, 1))
-    a, b, c = (vertices[faces[face, k]] for k in range(3))
-    return (1 - root) * a + root * (1 - split) * b + root * split * c
-
-
-def count_topology(faces: np.ndarray, num_vertices: int) -> Topology:
+def count_topology(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Topology:
     """Count what makes, or spoils, a two-manifold.
 
     Args:
-        faces: `[F, 3]` vertex indices.
+        faces: vertex indices.
         num_vertices: how many vertices there are, with or without faces.
     """
     faces = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     keys = np.sort(directed, axis=1) @ np.array([num_vertices, 1])
-    edge_keys, edge_of, faces_at = np.unique(keys, return_inverse=True, return_counts=True)
+    edge_keys, faces_at = np.unique(keys, return_counts=True)
     edges = np.stack(np.divmod(edge_keys, max(num_vertices, 1)), axis=1)
     _, uses = np.unique(directed @ np.array([num_vertices, 1]), return_counts=True)
     used = np.unique(faces)
@@ -189,55 +185,36 @@ def count_topology(faces: np.ndarray, num_vertices: int) -> Topology:
         boundary_edges=len(boundary),
         boundary_loops=_count_parts(boundary, num_vertices) - (num_vertices - len(np.unique(boundary))),
         non_manifold_edges=int((faces_at > 2).sum()),
-        pinched_vertices=len(find_pinched(faces, edge_of, num_vertices)),
+        pinched_vertices=len(find_pinched(faces)),
         miswound_edges=int((uses > 1).sum()),
         components=parts,
         euler_number=len(used) - len(edges) + len(faces),
     )
 
 
-def find_pinched(faces: np.ndarray, edge_of: np.ndarray, num_vertices: int) -> np.ndarray:
-    """Return the vertices whose faces are not one fan joined by edges.
+def find_pinched(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, " P"]:
+    """Return the vertices whose faces are not one fan joined by edges, by libigl."""
+    import igl
 
-    Args:
-        faces: `[F, 3]`.
-        edge_of: `[3 F]` index of the undirected edge from corner k to corner k + 1 of every face.
-        num_vertices: how many vertices there are.
-    """
-    num_faces = len(faces)
-    corner = np.arange(3 * num_faces)
-    following = corner - corner % 3 + (corner + 1) % 3
-    # Corners of one vertex that meet at an edge belong to one fan.
-    vertex = faces.ravel()
-    at_start = np.stack([vertex, edge_of], axis=1)
-    at_end = np.stack([vertex[following], edge_of], axis=1)
-    ends = np.concatenate([at_start, at_end])
-    owners = np.concatenate([corner, following])
-    wedge = ends @ np.array([edge_of.max(initial=0) + 1, 1])
-    _, wedge = np.unique(wedge, return_inverse=True)
-    size = 3 * num_faces + wedge.max(initial=-1) + 1
-    graph = coo_array((np.ones(len(owners)), (owners, 3 * num_faces + wedge)), shape=(size, size))
-    labels = connected_components(graph, directed=False)[1][: 3 * num_faces]
-    fans = np.unique(np.stack([vertex, labels], axis=1), axis=0)[:, 0]
-    return np.flatnonzero(np.bincount(fans, minlength=num_vertices) > 1)
+    if len(faces) == 0:
+        return np.empty(0, dtype=np.int64)
+    return np.intersect1d(np.flatnonzero(np.logical_not(igl.is_vertex_manifold(faces))), faces)
 
 
-def _count_parts(edges: np.ndarray, num_vertices: int) -> int:
+def _count_parts(edges: Int[np.ndarray, "E 2"], num_vertices: int) -> int:
+    """Return the number of connected parts; a vertex without an edge is one."""
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(num_vertices, num_vertices))
     return int(connected_components(graph, directed=False)[0])
 
 
-def _find_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return find_lengths(cross_rows(b - a, c - a)) / 2
-
-
-def _find_angles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the angle at every corner `[F, 3]` [rad]."""
+def _find_angles(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "F 3"]:
+    """Return the angle at every corner [rad]."""
     corners = vertices[faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     return np.arctan2(find_lengths(cross_rows(ahead, behind)), sum_rows(ahead * behind))
 
 
-def _summarize(distances: np.ndarray) -> Distances:
+def _summarize(distances: Float[np.ndarray, " N"]) -> Distances:
     return Distances(float(distances.mean()), float(np.percentile(distances, 95)), float(distances.max()))

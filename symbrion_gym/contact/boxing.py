@@ -21,10 +21,10 @@ from reconstruction.geometry.halfspaces import (
     find_inner_point,
     find_tops,
     make_solid,
-    strew,
 )
 from reconstruction.geometry.hulls import make_hull
 from reconstruction.geometry.outlines import hull_2d
+from reconstruction.geometry.sampling import sample_grid
 
 _BEND_DEG = 5.0
 """Planes on top of a piece that differ by less make no crease."""
@@ -61,7 +61,7 @@ def _split(piece: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     """The part of a piece under each of its planes; the piece itself where it is under one."""
     halfspaces = find_halfspaces(piece)
     tops = halfspaces[halfspaces[:, 2] > STEEP]
-    points = strew(np.asarray(piece.vertices), 120)
+    points = sample_grid(np.asarray(piece.vertices), 120)
     points = points[np.isfinite(find_tops(halfspaces, points))]
     if len(tops) < 2 or not len(points):
         return [piece]
@@ -114,7 +114,7 @@ def _find_box(piece: trimesh.Trimesh, others: list[np.ndarray], ground: Elevatio
     if not len(tops):
         return piece
     corners = np.asarray(piece.vertices)
-    points = strew(corners, 120)
+    points = sample_grid(corners, 120)
     before = find_tops(halfspaces, points)
     slopes = -tops[:, [0, 1, 3]] / tops[:, 2:3]
     points, before = points[np.isfinite(before)], before[np.isfinite(before)]
@@ -187,7 +187,7 @@ class _Check:
         self._ground, self._others = ground, others
         low, high = piece.bounds
         margin = np.array([_AIR, _AIR, 0.0])
-        self._points = strew(np.array([low - 2 * margin, high + 2 * margin]), 140)
+        self._points = sample_grid(np.array([low - 2 * margin, high + 2 * margin]), 140)
         beside = np.stack(
             [find_tops(other, self._points) for other in others] or [np.full(len(self._points), -np.inf)]
         )

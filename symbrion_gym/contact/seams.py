@@ -16,7 +16,8 @@ import numpy as np
 import trimesh
 
 from reconstruction.geometry.elevation import Elevation
-from reconstruction.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_solid, strew
+from reconstruction.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_solid
+from reconstruction.geometry.sampling import sample_grid
 
 _OVERLAP = 0.03
 """Neighbours overlap by so much, where that lifts no ground [m]."""
@@ -74,7 +75,7 @@ def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.Tr
     """The piece beneath the tops of its neighbours too, where it sticks out above them and loses no ground."""
     piece = pieces[i]
     halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
-    points = strew(np.asarray(piece.vertices), _DENSE)
+    points = sample_grid(np.asarray(piece.vertices), _DENSE)
     height, before = ground.height(*points.T), find_tops(halfspaces, points)
     for j, other in enumerate(pieces):
         if j == i or not _do_touch(piece, other):
@@ -120,7 +121,7 @@ def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trimesh.
         grown = vertices[vertices @ halfspaces[k, :3] + halfspaces[k, 3] > -1e-6]
         face = np.asarray(piece.vertices)
         face = face[face @ halfspaces[k, :3] + halfspaces[k, 3] > -1e-4]
-        points = strew(np.concatenate([grown, face]), _SAMPLES)
+        points = sample_grid(np.concatenate([grown, face]), _SAMPLES)
         if len(grown) and _is_hidden(halfspaces, wider, points, others, ground, air=False):
             piece, halfspaces = made, wider
     return piece
@@ -142,7 +143,7 @@ def _simplify(i: int, pieces: list[trimesh.Trimesh], ground: Elevation) -> trime
         if growth.max() > _REACH:
             continue
         is_new = vertices @ plane[:3] + plane[3] > -1e-6
-        points = strew(vertices[is_new], _SAMPLES) if is_new.any() else np.zeros((0, 2))
+        points = sample_grid(vertices[is_new], _SAMPLES) if is_new.any() else np.zeros((0, 2))
         if growth.max() < 1e-6 or _is_hidden(first, fewer, points, others, ground, air=True):
             piece, kept = made, fewer
     return piece

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.geometry.elevation import Elevation
+from reconstruction.geometry.sampling import sample_box
 from symbrion_gym.contact.decomposition import decompose
 from symbrion_gym.contact.planes import Planes
 from symbrion_gym.errors import ArenaError
@@ -107,7 +108,7 @@ def has_moved(pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh]) -> bo
 
     A pit filled in, a wall moved or a gap at the rim shows here, however small its share of the ground.
     """
-    points = _strew_points(np.concatenate([slab.bounds[:, :2] for slab in slabs]))
+    points = sample_box(np.concatenate([slab.bounds[:, :2] for slab in slabs]), _NUM_POINTS)
     before = Elevation(*slabs)
     points = points[np.isfinite(before.height(*points.T))]
     heights = before.height(*points.T)
@@ -118,16 +119,3 @@ def has_moved(pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh]) -> bo
     moves = _MAX_MOVE * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
     allowed = max(count_changes(before.height(*(points - move).T)) for move in moves)
     return count_changes(Elevation(*pieces).height(*points.T)) > allowed
-
-
-def _strew_points(corners: np.ndarray) -> np.ndarray:
-    """Evenly spread points over a box in plan, `[N, 2]`.
-
-    References:
-        Roberts (2018), The unreasonable effectiveness of quasirandom sequences: the R2 sequence.
-    """
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    ratio = 1.32471795724474602596
-    return low + (high - low) * np.mod(
-        np.arange(1, _NUM_POINTS + 1)[:, None] / ratio ** np.array([1, 2]), 1.0
-    )

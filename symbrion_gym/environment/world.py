@@ -9,6 +9,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from reconstruction.geometry.pose import PlanarPose, make_quaternion
 from symbrion_gym.arenas.arena import Arena, load_arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
@@ -201,14 +202,9 @@ class World:
             qpos[self.hinge_qpos] = hinges
         else:
             pitch = 0.0
-            world = [
-                (
-                    head_x + np.cos(heading) * p.x - np.sin(heading) * p.y,
-                    head_y + np.sin(heading) * p.x + np.cos(heading) * p.y,
-                )
-                for p in self._poses
-            ]
-            xy = np.array(world)
+            head = PlanarPose(head_x, head_y, heading)
+            world = [head.compose(pose) for pose in self._poses]
+            xy = np.array([(pose.x, pose.y) for pose in world])
             spots = np.concatenate([xy + d for d in ([0.06, 0], [-0.06, 0], [0, 0.06], [0, -0.06], [0, 0])])
             z = (
                 float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
@@ -216,7 +212,7 @@ class World:
                 + _LIFT
             )
         qpos[:3] = head_x, head_y, z
-        qpos[3:7] = _make_quaternion(heading, pitch)
+        qpos[3:7] = make_quaternion(heading, -pitch)
         return qpos
 
     def _find_heights(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -302,12 +298,6 @@ def _follow_ground(
     nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
     limit = organism.scout.hinge_range
     return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
-
-
-def _make_quaternion(heading: float, nose_up: float) -> np.ndarray:
-    """Return the rotation by `heading` about z after lifting the nose by `nose_up`."""
-    ch, sh, cp, sp = np.cos(heading / 2), np.sin(heading / 2), np.cos(nose_up / 2), -np.sin(nose_up / 2)
-    return np.array([ch * cp, -sh * sp, ch * sp, sh * cp])
 
 
 def make_slice(ids: np.ndarray) -> slice | np.ndarray:

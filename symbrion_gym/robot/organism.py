@@ -9,7 +9,7 @@ from math import pi
 import mujoco
 import numpy as np
 
-from reconstruction.geometry.pose import Pose
+from reconstruction.geometry.pose import PlanarPose
 from symbrion_gym.errors import OrganismError
 from symbrion_gym.robot.scout import add_arm, add_chassis, add_hinge
 from symbrion_gym.robot.scout_constants import ScoutConfig
@@ -66,9 +66,9 @@ class Organism:
         """Modules whose hinge works, in order."""
         return tuple(sorted({module for module, side in _ends(self) if side == "front"}))
 
-    def find_poses(self) -> list[Pose]:
+    def find_poses(self) -> list[PlanarPose]:
         """Return where each module lies when all hinges are straight, in the frame of module 0."""
-        poses: dict[int, Pose] = {0: Pose()}
+        poses: dict[int, PlanarPose] = {0: PlanarPose()}
         while len(poses) < self.num_modules:
             before = len(poses)
             for docking in self.dockings:
@@ -179,10 +179,10 @@ def _both_ways(docking: Docking) -> Iterator[tuple[int, str, int, str]]:
     yield docking.second, docking.second_side, docking.first, docking.first_side
 
 
-def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> Pose:
+def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose:
     """Return the pose of the module whose dock `other_side` meets this one's `side`."""
-    dock = Pose(*scout.find_dock(side)).compose(Pose(scout.dock_gap, 0.0, pi))
-    return dock.compose(Pose(*scout.find_dock(other_side)).invert())
+    dock = PlanarPose(*scout.find_dock(side)).compose(PlanarPose(scout.dock_gap, 0.0, pi))
+    return dock.compose(PlanarPose(*scout.find_dock(other_side)).invert())
 
 
 def _refuse_bad_dockings(organism: Organism) -> None:

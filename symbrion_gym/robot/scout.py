@@ -8,7 +8,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from reconstruction.geometry.pose import Pose
+from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym.robot.scout_constants import ARM_RADIUS, SIDES, TRACK_MODELS, ScoutConfig
 from symbrion_gym.robot.scout_look import dress_arm, dress_chassis
 from symbrion_gym.robot.scout_sensors import add_sensor_sites
@@ -17,7 +17,7 @@ from symbrion_gym.robot.tracks import add_contact, add_tracks
 __all__ = [
     "SIDES",
     "TRACK_MODELS",
-    "Pose",
+    "PlanarPose",
     "ScoutConfig",
     "add_arm",
     "add_chassis",
@@ -32,7 +32,7 @@ _CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
 
 
 def add_chassis(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: PlanarPose, config: ScoutConfig
 ) -> None:
     """Add chassis, tracks, docks and sensors of one module to a body.
 
@@ -65,7 +65,7 @@ def add_arm(
     spec: mujoco.MjSpec,
     body: mujoco.MjsBody,
     prefix: str,
-    pose: Pose,
+    pose: PlanarPose,
     config: ScoutConfig,
     is_folded: bool = False,
 ) -> None:
@@ -79,9 +79,9 @@ def add_arm(
         config: constants.
         is_folded: a free arm is held up, out of the way of the tracks.
     """
-    lift = [np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0] if is_folded else [1.0, 0.0, 0.0, 0.0]
+    lift = make_quarter_turn(y=-1.0) if is_folded else np.array([1.0, 0.0, 0.0, 0.0])
     quaternion = np.empty(4)
-    mujoco.mju_mulQuat(quaternion, np.array(pose.quaternion), np.array(lift))
+    mujoco.mju_mulQuat(quaternion, np.array(pose.quaternion), lift)
     frame = body.add_frame(pos=pose.position, quat=quaternion)
     nose = add_contact(
         frame,
@@ -93,7 +93,7 @@ def add_arm(
         pos=[config.arm_reach - ARM_RADIUS, 0, 0],
         mass=config.arm_mass,
     )
-    nose.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
+    nose.quat = make_quarter_turn(x=1.0)
     dress_arm(spec, frame, body, config)
     _add_dock(frame, body, prefix, "front", config)
 
@@ -106,17 +106,17 @@ def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> muj
     spec.compiler.degree = False
     body = spec.worldbody.add_body(name="scout")
     body.add_freejoint(name="root")
-    add_chassis(spec, body, "module_0_", Pose(), config)
+    add_chassis(spec, body, "module_0_", PlanarPose(), config)
     arm = body
     if is_hinged:
         arm = body.add_body(name="arm")
-        add_hinge(spec, arm, "hinge_0", Pose(), config, lifts=True)
-    add_arm(spec, arm, "module_0_", Pose(), config)
+        add_hinge(spec, arm, "hinge_0", PlanarPose(), config, lifts=True)
+    add_arm(spec, arm, "module_0_", PlanarPose(), config)
     return spec
 
 
 def add_hinge(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, pose: Pose, config: ScoutConfig, lifts: bool
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, pose: PlanarPose, config: ScoutConfig, lifts: bool
 ) -> None:
     """Add the main hinge of a module, with its servo, to the body that it moves.
 
@@ -156,7 +156,7 @@ def add_hinge(
 def _add_dock(
     frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, side: str, config: ScoutConfig
 ) -> None:
-    dock = Pose(*config.find_dock(side))
+    dock = PlanarPose(*config.find_dock(side))
     site = body.add_site(
         name=f"{prefix}dock_{side}", pos=dock.position, quat=dock.quaternion, size=[0.004] * 3, group=5
     )

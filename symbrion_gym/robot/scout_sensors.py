@@ -7,7 +7,7 @@ from math import pi
 import mujoco
 import numpy as np
 
-from reconstruction.geometry.pose import Pose
+from reconstruction.geometry.pose import PlanarPose, make_quarter_turn, make_quaternion
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 LARGEST_ACCELERATION = 4 * 9.81
@@ -26,14 +26,20 @@ def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, 
     half = np.array(config.size) / 2
     for side, (x, y, heading) in _find_infrared(config).items():
         for k, offset in enumerate((IR_SPACING / 2, -IR_SPACING / 2)):
-            place = Pose(x, y, heading).compose(Pose(0.0, offset))
-            quat = np.sqrt(0.5) * np.array([1.0, -np.sin(heading), np.cos(heading), 0.0])
+            place = PlanarPose(x, y, heading).compose(PlanarPose(0.0, offset))
+            quat = make_quarter_turn(x=-np.sin(heading), y=np.cos(heading))
             _add_site(frame, body, f"{prefix}ir_{side}_{k}", place.position, quat)
     for name, x in (("front", 0.03), ("rear", -0.03)):
         _add_site(frame, body, f"{prefix}accel_{name}", [x, 0.0, 0.02])
     if prefix == "module_0_":
         for k, angle in enumerate(np.linspace(*config.laser_angles, NUM_LASER_BEAMS)):
-            _add_site(frame, body, f"{prefix}laser_{k}", [half[0], 0.0, 0.02], _lift_z_to(angle))
+            _add_site(
+                frame,
+                body,
+                f"{prefix}laser_{k}",
+                [half[0], 0.0, 0.02],
+                make_quaternion(0.0, np.pi / 2 - angle),
+            )
     zone = _add_site(frame, body, f"{prefix}touch", [0.0, 0.0, 0.0])
     zone.type, zone.size, zone.rgba = mujoco.mjtGeom.mjGEOM_BOX, half + 0.005, [0.0, 0.0, 0.0, 0.0]
 
@@ -59,9 +65,3 @@ def _add_site(
     site = body.add_site(name=name, pos=pos, quat=quat, size=[0.002] * 3, group=_SITE_GROUP)
     site.set_frame(frame)
     return site
-
-
-def _lift_z_to(angle: float) -> np.ndarray:
-    """Return the rotation about y that brings the z axis forward, `angle` above the horizontal."""
-    turn = np.pi / 2 - angle
-    return np.array([np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from reconstruction.geometry.pose import Pose
+from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym.robot.scout_constants import CONTACT_GROUP, ScoutConfig
 
 _CYLINDER_RADIUS = 0.011
@@ -60,7 +60,7 @@ def add_tracks(
     frame: mujoco.MjsFrame,
     body: mujoco.MjsBody,
     prefix: str,
-    pose: Pose,
+    pose: PlanarPose,
     config: ScoutConfig,
 ) -> None:
     """Add both tracks of a module, as the constants want them.
@@ -83,7 +83,7 @@ def add_tracks(
 
 
 def _add_wheels(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: Pose, config: ScoutConfig
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, prefix: str, pose: PlanarPose, config: ScoutConfig
 ) -> None:
     """Add driven wheels, each a body of its own with a joint and a velocity servo.
 
@@ -91,7 +91,7 @@ def _add_wheels(
     """
     radius = find_wheel_radius(config)
     for i, (x, y, z) in enumerate(find_driven_wheels(config)):
-        place = pose.compose(Pose(x, y))
+        place = pose.compose(PlanarPose(x, y))
         wheel = body.add_body(name=f"{prefix}wheel_{i}", pos=[place.x, place.y, z], quat=pose.quaternion)
         wheel.add_joint(
             name=f"{prefix}wheel_{i}",
@@ -111,7 +111,7 @@ def _add_wheels(
             config,
             mass=_WHEEL_MASS,
         )
-        geom.quat = [np.sqrt(0.5), np.sqrt(0.5), 0, 0]
+        geom.quat = make_quarter_turn(x=1.0)
         geom.conaffinity = 0
         servo = spec.add_actuator(
             name=f"{prefix}wheel_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{prefix}wheel_{i}"

@@ -13,9 +13,10 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from reconstruction.extras import require_extras
+from reconstruction.geometry.pose import make_pose
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.localisation import localise
-from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth, make_pose
+from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey_robot import SurveyRobot

@@ -6,8 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from reconstruction.geometry.pose import make_rotation
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
+
+_SCAN_PLANE = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Scanner -> robot without a tilt: angle 0 to the right, 90 degrees up."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +62,8 @@ class SurveyRobot:
     @property
     def vertical_mount(self) -> np.ndarray:
         """Pose of the vertical scanner in the robot, `[4, 4]`; its plane is the robot's y-z plane."""
-        c, s = np.cos(self.tilt), np.sin(self.tilt)
         mount = np.eye(4)
-        mount[:3, :3] = np.array([[0, -c, -s], [0, -s, c], [-1, 0, 0]]).T
+        mount[:3, :3] = make_rotation(roll=self.tilt) @ _SCAN_PLANE
         mount[2, 3] = self.mast
         return mount
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from reconstruction.geometry.pose import make_rotation, to_rotation
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -66,20 +67,11 @@ def place_modules(qpos: np.ndarray, pitch: float = ScoutConfig.pitch) -> tuple[n
         qpos: `[T, 7 + hinges]`.
         pitch: distance of neighbours at straight hinges [m].
     """
-    w, x, y, z = (qpos[:, 3:7] / np.linalg.norm(qpos[:, 3:7], axis=1, keepdims=True)).T
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)
+    rotation = to_rotation(qpos[:, 3:7])
     center, centers, rotations = qpos[:, :3], [qpos[:, :3]], [rotation]
     for angle in qpos[:, 7:].T:
         center = center - pitch * rotation[:, :, 0]
-        c, s, one, none = np.cos(angle), np.sin(angle), np.ones_like(angle), np.zeros_like(angle)
-        turn = np.array([[c, none, s], [none, one, none], [-s, none, c]]).transpose(2, 0, 1)
-        rotation = rotation @ turn
+        rotation = rotation @ make_rotation(pitch=angle)
         centers.append(center)
         rotations.append(rotation)
     return np.stack(centers, axis=1), np.stack(rotations, axis=1)

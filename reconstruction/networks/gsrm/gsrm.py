@@ -25,7 +25,7 @@ from reconstruction.networks.som.density import Density, study_density
 from reconstruction.networks.som.winners import make_tiles, search_all
 from reconstruction.networks.surface_fit import fit_surface
 from reconstruction.progress import Progress, silent
-from reconstruction.surfaces.edge_flips import turn_edges
+from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces
 
 START_DISTANCE = 1.4
@@ -192,7 +192,7 @@ def _fit(
             winners=winners[chosen],
             weights=weights[chosen],
         )
-        faces = turn_edges(units, faces)
+        faces = flip_edges(units, faces)
     return unfold_faces(units, faces), faces
 
 

@@ -17,7 +17,7 @@ from reconstruction.networks.surface_fit import (
     solve_moments,
     sum_moments,
 )
-from reconstruction.surfaces.edge_flips import turn_edges
+from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces
 
 LEAST_SAMPLES = 1024
@@ -53,7 +53,7 @@ def fit_turning(
     faces = faces.copy()
     for turn, (iterations, most) in enumerate(STEPS):
         if turn > 0:
-            faces[is_inner] = turn_edges(vertices, faces[is_inner])
+            faces[is_inner] = flip_edges(vertices, faces[is_inner])
         chosen = slice(None, None, max(1, len(samples) // (most * max(int(is_movable.sum()), 1))))
         vertices = fit_part(vertices, faces, is_movable, samples[chosen], winners[chosen], iterations)
     return np.where(is_movable[:, None], unfold_faces(vertices, faces), vertices), faces

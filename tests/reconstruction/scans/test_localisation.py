@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import ScanError
+from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.localisation import (
     find_pitch,
     fuse_odometry,
@@ -11,7 +12,7 @@ from reconstruction.scans.localisation import (
     localise,
     match_scans,
 )
-from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth, make_pose
+from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
 WALLS = np.array(  # a room with two niches, x0 y0 x1 y1

@@ -8,11 +8,12 @@ from hypothesis.extra import numpy as arrays
 from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
+from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
 from reconstruction.scans.levelling import find_declination, level_floor
 from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams, find_step
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction.scans.scan import ScanLog, load_scan_log, make_pose
+from reconstruction.scans.scan import ScanLog, load_scan_log
 from reconstruction.scans.smoothing import find_creases, smooth_ranges
 
 HEIGHT = 2.0

@@ -5,13 +5,12 @@ import pytest
 from damage import flip_bits
 
 from reconstruction.errors import ScanError
+from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.scan import (
     HorizontalScans,
     ScanLog,
     ScanTruth,
     load_scan_log,
-    make_pose,
-    planar_pose,
 )
 
 
@@ -34,22 +33,6 @@ def test_a_beam_ends_where_geometry_says():
     pose = make_pose(1.0, 2.0, np.pi / 2)[None]
     log = ScanLog([[2.0, 3.0]], [0.0, np.pi / 2], pose)
     np.testing.assert_allclose(log.points(), [[1, 4, 0], [-2, 2, 0]], atol=1e-12)
-
-
-def test_poses_are_turned_about_x_then_y_then_z():
-    roll, pitch, yaw = 0.1, -0.2, 0.7
-
-    def turn(axis, angle):
-        c, s = np.cos(angle), np.sin(angle)
-        i, j = [(1, 2), (2, 0), (0, 1)][axis]
-        matrix = np.eye(3)
-        matrix[i, i] = matrix[j, j] = c
-        matrix[i, j], matrix[j, i] = -s, s
-        return matrix
-
-    pose = make_pose(0, 0, yaw, roll=roll, pitch=pitch)
-    np.testing.assert_allclose(pose[:3, :3], turn(2, yaw) @ turn(1, pitch) @ turn(0, roll), atol=1e-12)
-    np.testing.assert_allclose(planar_pose(make_pose([3.0], [4.0], [yaw])), [[3, 4, yaw]])
 
 
 def test_no_return_is_nan_however_it_is_written():

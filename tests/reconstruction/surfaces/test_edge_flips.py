@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction.surfaces.edge_flips import turn_edges
+from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.quality import count_topology
 
 # A step seen from the side: two vertices on the crest, one on the tread, one at the foot of the riser.
@@ -33,7 +33,7 @@ def sorted_faces(faces: np.ndarray) -> list[list[int]]:
 def test_an_edge_across_a_crest_turns_along_it():
     vertices, faces = make_step(is_bridged=True)
     assert count_topology(faces, 8).is_manifold
-    turned = turn_edges(vertices, faces)
+    turned = flip_edges(vertices, faces)
     assert [CREST, REAR_CREST, TREAD] in sorted_faces(turned)
     assert [CREST, REAR_CREST, FOOT] in sorted_faces(turned)
     before, after = (count_topology(f, 8) for f in (faces, turned))
@@ -42,20 +42,20 @@ def test_an_edge_across_a_crest_turns_along_it():
 
 def test_an_edge_along_a_crest_stays():
     vertices, faces = make_step(is_bridged=False)
-    np.testing.assert_array_equal(turn_edges(vertices, faces), faces)
+    np.testing.assert_array_equal(flip_edges(vertices, faces), faces)
 
 
 def test_an_edge_does_not_turn_to_where_there_is_one():
     # A tetrahedron: every other diagonal is an edge already.
     vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    np.testing.assert_array_equal(turn_edges(vertices, faces), faces)
+    np.testing.assert_array_equal(flip_edges(vertices, faces), faces)
 
 
 def test_the_faces_given_are_left_alone():
     vertices, faces = make_step(is_bridged=True)
     kept = faces.copy()
-    turn_edges(vertices, faces)
+    flip_edges(vertices, faces)
     np.testing.assert_array_equal(faces, kept)
 
 
@@ -68,11 +68,11 @@ def test_many_edges_turn_at_once_and_the_rest_later():
     lower = np.stack([corner, corner + number, corner + 1], axis=1)
     upper = np.stack([corner + number, corner + number + 1, corner + 1], axis=1)
     faces = np.concatenate([lower, upper])
-    turned = turn_edges(vertices, faces)
+    turned = flip_edges(vertices, faces)
     assert (turned != faces).any(axis=1).mean() > 0.2
     assert count_topology(turned, number**2) == count_topology(faces, number**2)
     assert measure_curvature(vertices, turned) < 0.95 * measure_curvature(vertices, faces)
-    np.testing.assert_array_equal(turn_edges(vertices, faces.astype(np.int32)), turned)
+    np.testing.assert_array_equal(flip_edges(vertices, faces.astype(np.int32)), turned)
 
 
 def measure_curvature(vertices: np.ndarray, faces: np.ndarray) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.surfaces.quality import count_topology, find_distances, measure_quality, sample_area
+from reconstruction.surfaces.quality import count_topology, find_distances, measure_quality
 
 
 def make_sheet(nx: int, ny: int) -> trimesh.Trimesh:
@@ -92,10 +92,3 @@ def test_a_face_turned_over_is_folded():
     assert quality.self_intersections > 0
     assert quality.folds > 0
     assert quality.folded_faces > 0
-
-
-def test_samples_cover_the_area_evenly():
-    sheet = make_sheet(3, 3)
-    points = sample_area(np.asarray(sheet.vertices), np.asarray(sheet.faces), 4000)
-    counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=2)
-    np.testing.assert_allclose(counts, 1000, rtol=0.05)

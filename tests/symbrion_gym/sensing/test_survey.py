@@ -8,9 +8,10 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from reconstruction.geometry.pose import to_planar
 from reconstruction.scans.levelling import level_floor
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction.scans.scan import load_scan_log, planar_pose
+from reconstruction.scans.scan import load_scan_log
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -54,8 +55,8 @@ def test_the_robot_is_localised(log):
     assert log.report["localisation_max"] < 0.015
     assert log.report["localisation_max_deg"] < 0.5
     robot = log.poses @ np.linalg.inv(log.mount)
-    wheels = np.hypot(*(log.horizontal.odometry - planar_pose(log.truth.robot_poses))[:, :2].T)
-    found = np.hypot(*(planar_pose(robot) - planar_pose(log.truth.robot_poses))[:, :2].T)
+    wheels = np.hypot(*(log.horizontal.odometry - to_planar(log.truth.robot_poses))[:, :2].T)
+    found = np.hypot(*(to_planar(robot) - to_planar(log.truth.robot_poses))[:, :2].T)
     assert np.median(found) < np.median(wheels)
 
 

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, refine, train
 from reconstruction.networks.growing_grid.growth import (
     choose_line_pair,
@@ -15,7 +16,7 @@ from reconstruction.networks.growing_grid.growth import (
 )
 from reconstruction.networks.growing_grid.mesh import find_folded, triangulate, unfold
 from reconstruction.networks.growing_grid.refinement import open_pinches
-from reconstruction.surfaces.quality import Quality, find_distances, measure_quality, sample_area
+from reconstruction.surfaces.quality import Quality, find_distances, measure_quality
 
 
 def make_step(half_width: float = 0.7, edge: float = 0.0, height: float = 0.3) -> trimesh.Trimesh:
