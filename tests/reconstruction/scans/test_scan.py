@@ -9,10 +9,10 @@ from reconstruction.scans.scan import (
     HorizontalScans,
     ScanLog,
     ScanTruth,
-    load_scan_log,
     make_pose,
     planar_pose,
 )
+from reconstruction.scans.scan_log_file import load_scan_log
 
 
 def make_log(**changes) -> ScanLog:
