@@ -17,9 +17,10 @@ from scipy.spatial import cKDTree
 
 from benchmarks.report import write_results
 from reconstruction.files.atomic_write import write_atomically
-from reconstruction.scans.levelling import level_floor
+from reconstruction.scans.leveling import level_floor
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels, thin
-from reconstruction.scans.scan import ScanLog, load_scan_log
+from reconstruction.scans.scan import ScanLog
+from reconstruction.scans.scan_log_file import load_scan_log
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.sensing.survey import SurveyRobot, make_path, survey
 from symbrion_gym.sensing.survey_world import SurveyWorld
@@ -65,9 +66,9 @@ def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
         **summarise("across_after_deg", after[1]),
         **summarise("across_before_mm", shift[0]),
         **summarise("across_after_mm", shift[1]),
-        "localisation_max": log.report["localisation_max"],
-        "localisation_median": log.report["localisation_median"],
-        "localisation_max_deg": log.report["localisation_max_deg"],
+        "localisation_max": log.report["localization_max"],
+        "localisation_median": log.report["localization_median"],
+        "localisation_max_deg": log.report["localization_max_deg"],
         "largest_gap": float(cKDTree(thinned).query(truth)[0].max()),
     }
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.formats import load_points, save_points
-    from reconstruction.scans.localisation import localise
+    from reconstruction.scans.localization import localise, localize
     from reconstruction.scans.preprocess import (
         crop,
         level_floor,
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
         smooth_ranges,
         thin,
     )
-    from reconstruction.scans.scan import ScanLog, load_scan_log
+    from reconstruction.scans.scan import ScanLog
+    from reconstruction.scans.scan_log_file import load_scan_log
     from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "load_points",
     "load_scan_log",
     "localise",
+    "localize",
     "measure_quality",
     "preprocess",
     "reconstruct",

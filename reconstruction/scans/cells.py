@@ -1,22 +1,70 @@
-"""Points in cells of space: cropping, thinning, and the histogram that finds stray ones."""
+"""Points in cells of space: cropping, thinning, and the histogram that finds isolated points."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
 
 from reconstruction.errors import ScanError
-from reconstruction.scans.scan import Array
 
-_NEIGHBORS = 12
-"""Points a cell of the histogram should hold, in the middle."""
-_SAMPLE = 40_000
-_SEARCH_STEPS = 24
-_PRIMES = np.array([73856093, 19349663, 83492791])
+_HASH_PRIMES = np.array([73856093, 19349663, 83492791])
+"""Of Teschner et al. 2003."""
+_COUNTERS_PER_POINT = 16
+"""A cell shares its counter with another one with a probability of 1/16 at most, up to 260,000 points."""
+_MIN_TABLE_BITS, _MAX_TABLE_BITS = 12, 22
+"""Bounds of the size of the table: 4 million counters take 32 MB."""
+_MAX_CELLS = 2.0**62
+"""Numbers of cells are 64-bit integers."""
 
 
-def as_points(points: ArrayLike) -> Array:
-    """Check that these are points `[N, 3]`, and drop rows that are not finite.
+@dataclass(frozen=True)
+class SparsePointsConfig:
+    """Which points count as isolated (`find_sparse_points`).
+
+    Attributes:
+        cell: edge of the cells [m]; None: found from the density of the points.
+        threshold: a point is sparse where its cell holds fewer points than this. 2 finds single points, 3 pairs
+            as well.
+        max_share: largest share of the points that may be sparse, where `cell` is None: the cells grow until it
+            is met. An outdoor cloud, whose density falls with the distance, would lose what is far away
+            otherwise. 0 finds nothing.
+        points_per_cell: points that share a cell in the mean, where `cell` is None. With 12, where the density is
+            even, a point's cell holds fewer than 3 by chance in 1 of 5,000 cases (Poisson).
+        cell_growth: factor by which the cells grow at a time; smaller is closer to `max_share`, and slower.
+        max_growth_steps: most times that they grow; 24 times 1.5 is a factor of 17,000, the whole cloud.
+        num_bisections: steps of the search for the first cell; 8 leave it uncertain by 4 %.
+        max_halvings: the search begins between the extent of the cloud and this many halvings of it.
+        sample_size: points that the search counts, about: it bounds the time on large clouds.
+    """
+
+    cell: float | None = None
+    threshold: int = 3
+    max_share: float = 0.03
+    points_per_cell: int = 12
+    cell_growth: float = 1.5
+    max_growth_steps: int = 24
+    num_bisections: int = 8
+    max_halvings: int = 14
+    sample_size: int = 40_000
+
+    def __post_init__(self) -> None:
+        if self.cell is not None and not 0 < self.cell < math.inf:
+            raise ScanError(f"cell must be above 0, got {self.cell}")
+        if not 0 <= self.max_share <= 1:
+            raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
+        if not 1 < self.cell_growth < math.inf:
+            raise ScanError(f"cell_growth must be above 1, got {self.cell_growth}")
+        for name in ("threshold", "points_per_cell", "max_growth_steps", "num_bisections", "sample_size"):
+            if getattr(self, name) < 1:
+                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
+
+
+def as_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
+    """Return the points as an array `[N, 3]`, without rows that are not finite.
 
     Raises:
         ScanError: another shape, or no numbers.
@@ -31,25 +79,25 @@ def as_points(points: ArrayLike) -> Array:
     return array if finite.all() else array[finite]
 
 
-def crop(points: ArrayLike, box: ArrayLike, margin: float = 0.05) -> Array:
+def crop(points: ArrayLike, box: ArrayLike, margin: float = 0.05) -> Float[np.ndarray, "M 3"]:
     """Keep the points in a box.
 
     Args:
         points: `[N, 3]` [m].
         box: `[[x, y, z lowest], [x, y, z highest]]` [m].
-        margin: spared below and above; the sides are cut sharply [m].
+        margin: added below and above the box, not at its sides [m]: readings of a floor lie on both sides of it.
 
     Raises:
-        ScanError: the box is none.
+        ScanError: the points or the box have another shape, or its corners another order.
     """
     points, box = as_points(points), np.asarray(box, dtype=np.float64)
     if box.shape != (2, 3) or not (box[0] <= box[1]).all():
         raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {box.tolist()}")
-    spare = np.array([0.0, 0.0, margin])
-    return points[((points >= box[0] - spare) & (points <= box[1] + spare)).all(axis=1)]
+    border = np.array([0.0, 0.0, margin])
+    return points[((points >= box[0] - border) & (points <= box[1] + border)).all(axis=1)]
 
 
-def thin(points: ArrayLike, voxel: float) -> Array:
+def thin(points: ArrayLike, voxel: float) -> Float[np.ndarray, "M 3"]:
     """Replace the points of every cube by their mean; the cubes' edges are `voxel` [m] long.
 
     Raises:
@@ -60,75 +108,76 @@ def thin(points: ArrayLike, voxel: float) -> Array:
         raise ScanError(f"voxel must be above 0, got {voxel}")
     if not len(points):
         return points
-    keys = _cell_keys(points, voxel)
+    keys = _find_cell_keys(points, voxel)
     _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.stack([np.bincount(index.ravel(), points[:, k]) / counts for k in range(3)], axis=1)
 
 
-def find_sparse_points(
-    points: ArrayLike, cell: float | None = None, threshold: int | None = None, max_share: float = 0.03
-) -> NDArray[np.bool_]:
-    """Find the points whose cell of a 3-D histogram holds fewer than `threshold` points, `[N]`.
+def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = None) -> Bool[np.ndarray, " N"]:
+    """Find the points whose cell of a 3-D histogram holds fewer points than a threshold.
 
-    A point's count is the higher one of two histograms, shifted against each other by half a cell.
+    The count of a point is the higher one of two histograms, shifted against each other by half a cell.
 
     Args:
         points: `[N, 3]` [m].
-        cell: edge of the cells [m]. Default: the middle point has 12 in its cell, or more, so that at most
-            `max_share` of the points lie below the threshold.
-        threshold: default: 3.
-        max_share: see `cell`; 0 finds nothing.
+        config: the cells and the threshold.
+
+    Raises:
+        ScanError: the points have another shape, or are no numbers.
     """
+    config = config or SparsePointsConfig()
     points = as_points(points)
-    threshold = 3 if threshold is None else threshold
-    if len(points) < 4 * _NEIGHBORS or not np.ptp(points, axis=0).any():
+    if len(points) < 4 * config.points_per_cell or not np.ptp(points, axis=0).any():  # too few for a density
         return np.zeros(len(points), bool)
-    if cell is not None:
-        return _count_in_cells(points, cell) < threshold
-    cell = _find_cell(points)
-    for _ in range(_SEARCH_STEPS):
-        is_sparse = _count_in_cells(points, cell) < threshold
-        if is_sparse.mean() <= max_share:
+    if config.cell is not None:
+        return _count_in_cells(points, config.cell) < config.threshold
+    cell = _find_cell(points, config)
+    for _ in range(config.max_growth_steps):
+        is_sparse = _count_in_cells(points, cell) < config.threshold
+        if is_sparse.mean() <= config.max_share:
             return is_sparse
-        cell *= 1.5
+        cell *= config.cell_growth
     return np.zeros(len(points), bool)
 
 
-def _find_cell(points: Array) -> float:
-    """Edge at which a point shares its cell with 11 others on average, found on every n-th point."""
+def _find_cell(points: Float[np.ndarray, "N 3"], config: SparsePointsConfig) -> float:
+    """Return the edge at which cells hold `points_per_cell` points, found on every n-th point."""
     high = float(np.ptp(points, axis=0).max())
-    low = high / 2.0**14
-    blocks = max(1, len(points) // _SAMPLE)
-    sample = points[::blocks]
-    for _ in range(8):
+    low = high / 2.0**config.max_halvings
+    stride = max(1, len(points) // config.sample_size)
+    sample = points[::stride]
+    for _ in range(config.num_bisections):
         cell = float(np.sqrt(low * high))
-        others = (_count_in_cells(sample, cell, shifts=(0.0,)).mean() - 1) * blocks
-        low, high = (cell, high) if others < _NEIGHBORS - 1 else (low, cell)
+        others = (_count_in_cells(sample, cell, shifts=(0.0,)).mean() - 1) * stride
+        low, high = (cell, high) if others < config.points_per_cell - 1 else (low, cell)
     return high
 
 
-def _count_in_cells(points: Array, cell: float, shifts: tuple[float, ...] = (0.0, 0.5)) -> NDArray[np.int64]:
-    """Count the points in the cell of every point, the most of all shifts.
+def _count_in_cells(
+    points: Float[np.ndarray, "N 3"], cell: float, shifts: tuple[float, ...] = (0.0, 0.5)
+) -> Int[np.ndarray, " N"]:
+    """Count the points in the cell of every point, the most of all shifts [cells].
 
-    Cells share a table of 16 counters a point, 4 million at most (Teschner et al. 2003, spatial hashing): now and
-    then two cells are counted as one, and a stray point is spared.
+    Cells share a table of counters (Teschner et al. 2003, spatial hashing): now and then two cells are counted as
+    one, and an isolated point is kept.
     """
     counts = np.zeros(len(points), np.int64)
-    table = 1 << int(np.clip((16 * len(points)).bit_length(), 12, 22))
+    num_bits = (_COUNTERS_PER_POINT * len(points)).bit_length()
+    table = 1 << int(np.clip(num_bits, _MIN_TABLE_BITS, _MAX_TABLE_BITS))
     scaled = (points - points.min(axis=0)) / cell
     for shift in shifts:
         place = (scaled + shift).astype(np.int64)
-        place *= _PRIMES
+        place *= _HASH_PRIMES
         hashed = (place[:, 0] ^ place[:, 1] ^ place[:, 2]) & (table - 1)
         np.maximum(counts, np.bincount(hashed, minlength=table)[hashed], out=counts)
     return counts
 
 
-def _cell_keys(points: Array, cell: float) -> NDArray[np.int64]:
-    """One number a cell."""
+def _find_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
+    """Return a number for each point, that of its cell."""
     place = np.floor((points - points.min(axis=0)) / cell)
     size = place.max(axis=0) + 1
-    if size.prod() > 2.0**62:
+    if size.prod() > _MAX_CELLS:
         raise ScanError(
             f"cells of {cell:g} m are too small for an extent of {np.ptp(points, axis=0).max():g} m"
         )

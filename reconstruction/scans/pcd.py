@@ -1,4 +1,4 @@
-"""Points out of a .pcd file (Point Cloud Library): ascii, binary, binary_compressed."""
+"""Read the points of a .pcd file (Point Cloud Library): ascii, binary, binary_compressed."""
 
 from __future__ import annotations
 
@@ -6,28 +6,23 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import BoundedFile, check_size
-from reconstruction.scans.point_rows import (
-    make_room,
-    parse_count,
-    read_header_line,
-    read_lines,
-    read_records,
-    read_text_rows,
-)
-from reconstruction.scans.scan import Array
+from reconstruction.scans import point_rows
 
 _NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA")
+_MIN_NUMBER_BYTES = 2
+"""A number in text takes a digit and a blank, at least."""
 _TYPES = {("F", 4), ("F", 8), *((kind, size) for kind in "IU" for size in (1, 2, 4, 8))}
 
 
 class _Header(NamedTuple):
-    """What a header says.
+    """The contents of a header.
 
     Attributes:
-        count: number of points.
+        num_points: `POINTS`.
         num_columns: values of one point.
         num_bytes: bytes of one point.
         columns: of x, y, z among the values.
@@ -36,7 +31,7 @@ class _Header(NamedTuple):
         data: ascii, binary or binary_compressed.
     """
 
-    count: int
+    num_points: int
     num_columns: int
     num_bytes: int
     columns: list[int]
@@ -45,8 +40,13 @@ class _Header(NamedTuple):
     data: str
 
 
-def read_pcd(file: BoundedFile) -> Array:
-    """Read x, y, z; the header is checked against the data before anything is allocated."""
+def read_pcd(file: BoundedFile) -> Float[np.ndarray, "N 3"]:
+    """Read x, y, z; the header is checked against the data before anything is allocated.
+
+    Raises:
+        ScanError: the header is incomplete or contradicts itself or the data.
+        UnreadableFileError: the file ends before its data, or exceeds its limit.
+    """
     header = _read_header(file)
     if header.data == "ascii":
         return _read_ascii(file, header)
@@ -60,13 +60,13 @@ def read_pcd(file: BoundedFile) -> Array:
             "itemsize": min(header.num_bytes, np.iinfo(np.int32).max),
         }
     )
-    return read_records(file, record, header.count)
+    return point_rows.read_records(file, record, header.num_points)
 
 
 def _read_header(file: BoundedFile) -> _Header:
     words: dict[str, list[str]] = {}
     while "DATA" not in words:
-        line = read_header_line(file)
+        line = point_rows.read_header_line(file)
         if line and not line.startswith("#"):
             words[line.split()[0].upper()] = line.split()[1:]
     missing = [name for name in _NEEDED if not words.get(name)]
@@ -77,13 +77,17 @@ def _read_header(file: BoundedFile) -> _Header:
 
 def _check_header(words: dict[str, list[str]]) -> _Header:
     fields, kinds, data = words["FIELDS"], words["TYPE"], words["DATA"][0]
-    sizes = [parse_count(word) for word in words["SIZE"]]
-    repeats = [parse_count(word) for word in words.get("COUNT", ["1"] * len(fields))]
-    width, height, count = (parse_count(words[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
+    sizes = [point_rows.parse_count(word) for word in words["SIZE"]]
+    repeats = [point_rows.parse_count(word) for word in words.get("COUNT", ["1"] * len(fields))]
+    width, height, num_points = (
+        point_rows.parse_count(words[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS")
+    )
     if not len(fields) == len(sizes) == len(repeats) == len(kinds):
         raise ScanError("FIELDS, SIZE, TYPE and COUNT of the .pcd header have different lengths")
-    if width * height != count:
-        raise ScanError(f"the .pcd header lies: width {width} x height {height} is not {count} points")
+    if width * height != num_points:
+        raise ScanError(
+            f"the .pcd header contradicts itself: width {width} x height {height} is not {num_points} points"
+        )
     if not _TYPES.issuperset(zip(kinds, sizes, strict=True)) or min(repeats) < 1:
         raise ScanError("the .pcd header has a field of unknown type or size")
     places = [fields.index(name) for name in "xyz" if name in fields]
@@ -94,7 +98,7 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
     columns = [0, *itertools.accumulate(repeats)]
     offsets = [0, *itertools.accumulate(size * repeat for size, repeat in zip(sizes, repeats, strict=True))]
     return _Header(
-        count,
+        num_points,
         columns[-1],
         offsets[-1],
         [columns[place] for place in places],
@@ -104,39 +108,39 @@ def _check_header(words: dict[str, list[str]]) -> _Header:
     )
 
 
-def _read_ascii(file: BoundedFile, header: _Header) -> Array:
-    if header.count * header.num_columns * 2 > file.num_left + 1:  # a digit and a blank each
+def _read_ascii(file: BoundedFile, header: _Header) -> Float[np.ndarray, "N 3"]:
+    if header.num_points * header.num_columns * _MIN_NUMBER_BYTES > file.num_left + 1:
         raise ScanError(
-            f"the .pcd header promises {header.count} points of {header.num_columns} numbers "
+            f"the .pcd header promises {header.num_points} points of {header.num_columns} numbers "
             f"in {file.num_left} bytes"
         )
-    lines = read_lines(file)
+    lines = point_rows.read_lines(file)
     first = next(lines, "")
     if len(first.split()) != header.num_columns:
         raise ScanError(
             f"the .pcd header promises {header.num_columns} numbers a point, the first has {len(first.split())}"
         )
-    points = read_text_rows(file, itertools.chain([first], lines), header.columns)
-    if len(points) != header.count:
-        raise ScanError(f"the .pcd header promises {header.count} points, the data hold {len(points)}")
+    points = point_rows.read_text_rows(file, itertools.chain([first], lines), header.columns)
+    if len(points) != header.num_points:
+        raise ScanError(f"the .pcd header promises {header.num_points} points, the data hold {len(points)}")
     return points
 
 
-def _read_compressed(file: BoundedFile, header: _Header) -> Array:
+def _read_compressed(file: BoundedFile, header: _Header) -> Float[np.ndarray, "N 3"]:
     import lzf  # C, and rarely needed
 
     num_packed, num_unpacked = np.frombuffer(file.read_exactly(8), "<u4").tolist()
-    if num_unpacked != header.count * header.num_bytes:
+    if num_unpacked != header.num_points * header.num_bytes:
         raise ScanError(
-            f"the .pcd header promises {header.count} points of {header.num_bytes} bytes, "
+            f"the .pcd header promises {header.num_points} points of {header.num_bytes} bytes, "
             f"the compressed data {num_unpacked} bytes"
         )
     check_size(num_unpacked, file.max_bytes)
     unpacked = lzf.decompress(file.read_exactly(num_packed), num_unpacked)
     if unpacked is None or len(unpacked) != num_unpacked:
         raise ScanError(f"the compressed data of the .pcd file do not unpack to {num_unpacked} bytes")
-    points = make_room(file, header.count)
+    points = point_rows.allocate_points(file, header.num_points)
     for axis in range(3):  # first all values of one field, then all of the next
-        start = header.offsets[axis] * header.count
-        points[:, axis] = np.frombuffer(unpacked, header.types[axis], header.count, start)
+        start = header.offsets[axis] * header.num_points
+        points[:, axis] = np.frombuffer(unpacked, header.types[axis], header.num_points, start)
     return points

@@ -1,4 +1,4 @@
-"""Points out of a .ply file (Stanford polygons): ascii and binary of both byte orders; and into one.
+"""Read and write the points of a .ply file (Stanford polygons): ascii and binary of both byte orders.
 
 References:
     Turk (1994), The PLY polygon file format.
@@ -13,18 +13,11 @@ from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import BoundedFile
-from reconstruction.scans.point_rows import (
-    make_room,
-    parse_count,
-    read_header_line,
-    read_lines,
-    read_records,
-    read_text_rows,
-)
-from reconstruction.scans.scan import Array
+from reconstruction.scans import point_rows
 
 _NUMBERS = {
     "char": "i1",
@@ -55,8 +48,8 @@ _STRUCTS = {
     "f4": "f",
     "f8": "d",
 }
-_MOST_VALUES = 10_000_000
-"""Values and lists, in binary rows with lists, that are read one after the other: one to three seconds a million."""
+_MAX_VALUES = 10_000_000
+"""Values and lists that are read from binary rows with lists, one after the other: one to three seconds a million."""
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -74,17 +67,25 @@ class _Property(NamedTuple):
 
 
 class _Element(NamedTuple):
+    """Rows of the same properties."""
+
     name: str
-    count: int
+    num_rows: int
     properties: list[_Property]
 
     @property
     def has_lists(self) -> bool:
+        """Whether rows differ in length."""
         return any(one.length_type for one in self.properties)
 
 
-def read_ply(file: BoundedFile) -> Array:
-    """Read x, y, z of the element `vertex`; ascii numbers keep all their digits, whatever their type says."""
+def read_ply(file: BoundedFile) -> Float[np.ndarray, "N 3"]:
+    """Read x, y, z of the element `vertex`; ascii numbers keep all their digits, whatever their type says.
+
+    Raises:
+        ScanError: the header is incomplete, contradicts the data, or asks for too many rows with lists.
+        UnreadableFileError: the file ends before its data, or exceeds its limit.
+    """
     byte_order, elements = _read_header(file)
     names = [element.name for element in elements]
     if "vertex" not in names:
@@ -97,16 +98,16 @@ def read_ply(file: BoundedFile) -> Array:
         raise ScanError("the coordinates in the .ply file are lists")
     if not byte_order:
         return _read_ascii(file, before, vertex)
-    _refuse_slow([*before, vertex])
+    _check_num_values([*before, vertex])
     for element in before:
         _skip(file, element, byte_order)
     if vertex.has_lists:
         return _collect(file, vertex, _iterate_rows(file, vertex, byte_order))
     names, types = zip(*((one.name, byte_order + one.type) for one in vertex.properties), strict=True)
-    return read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.count)
+    return point_rows.read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.num_rows)
 
 
-def write_ply(file: BinaryIO, points: Array) -> None:
+def write_ply(file: BinaryIO, points: Float[np.ndarray, "N 3"]) -> None:
     """Write points `[N, 3]` in double precision, little-endian."""
     properties = "".join(f"property double {name}\n" for name in "xyz")
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{properties}end_header\n"
@@ -116,15 +117,15 @@ def write_ply(file: BinaryIO, points: Array) -> None:
 
 def _read_header(file: BoundedFile) -> tuple[str, list[_Element]]:
     """Return the byte order ("" for ascii) and the elements in the order of the file."""
-    if read_header_line(file) != "ply":
+    if point_rows.read_header_line(file) != "ply":
         raise ScanError("no .ply file: it does not begin with 'ply'")
     byte_order, elements = None, []
-    while (words := read_header_line(file).split()) != ["end_header"]:
+    while (words := point_rows.read_header_line(file).split()) != ["end_header"]:
         match words:
             case ["format", form, "1.0"] if form in _FORMATS:
                 byte_order = _FORMATS[form]
             case ["element", name, count]:
-                elements.append(_Element(name, parse_count(count), []))
+                elements.append(_Element(name, point_rows.parse_count(count), []))
             case ["property", "list", length_type, kind, name] if elements:
                 elements[-1].properties.append(_Property(name, _find_type(kind), _find_type(length_type)))
             case ["property", kind, name] if elements:
@@ -144,41 +145,42 @@ def _find_type(name: str) -> str:
     return _TYPES[name]
 
 
-def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> Array:
-    num_lines = sum(element.count for element in (*before, vertex) if element.properties)
+def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> Float[np.ndarray, "N 3"]:
+    num_lines = sum(element.num_rows for element in (*before, vertex) if element.properties)
     if num_lines > file.num_lines:
         raise ScanError(f"the .ply header promises {num_lines} rows in {file.num_lines} lines")
-    lines = (line for line in read_lines(file) if not line.isspace())
+    lines = (line for line in point_rows.read_lines(file) if not line.isspace())
     for element in before:
         if element.properties:
-            next(itertools.islice(lines, element.count, element.count), None)
-    rows = itertools.islice(lines, vertex.count)
+            next(itertools.islice(lines, element.num_rows, element.num_rows), None)
+    rows = itertools.islice(lines, vertex.num_rows)
     if vertex.has_lists:
         points = _collect(file, vertex, _parse_rows(rows, vertex))
     else:
         names = [one.name for one in vertex.properties]
-        points = read_text_rows(file, rows, [names.index(name) for name in "xyz"], comments=None)
-    if len(points) != vertex.count:
-        raise ScanError(f"the .ply header promises {vertex.count} vertices, the data hold {len(points)}")
+        points = point_rows.read_text_rows(file, rows, [names.index(name) for name in "xyz"], comments=None)
+    if len(points) != vertex.num_rows:
+        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(points)}")
     return points
 
 
-def _refuse_slow(elements: list[_Element]) -> None:
-    """Refuse what would take hours: rows of other lengths cannot be read many at once."""
-    count = sum(one.count * len(one.properties) for one in elements if one.has_lists)
-    if count > _MOST_VALUES:
+def _check_num_values(elements: list[_Element]) -> None:
+    """Refuse what would take hours: rows that differ in length are read one after the other."""
+    count = sum(one.num_rows * len(one.properties) for one in elements if one.has_lists)
+    if count > _MAX_VALUES:
         raise ScanError(
-            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MOST_VALUES} are "
+            f"the .ply header promises {count} values in rows with lists, up to the vertices; {_MAX_VALUES} are "
             "read at most: write the vertices first, and without lists"
         )
 
 
 def _skip(file: BoundedFile, element: _Element, byte_order: str) -> None:
+    """Move on to the end of an element."""
     if element.has_lists:
         for _ in _iterate_rows(file, element, byte_order):
             pass
         return
-    size = element.count * sum(one.size for one in element.properties)
+    size = element.num_rows * sum(one.size for one in element.properties)
     _skip_bytes(file, size)
 
 
@@ -189,7 +191,7 @@ def _skip_bytes(file: BoundedFile, size: int) -> None:
 
 
 def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iterator[dict[str, float]]:
-    """Yield the single values of binary rows whose lists make each as long as it likes."""
+    """Yield the single values of binary rows whose lists differ in length."""
     properties = [
         (
             one.name,
@@ -199,7 +201,7 @@ def _iterate_rows(file: BoundedFile, element: _Element, byte_order: str) -> Iter
         )
         for one in element.properties
     ]
-    for _ in range(element.count):
+    for _ in range(element.num_rows):
         row = {}
         for name, kind, length_type, size in properties:
             (value,) = kind.unpack(file.read_exactly(kind.size))
@@ -222,17 +224,22 @@ def _parse_rows(lines: Iterator[str], element: _Element) -> Iterator[dict[str, f
                 if one.length_type is None:
                     row[one.name] = float(value)
                 else:
-                    next(itertools.islice(words, parse_count(value), parse_count(value)), None)
+                    length = point_rows.parse_count(value)
+                    next(itertools.islice(words, length, length), None)
         except (StopIteration, ValueError) as error:
-            raise ScanError(f"the .ply file has a row {line[:60]!r} that is not what it promises") from error
+            raise ScanError(
+                f"the .ply file has a row {line[:60]!r} that is not as its header says"
+            ) from error
         yield row
 
 
-def _collect(file: BoundedFile, vertex: _Element, rows: Iterator[dict[str, float]]) -> Array:
-    if vertex.count > file.size:
-        raise ScanError(f"the .ply header promises {vertex.count} vertices in {file.size} bytes")
-    points, filled = make_room(file, vertex.count), 0
+def _collect(
+    file: BoundedFile, vertex: _Element, rows: Iterator[dict[str, float]]
+) -> Float[np.ndarray, "N 3"]:
+    if vertex.num_rows > file.size:
+        raise ScanError(f"the .ply header promises {vertex.num_rows} vertices in {file.size} bytes")
+    points, num_read = point_rows.allocate_points(file, vertex.num_rows), 0
     for row in rows:
-        points[filled] = row["x"], row["y"], row["z"]
-        filled += 1
-    return points[:filled]
+        points[num_read] = row["x"], row["y"], row["z"]
+        num_read += 1
+    return points[:num_read]

@@ -1,33 +1,53 @@
-"""Rows of a file, text or binary records, as points: read piece by piece into room that was checked before."""
+"""Rows of a file, lines of text or binary records, as points: read in blocks into memory that was checked before."""
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from io import TextIOWrapper
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import BoundedFile, UnreadableFileError, check_size
-from reconstruction.scans.scan import Array
 
+_POINT_BYTES = 3 * np.dtype(np.float64).itemsize
 _MAX_LINE = 1 << 20
 """Longest line of a text file and largest record of a binary one [characters, bytes]: no point has more fields."""
 _MAX_HEADER = 1 << 20
-"""Longest text before binary data [bytes]: what is read of it takes many times that in memory."""
-_BLOCK = 50_000
-"""Lines that are parsed at once, where they are short."""
-_BLOCK_TEXT = 1 << 22
+"""Longest text before binary data [bytes]: parsed, it takes many times that in memory."""
+_BLOCK_LINES = 50_000
+"""Lines that are parsed at once, where they are short: larger blocks are no faster."""
+_BLOCK_CHARACTERS = 1 << 22
 """Characters that are parsed at once: as many numbers take twenty times that in memory."""
+_MAX_DIGITS = 19
+"""Digits of the largest 64-bit number: no file has more points."""
 
 
-def make_room(file: BoundedFile, count: int) -> Array:
-    """Return an empty array for so many points, if the file's limit allows."""
-    check_size(24 * count, file.max_bytes)
-    return np.empty((count, 3))
+def check_num_points(file: BoundedFile, num_points: int) -> None:
+    """Check that the file's limit allows for an array of this many points.
+
+    Raises:
+        UnreadableFileError: it does not.
+    """
+    check_size(_POINT_BYTES * num_points, file.max_bytes)
+
+
+def allocate_points(file: BoundedFile, num_points: int) -> Float[np.ndarray, "N 3"]:
+    """Return an uninitialized array for this many points, if the file's limit allows.
+
+    Raises:
+        UnreadableFileError: it does not.
+    """
+    check_num_points(file, num_points)
+    return np.empty((num_points, 3))
 
 
 def read_lines(file: BoundedFile) -> Iterator[str]:
-    """Yield the lines of text from here on; a byte order mark is allowed, binary data is refused."""
+    """Yield the lines of text from here on; a byte order mark is skipped.
+
+    Raises:
+        ScanError: the data are binary.
+    """
     text = TextIOWrapper(file.stream, encoding="utf-8-sig")
     try:
         while line := text.readline(_MAX_LINE):
@@ -39,7 +59,12 @@ def read_lines(file: BoundedFile) -> Iterator[str]:
 
 
 def read_header_line(file: BoundedFile) -> str:
-    """Return the next line of the text that stands before binary data, without blanks around it."""
+    """Return the next line of the text before binary data, without surrounding blanks.
+
+    Raises:
+        ScanError: the header is too long.
+        UnreadableFileError: the file ends within the header.
+    """
     if file.stream.tell() > _MAX_HEADER:
         raise ScanError(f"the header is longer than {_MAX_HEADER} bytes")
     line = file.stream.readline(_MAX_LINE)
@@ -48,10 +73,10 @@ def read_header_line(file: BoundedFile) -> str:
     return line.decode("latin1").strip()
 
 
-def take_block(lines: Iterator[str]) -> list[str]:
-    """Return the next lines, as many as may be parsed at once; none at the end."""
+def next_block(lines: Iterator[str]) -> list[str]:
+    """Return the next lines, as many as are parsed at once; none at the end."""
     block, num_characters = [], 0
-    while len(block) < _BLOCK and num_characters < _BLOCK_TEXT and (line := next(lines, "")):
+    while len(block) < _BLOCK_LINES and num_characters < _BLOCK_CHARACTERS and (line := next(lines, "")):
         block.append(line)
         num_characters += len(line)
     return block
@@ -63,8 +88,8 @@ def read_text_rows(
     columns: Sequence[int],
     delimiter: str | None = None,
     comments: str | None = "#",
-) -> Array:
-    """Read three columns of numbers, `[N, 3]`, one row a line; blank lines are passed over.
+) -> Float[np.ndarray, "N 3"]:
+    """Read three columns of numbers, one row a line; blank lines are skipped.
 
     Args:
         file: where the lines come from.
@@ -72,28 +97,38 @@ def read_text_rows(
         columns: which three.
         delimiter: between columns; blanks unless given.
         comments: what begins a comment.
+
+    Raises:
+        ScanError: a row does not hold three numbers.
+        UnreadableFileError: the file has more lines than its limit allows points.
     """
-    points, filled, remaining = make_room(file, file.num_lines), 0, iter(lines)
-    while block := take_block(remaining):
+    points, num_read, remaining = allocate_points(file, file.num_lines), 0, iter(lines)
+    while block := next_block(remaining):
         try:
             with warnings.catch_warnings(action="ignore"):  # a block of comments alone
                 rows = np.loadtxt(block, delimiter=delimiter, comments=comments, usecols=columns, ndmin=2)
         except ValueError as error:
-            raise ScanError(f"not three columns of numbers: {error}, counted from row {filled}") from error
-        points[filled : filled + len(rows)] = rows
-        filled += len(rows)
-    return points[:filled]
+            raise ScanError(f"not three columns of numbers: {error}, counted from row {num_read}") from error
+        points[num_read : num_read + len(rows)] = rows
+        num_read += len(rows)
+    return points[:num_read]
 
 
-def read_records(file: BoundedFile, record: np.dtype, count: int) -> Array:
-    """Read binary records with the fields x, y, z as points `[N, 3]`."""
-    if count * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
+def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> Float[np.ndarray, "N 3"]:
+    """Read binary records with the fields x, y, z as points.
+
+    Raises:
+        ScanError: the file ends before the last record, or a record is too large.
+        UnreadableFileError: more points than the file's limit allows.
+    """
+    if num_records * record.itemsize > file.num_left or record.itemsize > _MAX_LINE:
         raise ScanError(
-            f"the header promises {count} points of {record.itemsize} bytes, but {file.num_left} bytes follow"
+            f"the header promises {num_records} points of {record.itemsize} bytes, "
+            f"but {file.num_left} bytes follow"
         )
-    points, step = make_room(file, count), max(_MAX_LINE // record.itemsize, 1)
-    for first in range(0, count, step):
-        num_rows = min(step, count - first)
+    points, step = allocate_points(file, num_records), max(_MAX_LINE // record.itemsize, 1)
+    for first in range(0, num_records, step):
+        num_rows = min(step, num_records - first)
         rows = np.frombuffer(file.read_exactly(num_rows * record.itemsize), record)
         for axis, name in enumerate("xyz"):
             points[first : first + num_rows, axis] = rows[name]
@@ -101,7 +136,11 @@ def read_records(file: BoundedFile, record: np.dtype, count: int) -> Array:
 
 
 def parse_count(word: str) -> int:
-    """Return a number of things from a header; refuse what is no whole number from 0 on."""
-    if not (word.isascii() and word.isdigit() and len(word) < 20):
+    """Return the whole number from 0 on that a word of a header is.
+
+    Raises:
+        ScanError: it is none.
+    """
+    if not (word.isascii() and word.isdigit() and len(word) <= _MAX_DIGITS):
         raise ScanError(f"the header has {word[:40]!r} where a number belongs")
     return int(word)

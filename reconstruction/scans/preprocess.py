@@ -1,20 +1,23 @@
-"""Levelling, smoothing and filtering of laser scans (paper, section II-A), composed."""
+"""Leveling, smoothing and filtering of laser scans (paper, section II-A), composed."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import overload
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.progress import Progress, silent
-from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
-from reconstruction.scans.levelling import find_declination, level_floor
-from reconstruction.scans.mixed_pixels import find_mixed_beams, find_step
-from reconstruction.scans.scan import Array, ScanLog
-from reconstruction.scans.smoothing import smooth_ranges
+from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
+from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
+from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_mixed_beams
+from reconstruction.scans.scan import ScanLog
+from reconstruction.scans.smoothing import SmoothingConfig, smooth_ranges
 
 __all__ = [
+    "PreprocessConfig",
     "crop",
     "find_declination",
     "level_floor",
@@ -24,66 +27,97 @@ __all__ = [
     "thin",
 ]
 
-_ALONE, _SPARSE_SHARE = 2, 0.005
-"""A log's mixed pixels are found by their scans; the histogram takes points that are alone
-in their cell, at most this share."""
+
+@dataclass(frozen=True)
+class PreprocessConfig:
+    """The steps of `preprocess`.
+
+    Attributes:
+        leveling: of the floor.
+        mixed_pixels: which readings of a log count as mixed.
+        smoothing: of the ranges.
+        sparse_readings: which points of a log are isolated. Its mixed pixels are found in its scans already, so
+            these are points alone in their cell, and few.
+        sparse_points: which points of a cloud without scans are isolated.
+        crop_margin: added below and above a log's box [m].
+    """
+
+    leveling: LevelingConfig = field(default_factory=LevelingConfig)
+    mixed_pixels: MixedPixelsConfig = field(default_factory=MixedPixelsConfig)
+    smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
+    sparse_readings: SparsePointsConfig = field(
+        default_factory=lambda: SparsePointsConfig(threshold=2, max_share=0.005)
+    )
+    sparse_points: SparsePointsConfig = field(default_factory=SparsePointsConfig)
+    crop_margin: float = 0.05
 
 
 def preprocess(
     scans: ScanLog | ArrayLike,
     *,
-    across_jumps: bool = False,
+    across_jumps: bool | None = None,
     cropped: bool = True,
     progress: Progress = silent,
-) -> Array:
-    """Level, filter and smooth a log, and return its points in the world, `[N, 3]` [m].
+    config: PreprocessConfig | None = None,
+) -> Float[np.ndarray, "N 3"]:
+    """Level, filter and smooth a log, and return its points in the world [m].
 
     A bare point cloud has no scans to level or smooth; it is filtered by the histogram alone.
 
-    Differs: the paper smooths before it filters. Here mixed pixels are found in the readings as they came,
-    before their neighbours are averaged with them.
+    Differs: the paper smooths before it filters. Here mixed pixels are found in the raw readings, before their
+    neighbors are averaged with them.
 
     Args:
         scans: a log, or points `[N, 3]` [m].
-        across_jumps: average over edges as well, as the paper does.
-        cropped: keep only what lies in the log's box, where it has one.
-        progress: called with what is being done.
+        across_jumps: average over edges as well, as the paper does; replaces `config.smoothing.across_jumps`.
+        cropped: keep only the points in the log's box, where it has one.
+        progress: called with the current step.
+        config: of the steps.
 
     Raises:
-        ScanError: the points have another shape.
+        ScanError: the points have another shape, or are no numbers.
     """
+    config = config or PreprocessConfig()
     if not isinstance(scans, ScanLog):
         progress("filtering", 0.0)
-        return remove_mixed_pixels(as_points(scans))
-    progress("levelling", 0.0)
-    log = level_floor(scans)
+        return remove_mixed_pixels(as_points(scans), config=config)
+    progress("leveling", 0.0)
+    log = level_floor(scans, config=config.leveling)
     progress("filtering", 0.3)
-    is_mixed = find_mixed_beams(log.ranges, step=find_step(log.angles))
+    is_mixed = find_mixed_beams(log.ranges, log.angles, config.mixed_pixels)
     progress("smoothing", 0.6)
-    log = smooth_ranges(log.replace(ranges=np.where(is_mixed, np.nan, log.ranges)), across_jumps=across_jumps)
-    points = log.points()
+    log = log.replace(ranges=np.where(is_mixed, np.nan, log.ranges))
+    points = smooth_ranges(log, across_jumps=across_jumps, config=config.smoothing).points()
     if cropped and log.box is not None:
-        points = crop(points, log.box)
-    return points[~find_sparse_points(points, threshold=_ALONE, max_share=_SPARSE_SHARE)]
+        points = crop(points, log.box, config.crop_margin)
+    return points[~find_sparse_points(points, config.sparse_readings)]
 
 
 @overload
-def remove_mixed_pixels(scans: ScanLog) -> ScanLog: ...
+def remove_mixed_pixels(scans: ScanLog, *, config: PreprocessConfig | None = None) -> ScanLog: ...
 @overload
-def remove_mixed_pixels(scans: ArrayLike) -> Array: ...
-def remove_mixed_pixels(scans: ScanLog | ArrayLike) -> ScanLog | Array:
+def remove_mixed_pixels(scans: ArrayLike, *, config: PreprocessConfig | None = None) -> np.ndarray: ...
+def remove_mixed_pixels(
+    scans: ScanLog | ArrayLike, *, config: PreprocessConfig | None = None
+) -> ScanLog | np.ndarray:
     """Drop readings that mix two surfaces: from a log by scan and histogram, from a cloud by histogram alone.
 
     The scan: see `find_mixed_beams`. The histogram of points in cells of space: see `find_sparse_points`.
+
+    Args:
+        scans: a log, or points `[N, 3]` [m].
+        config: its `mixed_pixels`, `sparse_readings` and `sparse_points` are used.
+
+    Raises:
+        ScanError: the points have another shape, or are no numbers.
     """
+    config = config or PreprocessConfig()
     if not isinstance(scans, ScanLog):
         points = as_points(scans)
-        return points[~find_sparse_points(points)]
-    ranges = np.where(find_mixed_beams(scans.ranges, step=find_step(scans.angles)), np.nan, scans.ranges)
+        return points[~find_sparse_points(points, config.sparse_points)]
+    is_mixed = find_mixed_beams(scans.ranges, scans.angles, config.mixed_pixels)
+    ranges = np.where(is_mixed, np.nan, scans.ranges)
     log = scans.replace(ranges=ranges)
-    ranges[log.is_valid] = np.where(
-        find_sparse_points(log.points(), threshold=_ALONE, max_share=_SPARSE_SHARE),
-        np.nan,
-        ranges[log.is_valid],
-    )
+    is_sparse = find_sparse_points(log.points(), config.sparse_readings)
+    ranges[log.is_valid] = np.where(is_sparse, np.nan, ranges[log.is_valid])
     return log.replace(ranges=ranges)

@@ -1,23 +1,29 @@
-"""The points of a scan log together with the places they were read from."""
+"""The points of a scan log together with the positions they were measured from."""
 
 import numpy as np
+from jaxtyping import Float
 
-from reconstruction.scans.levelling import level_floor
-from reconstruction.scans.preprocess import remove_mixed_pixels
-from reconstruction.scans.scan import Array, ScanLog
+from reconstruction.scans.leveling import level_floor
+from reconstruction.scans.preprocess import PreprocessConfig, remove_mixed_pixels
+from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.smoothing import smooth_ranges
 
 
-def read_rays(log: ScanLog) -> tuple[Array, Array]:
-    """Level, filter and smooth a log; return its points and where the sensor was at each, both `[N, 3]` [m].
+def read_rays(
+    log: ScanLog, config: PreprocessConfig | None = None
+) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]]:
+    """Level, filter and smooth a log; return its points, and the position of the sensor at each [m].
 
     Args:
-        log: the scans; only what lies in its box is kept, where it has one.
+        log: the scans; only the points in its box are kept, where it has one.
+        config: of the steps.
     """
-    log = smooth_ranges(remove_mixed_pixels(level_floor(log)))
+    config = config or PreprocessConfig()
+    log = remove_mixed_pixels(level_floor(log, config=config.leveling), config=config)
+    log = smooth_ranges(log, config=config.smoothing)
     points = log.points()
-    places = np.broadcast_to(log.poses[:, None, :3, 3], (*log.ranges.shape, 3))
-    origins = places[log.is_valid]
+    sensors = np.broadcast_to(log.poses[:, None, :3, 3], (*log.ranges.shape, 3))
+    origins = sensors[log.is_valid]
     if log.box is None:
         return points, origins
     is_inside = ((points >= log.box[0]) & (points <= log.box[1])).all(axis=1)

@@ -1,7 +1,7 @@
-"""Raw ordered scans in the form of 3DTK: `scan000.3d` (points) beside `scan000.pose` (where from).
+"""Raw ordered scans in the form of 3DTK: points in `scan000.3d`, the sensor's pose in `scan000.pose`.
 
-3DTK counts in centimetres, left-handed, x to the right, y up, z ahead; here x is ahead, y to the left, z up,
-in metres.
+3DTK's frame is left-handed, in centimeters: x to the right, y up, z ahead. Here x is ahead, y to the left, z up,
+in meters.
 """
 
 from __future__ import annotations
@@ -9,31 +9,38 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, open_bounded
-from reconstruction.scans.scan import Array, ScanLog
+from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.text_points import read_text
 
 _AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Rows: ahead, left and up in 3DTK's coordinates."""
-_MAX_POSE = 10_000
-"""Bytes that a .pose may have: it is six numbers."""
+_UNITS_PER_METER = 100.0
+_MAX_POSE_BYTES = 10_000
+"""Largest .pose: it holds six numbers."""
+_NEW_SWEEP = -np.pi / 4
+"""Change of the angle within the sweep [rad] that begins a new one: beams of one sweep turn the other way."""
 
 
-def to_right_handed(points: ArrayLike) -> Array:
-    """Turn 3DTK points `[N, 3]` [cm] into x ahead, y left, z up [m]."""
-    return np.asarray(points, float) @ _AXES.T / 100.0
+def to_right_handed(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
+    """Return 3DTK points `[N, 3]` [cm] as x ahead, y left, z up [m]."""
+    return np.asarray(points, float) @ _AXES.T / _UNITS_PER_METER
 
 
 def load_3dtk(
     path: Path, min_range: float = 0.2, max_range: float = 32.0, max_bytes: float = MAX_BYTES
 ) -> ScanLog:
-    """Read a tilting planar scanner's raw scan as a log: one scan a sweep.
+    """Read the raw scan of a tilting planar scanner as a log: one scan a sweep.
 
-    Beams nearer than `min_range` hit the robot itself, beams beyond `max_range` did not return [m]; both
-    become nan. The points may take `max_bytes`.
+    Args:
+        path: the .3d file; the .pose file of the same name is read as well.
+        min_range: shorter ranges become nan [m]: those beams hit the robot itself.
+        max_range: longer ranges become nan [m]: those beams did not return. A SICK LMS 200 measures up to 32 m.
+        max_bytes: most bytes that the points may take.
 
     Raises:
         ScanError: a file is absent or broken, or the points are not ordered in sweeps of equal length.
@@ -55,8 +62,8 @@ def load_3dtk(
     return ScanLog(ranges, angles, pose @ _tilted(tilt))
 
 
-def _tilted(tilt: Array) -> Array:
-    """Poses of the scan planes: angle 0 to the right, 90 degrees ahead and up by the tilt."""
+def _tilted(tilt: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 4 4"]:
+    """Return the poses of the scan planes: angle 0 to the right, 90 degrees ahead and up by the tilt."""
     zero, one = np.zeros_like(tilt), np.ones_like(tilt)
     right, ahead = np.stack([zero, -one, zero], 1), np.stack([np.cos(tilt), zero, np.sin(tilt)], 1)
     poses = np.tile(np.eye(4), (len(tilt), 1, 1))
@@ -64,10 +71,10 @@ def _tilted(tilt: Array) -> Array:
     return poses
 
 
-def _count_beams(path: Path, points: Array) -> int:
+def _count_beams(path: Path, points: Float[np.ndarray, "N 3"]) -> int:
     """Find the beams of a sweep: the angle within the sweep falls back where the next one begins."""
     angle = np.arctan2(np.hypot(points[:, 1], points[:, 2]), points[:, 0])
-    starts = np.flatnonzero(np.diff(angle) < -np.pi / 4) + 1
+    starts = np.flatnonzero(np.diff(angle) < _NEW_SWEEP) + 1
     num_beams = int(starts[0]) if len(starts) else 0
     if (
         num_beams < 2
@@ -78,10 +85,10 @@ def _count_beams(path: Path, points: Array) -> int:
     return num_beams
 
 
-def _read_pose(path: Path) -> Array:
-    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose of ours."""
+def _read_pose(path: Path) -> Float[np.ndarray, "4 4"]:
+    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose, sensor -> world."""
     try:
-        with open_bounded(path, _MAX_POSE) as file:
+        with open_bounded(path, _MAX_POSE_BYTES) as file:
             values = np.array(file.read_exactly(file.size).split(), dtype=float)
     except ValueError as error:
         raise ScanError(f"{path}: {error}") from error
@@ -93,5 +100,5 @@ def _read_pose(path: Path) -> Array:
     turn_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
     pose = np.eye(4)
     pose[:3, :3] = _AXES @ turn_x @ turn_y @ turn_z @ _AXES.T
-    pose[:3, 3] = _AXES @ values[:3] / 100.0
+    pose[:3, 3] = _AXES @ values[:3] / _UNITS_PER_METER
     return pose

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from reconstruction.extras import require_extras
 from reconstruction.geometry.pose import make_pose
 from reconstruction.progress import Progress, silent
-from reconstruction.scans.localisation import localise
+from reconstruction.scans.localization import localize
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -102,7 +102,7 @@ def survey(
         truth=ScanTruth(robot_poses, np.stack(mixed)),
         report={"seed": float(seed)},
     )
-    return localise(log, progress=progress)
+    return localize(log, progress=progress)
 
 
 def make_path(bounds: np.ndarray, clearance: float = 0.3, stride: float = 1.2) -> np.ndarray:

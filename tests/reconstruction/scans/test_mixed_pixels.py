@@ -5,7 +5,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams, find_noise, find_step
+from reconstruction.scans.mixed_pixels import (
+    MixedPixelsConfig,
+    find_jumps,
+    find_mixed_beams,
+    find_noise,
+    find_step,
+)
+
+ALL = MixedPixelsConfig(max_share=1.0)
 
 
 def lay_steps(*places: int, height: float = 0.04, beams: int = 60, distance: float = 1.0) -> np.ndarray:
@@ -20,8 +28,9 @@ def slant(spacing_deg: float = 0.5, beams: int = 60) -> np.ndarray:
 
 
 def find_places(ranges: np.ndarray, **options: float) -> list[int]:
-    """Return the beams of a scan that may have met an edge; however many there are, unless told otherwise."""
-    return np.flatnonzero(find_mixed_beams(ranges, **({"max_share": 1.0} | options))[0]).tolist()
+    """Return the beams of a scan that may have met an edge; however many there are, unless options say otherwise."""
+    config = MixedPixelsConfig(**({"max_share": 1.0} | options))
+    return np.flatnonzero(find_mixed_beams(ranges, config=config)[0]).tolist()
 
 
 def test_a_ledge_of_four_centimetres_is_an_edge_and_one_of_two_is_not():
@@ -52,7 +61,7 @@ def test_a_beam_with_four_doubtful_ones_among_nine_is_doubtful(places, doubted):
     """An edge along the scan: two jumps within nine beams leave few that can be trusted."""
     assert find_places(lay_steps(*places)) == doubted
     both = np.concatenate([lay_steps(*places), lay_steps(50, height=0.0), lay_steps(*places)])
-    flags = find_mixed_beams(both, max_share=1.0)
+    flags = find_mixed_beams(both, config=ALL)
     assert [np.flatnonzero(row).tolist() for row in flags] == [doubted, [], doubted]
 
 
@@ -142,7 +151,7 @@ def test_where_readings_are_noisy_an_edge_is_higher(noise, least, most):
         scans = np.concatenate(
             [others, np.pad(lay_steps(30, height=height), ((0, 0), (0, 1941)), mode="edge")]
         )
-        if find_mixed_beams(scans, max_share=1.0)[-1].any():
+        if find_mixed_beams(scans, config=ALL)[-1].any():
             jumps.append(height)
     expected = 0.033 * np.clip(noise / 0.008, 1, 3)
     assert min(jumps) == pytest.approx(expected, abs=0.009)
@@ -192,8 +201,8 @@ def test_a_jump_is_more_than_three_centimetres_and_four_millimetres_a_metre(dist
         29
     ]
     assert not find_jumps(lay_steps(30, height=0.95 * threshold, distance=distance)).any()
-    assert find_jumps(lay_steps(30, height=0.02), jump=0.01, jump_per_metre=0.005).any()
-    assert not find_jumps(lay_steps(30, height=0.02), jump=0.01, jump_per_metre=0.015).any()
+    assert find_jumps(lay_steps(30, height=0.02), jump=0.01, jump_per_meter=0.005).any()
+    assert not find_jumps(lay_steps(30, height=0.02), jump=0.01, jump_per_meter=0.015).any()
 
 
 @pytest.mark.parametrize("number", range(5))

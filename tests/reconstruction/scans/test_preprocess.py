@@ -10,14 +10,16 @@ from scipy.spatial import cKDTree
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
-from reconstruction.scans.levelling import find_declination, level_floor
-from reconstruction.scans.mixed_pixels import find_jumps, find_mixed_beams, find_step
+from reconstruction.scans.leveling import find_declination, level_floor
+from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction.scans.scan import ScanLog, load_scan_log
+from reconstruction.scans.scan import ScanLog
+from reconstruction.scans.scan_log_file import load_scan_log
 from reconstruction.scans.smoothing import find_creases, smooth_ranges
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))
+NONE, ALL = MixedPixelsConfig(max_share=0.0), MixedPixelsConfig(max_share=1.0)
 
 
 def vertical_mount() -> np.ndarray:
@@ -139,14 +141,17 @@ def test_jumps_are_edges_and_not_slanted_planes():
 def test_a_mixed_pixel_goes_and_its_surroundings_stay():
     ranges = np.where(np.arange(60) < 30, 1.5, 2.5)[None] + np.zeros((4, 1))
     ranges[:, 30] = 2.0
-    is_mixed = find_mixed_beams(ranges, max_share=0.0)
+    is_mixed = find_mixed_beams(ranges, config=NONE)
     assert np.argwhere(is_mixed).tolist() == [[i, 30] for i in range(4)]
-    assert find_mixed_beams(ranges, max_share=1.0)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
+    assert find_mixed_beams(ranges, config=ALL)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
 
 
 def test_the_share_of_doubtful_beams_is_kept():
     ranges = np.random.default_rng(0).uniform(1, 5, (50, 100))
-    least, most = find_mixed_beams(ranges, max_share=0.0), find_mixed_beams(ranges, max_share=0.1)
+    least, most = (
+        find_mixed_beams(ranges, config=NONE),
+        find_mixed_beams(ranges, config=MixedPixelsConfig(max_share=0.1)),
+    )
     assert 0 < most.sum() - least.sum() <= 0.1 * ranges.size
 
 
@@ -199,7 +204,7 @@ def test_a_log_loses_veils_and_lonely_readings_and_keeps_the_rest_as_it_is(spaci
     log = make_veiled_log(spacing)
     clean = remove_mixed_pixels(log)
     assert isinstance(clean, ScanLog)
-    is_mixed = find_mixed_beams(log.ranges, step=find_step(log.angles))
+    is_mixed = find_mixed_beams(log.ranges, log.angles)
     place = 150 // spacing
     assert is_mixed[:, place].all()
     assert np.isnan(clean.ranges[is_mixed]).all()
@@ -240,7 +245,7 @@ def test_of_very_many_lonely_readings_only_few_go():
 def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(spacing):
     log = make_veiled_log(spacing)
     level = level_floor(log)
-    is_mixed = find_mixed_beams(level.ranges, step=find_step(level.angles))
+    is_mixed = find_mixed_beams(level.ranges, level.angles)
     for across_jumps in (False, True):
         filtered = level.replace(ranges=np.where(is_mixed, np.nan, level.ranges))
         expected = smooth_ranges(filtered, across_jumps=across_jumps).points()
@@ -270,7 +275,7 @@ def test_a_log_with_a_box_is_cropped_unless_told_otherwise():
 def test_progress_is_told_before_each_step():
     told = []
     preprocess(make_log([0.0]), progress=lambda text, share: told.append((text, share)))
-    assert told == [("levelling", 0.0), ("filtering", 0.3), ("smoothing", 0.6)]
+    assert told == [("leveling", 0.0), ("filtering", 0.3), ("smoothing", 0.6)]
     told.clear()
     preprocess(np.zeros((3, 3)), progress=lambda text, share: told.append((text, share)))
     assert told == [("filtering", 0.0)]

@@ -98,8 +98,8 @@ def test_a_crease_bends_more_than_three_centimetres_and_four_millimetres_a_metre
 def test_how_much_a_crease_bends_can_be_told():
     ranges = bend(10, 0.01)[None]
     assert not find_creases(ranges).any()
-    assert find_creases(ranges, least=0.01, least_per_metre=0.009)[0, 10]
-    assert not find_creases(ranges, least=0.01, least_per_metre=0.011).any()
+    assert find_creases(ranges, crease=0.01, crease_per_meter=0.009)[0, 10]
+    assert not find_creases(ranges, crease=0.01, crease_per_meter=0.011).any()
 
 
 def test_creases_at_the_rim_of_a_scan_and_in_short_ones():

@@ -9,9 +9,9 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.pose import to_planar
-from reconstruction.scans.levelling import level_floor
+from reconstruction.scans.leveling import level_floor
 from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction.scans.scan import load_scan_log
+from reconstruction.scans.scan_log_file import load_scan_log
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -52,8 +52,8 @@ def test_equal_seeds_give_equal_logs_and_others_do_not(log):
 
 
 def test_the_robot_is_localised(log):
-    assert log.report["localisation_max"] < 0.015
-    assert log.report["localisation_max_deg"] < 0.5
+    assert log.report["localization_max"] < 0.015
+    assert log.report["localization_max_deg"] < 0.5
     robot = log.poses @ np.linalg.inv(log.mount)
     wheels = np.hypot(*(log.horizontal.odometry - to_planar(log.truth.robot_poses))[:, :2].T)
     found = np.hypot(*(to_planar(robot) - to_planar(log.truth.robot_poses))[:, :2].T)
@@ -102,7 +102,7 @@ def test_the_default_path_sees_everything():
     rest = np.linalg.inv(log.truth.robot_poses) @ level_floor(log).poses @ np.linalg.inv(log.mount)
     assert np.std(np.degrees(np.arcsin(log.truth.robot_poses[:, 2, 0]))) > 0.65
     assert np.std(np.degrees(np.arcsin(rest[:, 2, 0]))) < 0.35
-    assert log.report["localisation_max"] < 0.01
+    assert log.report["localization_max"] < 0.01
     points = preprocess(log)
     truth = trimesh.sample.sample_surface(SURFACE, 5000, seed=0)[0]
     assert cKDTree(points).query(truth)[0].max() < 0.06

@@ -5,13 +5,13 @@ import pytest
 
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose
-from reconstruction.scans.localisation import (
+from reconstruction.scans.localization import (
     find_pitch,
-    fuse_odometry,
-    judge_localisation,
-    localise,
+    localize,
     match_scans,
+    measure_localization,
 )
+from reconstruction.scans.odometry import fuse_odometry
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
@@ -50,11 +50,11 @@ def make_drive(
 
 def test_matching_finds_the_track_that_the_wheels_lose():
     scans, true = make_drive()
-    lost = judge_localisation(scans.odometry, true)
-    found = judge_localisation(match_scans(scans), true)
-    assert lost["localisation_max"] > 0.03
-    assert found["localisation_max"] < 0.01
-    assert found["localisation_max_deg"] < 0.3
+    lost = measure_localization(scans.odometry, true)
+    found = measure_localization(match_scans(scans), true)
+    assert lost["localization_max"] > 0.03
+    assert found["localization_max"] < 0.01
+    assert found["localization_max_deg"] < 0.3
 
 
 def test_the_sway_of_the_scanner_tells_the_pitch():
@@ -92,7 +92,7 @@ def test_fusing_halves_the_sway_and_keeps_exact_tracks():
     assert np.std(fuse_odometry(swaying, true) - true) < 0.5 * np.std(swaying - true)
 
 
-def test_a_log_is_localised_and_judged():
+def test_a_log_is_localized_and_judged():
     scans, true = make_drive(num_scans=40)
     robot = make_pose(*true.T)
     log = ScanLog(
@@ -102,18 +102,18 @@ def test_a_log_is_localised_and_judged():
         horizontal=scans,
         truth=ScanTruth(robot, np.zeros((40, 3), bool)),
     )
-    done = localise(log)
+    done = localize(log)
     np.testing.assert_allclose(done.poses, robot, atol=0.02)
-    assert done.report["localisation_max"] < 0.02
+    assert done.report["localization_max"] < 0.02
 
 
 def test_the_truth_is_never_read():
     scans, true = make_drive(num_scans=25)
     wrong = ScanTruth(make_pose(*(true + 1).T), np.zeros((25, 3), bool))
     log = ScanLog(np.ones((25, 3)), np.zeros(3), make_pose(*scans.odometry.T), horizontal=scans)
-    np.testing.assert_array_equal(localise(log).poses, localise(log.replace(truth=wrong)).poses)
+    np.testing.assert_array_equal(localize(log).poses, localize(log.replace(truth=wrong)).poses)
 
 
 def test_a_log_without_horizontal_scans_is_refused():
     with pytest.raises(ScanError, match="horizontal"):
-        localise(ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1))))
+        localize(ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1))))
