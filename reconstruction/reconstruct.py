@@ -134,11 +134,12 @@ class Reconstruction:
         cloud = check_points(new_points)
         check_scale(cloud, self.points)
         seen_from = None if origins is None else check_origins(origins, len(cloud))
-        network, _ = _find_method(self.method)
+        seed = _check_seed(seed)
         keep_compiled_programs()
-        state, points = network.refine(
-            self.state, self.points, cloud, self.config, _check_seed(seed), progress, seen_from
-        )
+        from reconstruction.networks.change.refinement import refine
+
+        learner = _find_learner(self.method)(self.state, self.config)
+        state, points = refine(learner, self.points, cloud, seed, progress, seen_from)
         return Reconstruction(self.method, self.config, state, points, self.viewpoint)
 
     def save(self, path: str | os.PathLike) -> None:
@@ -202,8 +203,14 @@ def _find_method(method: str) -> tuple[ModuleType, Any]:
     return network, getattr(network, config)
 
 
+def _find_learner(method: str) -> Any:
+    """Return the class that lets a network of this method learn from new readings."""
+    folder = METHODS[method][0].rpartition(".")[0]
+    return importlib.import_module(f"{folder}.refinement").Learner
+
+
 def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
-    """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
+    """Return the configuration, from JSON with lists as tuples; refuse names that it does not have."""
     known = {field.name for field in dataclasses.fields(config_type)}
     unknown = sorted(set(values) - known)
     if unknown:
@@ -213,7 +220,22 @@ def _make_config(config_type: Any, values: dict[str, Any]) -> Any:
     units = values.get("units")
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    return config_type(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+    return _restore(config_type(), values)
+
+
+def _restore(default: Any, values: dict[str, Any]) -> Any:
+    """Return a configuration with the values that JSON holds, those absent as in the default."""
+    restored = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            restored[name] = _restore(getattr(default, name), value)
+        else:
+            restored[name] = _freeze(value)
+    return dataclasses.replace(default, **restored)
+
+
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list) else value
 
 
 def _check_seed(seed: int) -> int:

@@ -25,7 +25,7 @@ class Rates:
     Attributes:
         insertion_period: signals between two new units (lambda).
         winner_rate: how far the winner moves towards the signal (eps_b).
-        neighbor_rate: how far its neighbours move (eps_n).
+        neighbor_rate: how far its neighbors move (eps_n).
         split_decay: factor on the errors of the two units beside a new one (alpha).
         error_decay: factor on all errors at every signal (beta).
         max_age: an edge that has not been confirmed goes after so many signals of its units (age_max).
@@ -82,7 +82,7 @@ class PaperMap:
         self._age_edges(winner)
 
     def insert_unit(self) -> None:
-        """Put a unit between the one of largest error and its worst neighbour (step 7)."""
+        """Put a unit between the one of largest error and its worst neighbor (step 7)."""
         worst = int(self.errors.argmax())
         around = list(self.mesh.neighbors[worst])
         if not around:
@@ -125,8 +125,8 @@ class PaperMap:
 def join_winners(mesh: PaperMesh, positions: np.ndarray, first: int, second: int) -> None:
     """Confirm or draw the edge between two winners (steps 3 and 4), with its faces.
 
-    An edge that a common neighbour sees at more than 90 degrees (within the ball of Thales) goes. A new edge
-    takes the place of those between common neighbours, and gets faces with the first two of these.
+    An edge that a common neighbor sees at more than 90 degrees (within the ball of Thales) goes. A new edge
+    takes the place of those between common neighbors, and gets faces with the first two of these.
     """
     common = mesh.find_common(first, second)
     if mesh.has_edge(first, second):
@@ -154,7 +154,7 @@ def train(
         points: `[N, 3]`.
         num_units: units wanted.
         rng: shuffles the signals.
-        progress: told how far it is.
+        progress: receives how far the work is.
 
     Returns:
         Units `[U, 3]` that have a face, and faces `[F, 3]`: no edge has more than two, vertices may be

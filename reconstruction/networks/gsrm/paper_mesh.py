@@ -16,7 +16,7 @@ class PaperMesh:
     """The graph of a map.
 
     Attributes:
-        neighbors: for every unit its neighbours, and the age of the edge to each.
+        neighbors: for every unit its neighbors, and the age of the edge to each.
         apexes: for every edge the third corners of its faces, at most two.
         first_end: for every edge the unit that it was drawn from.
     """
@@ -68,7 +68,7 @@ class PaperMesh:
             self.apexes[edge_of(u, v)].remove(apex)
 
     def find_common(self, a: int, b: int) -> list[int]:
-        """Return the common neighbours of two units, oldest first."""
+        """Return the common neighbors of two units, oldest first."""
         other = self.neighbors[b]
         return [unit for unit in self.neighbors[a] if unit in other]
 

@@ -87,7 +87,7 @@ def close_surface(mesh: PaperMesh, positions: np.ndarray) -> None:
 
 
 def drop_lonely(mesh: PaperMesh) -> None:
-    """Drop faces without a neighbour, then edges without a face."""
+    """Drop faces without a neighbor, then edges without a face."""
     for a, b, c in list(mesh.walk_faces()):
         if all(mesh.count_faces(u, v) == 1 for u, v in ((a, b), (b, c), (c, a))):
             mesh.remove_face(a, b, c)
@@ -122,7 +122,7 @@ def find_dihedral(positions: np.ndarray, a: int, b: int, c: int, d: int) -> floa
 
 
 def _close_triangle(mesh: PaperMesh, positions: np.ndarray, a: int, b: int) -> bool:
-    """Put a second face on a border edge, with a common neighbour whose edges have room; tell whether."""
+    """Put a second face on a border edge, with a common neighbor whose edges have room; tell whether."""
     apex = mesh.apexes[(a, b)][0]
     for unit in mesh.find_common(a, b):
         if (
@@ -184,7 +184,7 @@ def _count_open(mesh: PaperMesh, unit: int) -> int:
 
 
 def _rank_face(mesh: PaperMesh, positions: np.ndarray, a: int, b: int, c: int) -> tuple[int, float]:
-    """Return how well a face is embedded: neighbours, then area."""
+    """Return how well a face is embedded: neighbors, then area."""
     shared = sum(mesh.count_faces(u, v) == 2 for u, v in ((a, b), (b, c), (c, a)))
     side, other = positions[b] - positions[a], positions[c] - positions[a]
     return shared, float(np.linalg.norm(np.cross(side, other)))

@@ -1,0 +1,118 @@
+"""What new readings no longer show is gone, or only out of sight."""
+
+import numpy as np
+import pytest
+
+from reconstruction.networks.change.absence import AbsenceConfig, find_gone, find_read
+
+SIDE = 21
+SPACING = 0.1
+ABSENCE = AbsenceConfig()
+
+
+def read(number: int, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(0, 2, (number, 2)), rng.normal(0, 0.003, number)])
+
+
+def test_a_ring_of_readings_shows_that_its_middle_is_gone(sheet):
+    vertices, faces = sheet
+    new = read(8000, seed=1)
+    radius = np.linalg.norm(new[:, :2] - 1, axis=1)
+    ring = new[(radius > 0.5) & (radius < 0.9)]
+    is_gone = find_gone(
+        vertices, faces, ring, find_read(vertices, ring, SPACING, ABSENCE)[0], SPACING, ABSENCE
+    )
+    from_middle = np.linalg.norm(vertices[:, :2] - 1, axis=1)
+    assert is_gone[from_middle < 0.3].all()
+    assert not is_gone[from_middle > 1.1].any()
+
+
+def lay_ring(inner: float, outer: float, missing: float = 0.0) -> np.ndarray:
+    """Readings on a ring round the middle of the sheet, but for a sector of some degrees."""
+    angle, radius = np.meshgrid(np.radians(np.arange(missing, 360, 3)), np.linspace(inner, outer, 4))
+    flat = np.zeros(angle.size)
+    return np.column_stack([1 + (radius * np.cos(angle)).ravel(), 1 + (radius * np.sin(angle)).ravel(), flat])
+
+
+@pytest.mark.parametrize(
+    ("readings", "is_surrounded"),
+    [
+        (lay_ring(0.4, 0.5), True),
+        (lay_ring(1.10, 1.15), True),
+        (lay_ring(1.22, 1.28), False),
+        (lay_ring(0.4, 0.5, missing=70), False),
+        (lay_ring(0.05, 0.2), False),
+    ],
+)
+def test_a_patch_is_gone_if_readings_lie_just_beyond_it_on_all_sides(sheet, readings, is_surrounded):
+    """A patch of radius 0.3 m; just beyond is within its radius and six times the spacing."""
+    vertices, faces = sheet
+    patch = np.linalg.norm(vertices - [1, 1, 0], axis=1) < 0.31
+    is_read = ~patch
+    is_read[vertices[:, 0] < 0.45] = False
+    is_gone = find_gone(vertices, faces, readings, is_read, SPACING, ABSENCE)
+    assert is_gone.dtype == bool
+    assert np.array_equal(is_gone, patch if is_surrounded else np.zeros_like(patch))
+
+
+def test_what_is_gone_does_not_depend_on_where_the_world_is(sheet):
+    """A wall that faces the origin from 50 m away instead of a floor beside it."""
+    vertices, faces = sheet
+    patch = np.linalg.norm(vertices - [1, 1, 0], axis=1) < 0.31
+    is_read = ~patch & (vertices[:, 0] > 0.45)
+
+    def stand_up(points):
+        return points @ np.array([[0.6, 0.8, 0], [0, 0, 1], [0.8, -0.6, 0]]) + [39.4, -30.8, -1.0]
+
+    for readings in (lay_ring(0.4, 0.5), lay_ring(0.4, 0.5, missing=70)):
+        here = find_gone(vertices, faces, readings, is_read, SPACING, ABSENCE)
+        there = find_gone(stand_up(vertices), faces, stand_up(readings), is_read, SPACING, ABSENCE)
+        assert np.array_equal(here, there)
+
+
+def test_one_or_two_vertices_without_readings_are_no_hole_and_every_hole_is_looked_at_alone(sheet):
+    vertices, faces = sheet
+    middle = SIDE * 10 + 10
+    is_read = vertices[:, 0] > 0.45
+    for unread, is_hole in (([0], False), ([0, 1], False), ([0, 1, SIDE], True)):
+        missing = middle + np.array(unread)
+        is_gone = find_gone(
+            vertices,
+            faces,
+            lay_ring(0.3, 0.4),
+            is_read & ~np.isin(np.arange(SIDE**2), missing),
+            SPACING,
+            ABSENCE,
+        )
+        assert np.flatnonzero(is_gone).tolist() == (missing.tolist() if is_hole else [])
+
+
+def test_a_scan_of_nearly_all_shows_what_is_gone_wherever_it_is(sheet):
+    vertices, faces = sheet
+    for width, is_whole in ((3, True), (5, False)):
+        is_edge = vertices[:, 0] < (width - 0.5) * SPACING
+        readings = vertices[~is_edge]
+        is_gone = find_gone(vertices, faces, readings, ~is_edge, SPACING, ABSENCE)
+        assert np.array_equal(is_gone, is_edge if is_whole else np.zeros_like(is_edge))
+    loose = np.concatenate([vertices, [[5.0, 5.0, 5.0]]])
+    nothing = find_gone(loose, faces, vertices, np.r_[np.ones(SIDE**2, dtype=bool), False], SPACING, ABSENCE)
+    assert nothing.dtype == bool
+    assert not nothing.any(), "a vertex of no face cannot go"
+
+
+def test_a_vertex_is_read_where_a_reading_is_as_near_as_readings_are_dense():
+    """Readings 5 cm apart: a vertex within 7.5 cm and its own spacing of one is read."""
+    x, y = np.meshgrid(0.05 * np.arange(21), 0.05 * np.arange(21))
+    readings = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    vertices = np.array(
+        [[0.5, 0.5, 0.0], [0.5, 0.5, 0.17], [0.5, 0.5, 0.18], [1.17, 1.0, 0.0], [1.18, 1.0, 0.0]]
+    )
+    is_read, density = find_read(vertices, readings, SPACING, ABSENCE)
+    assert is_read.tolist() == [True, True, False, True, False]
+    assert is_read.dtype == bool
+    assert density == pytest.approx(4 / (np.pi * 0.05**2))
+    few, density = find_read(vertices, readings[:2], SPACING, ABSENCE)
+    assert not few.any()
+    assert density == pytest.approx(1 / (np.pi * 0.05**2))
+    assert np.isfinite(find_read(vertices, readings[[0, 0]], SPACING, ABSENCE)[1])
