@@ -34,7 +34,7 @@ class FitConfig:
         reach: samples farther from the surface do not belong to it.
         neighbor_share: share of the neighbors' moments that every vertex adds to its own; above 0 for noisy
             data or fewer than about 20 samples a vertex.
-        outlier_scale: a sample this many times the mean residual from the faces round it has half its weight
+        outlier_scale: a sample this many times the mean residual from the faces around it has half its weight
             (Cauchy); lower ignores more outliers, and more of the creases.
         max_residual: residuals count up to this for the mean, so that outliers do not raise it.
     """
@@ -54,7 +54,7 @@ _DEFAULT = FitConfig()
 
 
 class Moments(NamedTuple):
-    """What the samples say about the vertices; rows of vertices without samples are zero.
+    """What the samples determine about the vertices; rows of vertices without samples are zero.
 
     Attributes:
         normal: sum of b n nᵀ, upper triangle (xx, xy, xz, yy, yz, zz), n the unit residual.
@@ -79,7 +79,7 @@ def fit_surface(
 ) -> Float[np.ndarray, "V 3"]:
     """Return vertices moved so that the faces lie on the samples.
 
-    Per sample the closest point on the faces round its winner gives barycentric weights b and the residual r.
+    Per sample the closest point on the faces around its winner gives barycentric weights b and the residual r.
     Per vertex the moments of both are summed (`Moments`), and the vertex moves by (A/c + aI)⁻¹ g/c, a the stiffness.
     Samples beyond the rim pull it out. Outliers count little: the weight falls with the part of r along
     the face's normal (Cauchy), and vanishes beyond `FitConfig.reach`.
@@ -133,7 +133,7 @@ def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
 
 
 def make_ring(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, "V D 2"]:
-    """Return the faces round every vertex: the other two corners of each in order, -1 where none."""
+    """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")
@@ -212,7 +212,7 @@ def sum_moments(
     table = jnp.concatenate([first, second], axis=-1).transpose(1, 2, 0)  # [D, 6, V]
     degree = is_face.sum(axis=1)
 
-    def choose(batch):
+    def select(batch):
         points, winner = batch
         offset = (points - vertices[winner]).T  # [3, n]
         return _closest_on_ring(offset, winner, table, degree[winner].max())
@@ -223,8 +223,8 @@ def sum_moments(
     def describe(batch):
         points, winner, weight, slot, second_weight, third_weight = batch
         offset = (points - vertices[winner]).T  # [3, n]
-        chosen = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
-        side, other = chosen[:, :3], chosen[:, 3:]
+        sides = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
+        side, other = sides[:, :3], sides[:, 3:]
         residual = offset.T - second_weight[:, None] * side - third_weight[:, None] * other
         corner = jnp.concatenate([winner[:, None], jnp.maximum(ring[winner, slot], 0)], axis=1)
         barycentric = jnp.stack([1 - second_weight - third_weight, second_weight, third_weight], axis=1)
@@ -233,7 +233,7 @@ def sum_moments(
         return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
 
     sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
-    found = [a.ravel() for a in jax.lax.map(choose, split(sorted_by_degree))]
+    found = [a.ravel() for a in jax.lax.map(select, split(sorted_by_degree))]
     if order is not None:
         found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
     residual, corner, barycentric, along, weight = jax.lax.map(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.boxes import find_inside, find_near_box
@@ -22,7 +22,7 @@ class AbsenceConfig:
     Attributes:
         complete_share: new readings on this share of the surface are taken for a whole new scan: what they do not
             show is gone. Lower, and a partial scan removes what the scanner could not see.
-        num_sectors: directions round a patch in which readings must lie just beyond it. More, and small gaps
+        num_sectors: directions around a patch in which readings must lie just beyond it. More, and small gaps
             between the readings keep a patch that is gone.
         rim_width: readings up to this many vertex spacings beyond the patch's extent lie just beyond it.
         min_patch: vertices of the smallest patch that can be gone; fewer miss their readings by chance.
@@ -44,7 +44,7 @@ class AbsenceConfig:
         check_positive(self)
 
 
-def thin(rows: np.ndarray, most: int) -> np.ndarray:
+def thin(rows: Shaped[np.ndarray, "N ..."], most: int) -> Shaped[np.ndarray, "M ..."]:
     """Return every n-th of the rows, at most `most` of them."""
     return rows[:: max(1, -(-len(rows) // most))]
 
@@ -55,7 +55,7 @@ def find_read(
     spacing: float,
     config: AbsenceConfig,
 ) -> tuple[Bool[np.ndarray, " V"], float]:
-    """Return which vertices have a new reading as near as the density lets expect, and that density [1/m^2]."""
+    """Return which vertices have a new reading as near as the density predicts, and that density [1/m^2]."""
     tree = cKDTree(new_points, balanced_tree=False)
     probes = thin(new_points, config.num_density_probes)
     near = min(config.density_neighbors, len(new_points))
@@ -115,7 +115,7 @@ def find_gone(
 def _is_surrounded(
     patch: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], spacing: float, config: AbsenceConfig
 ) -> bool:
-    """Tell whether there are readings just beyond the patch in each sector round it."""
+    """Return whether there are readings just beyond the patch in each sector around it."""
     center = patch.mean(axis=0)
     axes = np.linalg.svd(patch[:_AXIS_SAMPLES] - center, full_matrices=False)[2][:2]
     inside, inside_sector = _to_polar((patch - center) @ axes.T, config.num_sectors)

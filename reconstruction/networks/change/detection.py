@@ -1,4 +1,4 @@
-"""What new readings say about a surface that is known already: agreed, moved, new, or gone.
+"""What new readings show about a surface that is known already: agreed, moved, new, or gone.
 
 Both networks refine by this: only what the readings contradict is learned again, the rest stays as it is.
 """
@@ -20,7 +20,7 @@ from reconstruction.networks.config_checks import check_positive
 _POOL_PER_PROBE = 8
 """Old points are thinned to this many for each probe before those near the new readings are selected."""
 _POOL_PER_KNOWN = 4
-"""Likewise, to this many in the box round what may have moved, before those near it are selected."""
+"""Likewise, to this many in the box around what may have moved, before those near it are selected."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class ChangeConfig:
         min_readings: readings that must disagree near a vertex, or be strong together; fewer may be outliers.
         crowd_distance: readings within this many vertex spacings are near one another.
         moved_share: a vertex has moved where more than this share of its new readings disagree.
-        significance: it has not moved where no more disagree than the old readings let expect, within this many
+        significance: it has not moved where no more disagree than the old readings predict, within this many
             standard deviations. A coarse mesh cuts corners, so that some readings always disagree there.
-        agreement_distance: an old point no longer holds where no agreeing new reading lies within this many times
+        agreement_distance: an old point is no longer valid where no agreeing new reading lies within this many times
             the usual distance between new readings.
         crop_margin: faces and old points within this many vertex spacings of the new readings are compared.
         min_compared: at least this many of the new readings are compared, where there are as many.

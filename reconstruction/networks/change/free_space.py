@@ -25,9 +25,9 @@ class FreeSpaceConfig:
         crossing_share: a vertex is gone where the rays that go through are more than this share of them and the
             readings that agree with it. Higher, and half-transparent objects stay.
         max_rays: of more rays than this every n-th is followed; fewer are faster and miss small objects.
-        max_hits: faces that are looked at along each ray.
+        max_hits: faces that are tested along each ray.
         restart: behind a hit a ray starts again, this many margins on, so that it does not meet the face again.
-        num_stretches: stretches into which the rays are cut; only faces in the bounding box of one are looked at.
+        num_stretches: stretches into which the rays are cut; only faces in the bounding box of one are tested.
             More leave out more faces, and cost more boxes.
         face_reach: faces whose corners all lie farther than this many vertex spacings from all rays meet none.
     """

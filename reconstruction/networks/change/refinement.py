@@ -1,8 +1,8 @@
-"""Let a trained network learn from new readings: the sequence that both networks share.
+"""Refine a trained network with new readings: the sequence that both networks share.
 
-What has changed is found (`detection`, `free_space`), the network selects which of its vertices learn again, old points
-that no longer hold are dropped, the samples are gathered, and the network learns from them. So the cost is that of the
-change, and what did not change stays equal to the bit.
+The changes are detected (`detection`, `free_space`), the network selects which of its vertices learn again, old points
+that are no longer valid are dropped, the samples are gathered, and the network learns from them. So the cost is
+that of the change, and what did not change stays equal to the bit.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ class Selection:
     """Which vertices of a network learn again.
 
     Attributes:
-        is_active: vertices that change: they move, multiply or go.
+        is_active: vertices that change: they move, multiply or are removed.
         is_searched: readings that disagree and are nearest to one of these are samples, however far they are.
         is_near: samples nearest to one of these take part.
-        is_refuted: old points nearest to one of these no longer hold.
-        is_doubtful: old points nearest to one of these no longer hold where no new reading beside them agrees.
-        margin: points in the box round the active vertices, widened by this, are samples [m].
+        is_refuted: old points nearest to one of these are no longer valid.
+        is_doubtful: old points nearest to one of these are no longer valid where no new reading next to them agrees.
+        margin: points in the box around the active vertices, widened by this, are samples [m].
         stride: every n-th of the new readings suffices.
     """
 
@@ -51,7 +51,7 @@ class Samples:
         points: positions [m], the old ones first.
         winners: the vertex nearest to each.
         old: indices of the old points among these.
-        stale: indices of the old points near the change that no longer hold.
+        stale: indices of the old points near the change that are no longer valid.
         num_known: how many old points there are in all.
     """
 
@@ -91,7 +91,7 @@ class Learner(Protocol[State_co, SelectionType]):
         """Return which vertices learn again; None where nothing has changed.
 
         Args:
-            change: what the new readings say.
+            change: what the new readings show.
             readings: those of them that were compared [m].
         """
         ...
@@ -102,13 +102,13 @@ class Learner(Protocol[State_co, SelectionType]):
         """Learn from the samples.
 
         Args:
-            change: what the new readings say.
+            change: what the new readings show.
             selection: of `select`.
             samples: of the active vertices.
             rng: of all draws.
 
         Returns:
-            The network, and which of the samples' old points its surface has left: they no longer hold.
+            The network, and which of the samples' old points its surface has left: they are no longer valid.
         """
         ...
 
@@ -121,7 +121,7 @@ def refine(
     progress: Progress = silent,
     origins: Float[np.ndarray, "M 3"] | None = None,
 ) -> tuple[State, Float[np.ndarray, "K 3"]]:
-    """Let a network learn from new readings: what they contradict moves, grows or goes.
+    """Train a network on new readings: what they contradict moves, grows or is removed.
 
     Args:
         learner: the network.
@@ -132,7 +132,7 @@ def refine(
         origins: where the new readings were made from [m]; what their rays go through is gone.
 
     Returns:
-        The new network, and the points that it now knows: the old ones that still hold, and the new ones.
+        The new network, and the points that it now knows: the old ones that are still valid, and the new ones.
     """
     progress("refine", 0.0)
     vertices = learner.vertices
@@ -148,10 +148,10 @@ def refine(
         vertices, old_points, new_points, readings, change, selection, learner.change.agreement_distance
     )
     state, has_left = learner.learn(change, selection, samples, np.random.default_rng(seed))
-    still_holds = np.ones(len(old_points), dtype=bool)
-    still_holds[samples.stale] = still_holds[samples.old[has_left]] = False
+    is_valid = np.ones(len(old_points), dtype=bool)
+    is_valid[samples.stale] = is_valid[samples.old[has_left]] = False
     progress("refine", 1.0)
-    return state, np.concatenate([old_points.take(np.flatnonzero(still_holds), axis=0), new_points])
+    return state, np.concatenate([old_points.take(np.flatnonzero(is_valid), axis=0), new_points])
 
 
 def _gather_samples(
@@ -163,7 +163,7 @@ def _gather_samples(
     selection: Selection,
     agreement_distance: float,
 ) -> Samples:
-    """Return the points near the selected vertices: the new ones, and the old ones that still hold."""
+    """Return the points near the selected vertices: the new ones, and the old ones that are still valid."""
     active = vertices[selection.is_active]
     against = readings[change.disagrees & selection.is_searched[change.winners]]
     old = find_near_box(old_points, active, selection.margin)

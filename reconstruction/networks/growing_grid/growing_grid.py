@@ -164,7 +164,7 @@ class State(NamedTuple):
 def train(
     points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, seed: int = 0, progress: Progress = silent
 ) -> State:
-    """Let a grid of 2 x 2 units grow over the points.
+    """Grow a grid of 2 x 2 units over the points.
 
     Args:
         points: finite positions [m], N >= units.

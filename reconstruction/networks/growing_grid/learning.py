@@ -55,7 +55,7 @@ def learn(
     goal: int = 4,
     is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
-    """Let the grid learn by the batch rule.
+    """Train the grid by the batch rule.
 
     Args:
         tiles: the samples.

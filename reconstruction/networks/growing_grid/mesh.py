@@ -7,7 +7,7 @@ from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.unfolding import unfold_faces
 
 MAX_UNFOLDINGS = 6
-"""Passes that take folds out; few folds need more than two, and what is left is taken out as triangles."""
+"""Passes that take folds out; few folds need more than two, and the rest is taken out as triangles."""
 MAX_SPLITS = 4
 """Moved units may split cells across other diagonals; the result is tested again at most this many times."""
 
@@ -22,7 +22,7 @@ def triangulate(
         has_face: which cells to take.
 
     Returns:
-        Indices into the units, row after row; all wound alike.
+        Indices into the units, row after row; consistently wound.
     """
     rows, columns = units.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -38,7 +38,7 @@ def triangulate(
 
 
 def cell_normals(units: Float[np.ndarray, "R C 3"]) -> Float[np.ndarray, "R-1 C-1 3"]:
-    """Return a unit normal for every cell, the mean over the 3 x 3 cells round it."""
+    """Return a unit normal for every cell, the mean over the 3 x 3 cells around it."""
     across = cross_rows(units[1:, 1:] - units[:-1, :-1], units[:-1, 1:] - units[1:, :-1])
     wide = np.pad(across, ((1, 1), (0, 0), (0, 0)))
     wide = np.pad(wide[:-2] + wide[1:-1] + wide[2:], ((0, 0), (1, 1), (0, 0)))
@@ -84,7 +84,7 @@ def untangle_sheet(
 
 
 def find_folded(units: Float[np.ndarray, "R C 3"]) -> Bool[np.ndarray, "R C"]:
-    """Return which units have a corner that turns against the surface round it."""
+    """Return which units have a corner that turns against the surface around it."""
     rows, columns = units.shape[:2]
     normal = cell_normals(units)
     is_folded = np.zeros((rows, columns), dtype=bool)

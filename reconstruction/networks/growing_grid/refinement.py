@@ -1,6 +1,6 @@
-"""How a trained grid learns from new readings: what they contradict moves, grows or goes.
+"""How a trained grid learns from new readings: what they contradict moves, grows or is removed.
 
-Only contradicted units and those beside them may move, and only the rows and columns round them take part.
+Only contradicted units and those next to them may move, and only the rows and columns around them take part.
 """
 
 from dataclasses import dataclass
@@ -43,20 +43,27 @@ class GridSelection(Selection):
     is_spanned: Bool[np.ndarray, "R C"]
 
 
+@dataclass(frozen=True)
 class Learner:
-    """A grid that learns from new readings; see `reconstruction.networks.change.refinement.Learner`."""
+    """A trained grid that learns from new readings; see `reconstruction.networks.change.refinement.Learner`.
 
-    def __init__(self, state: State, config: GrowingGridConfig) -> None:
-        """Prepare a trained grid.
+    Attributes:
+        state: the grid.
+        config: as it was grown with.
+    """
 
-        Args:
-            state: the grid.
-            config: as it was grown with.
-        """
-        self.state = state
-        self.vertices: Float[np.ndarray, "V 3"] = state.vertices
-        self.change: ChangeConfig = config.change
-        self._config = config
+    state: State
+    config: GrowingGridConfig
+
+    @property
+    def vertices(self) -> Float[np.ndarray, "V 3"]:
+        """Positions of the units [m]."""
+        return self.state.vertices
+
+    @property
+    def change(self) -> ChangeConfig:
+        """When new readings contradict the grid."""
+        return self.config.change
 
     @cached_property
     def faces(self) -> Int[np.ndarray, "F 3"]:
@@ -71,8 +78,8 @@ class Learner:
         return float(np.median(np.concatenate(edges)))
 
     def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> GridSelection | None:
-        """Return the units that have moved or are gone and those beside them; None where there are none."""
-        config, shape = self._config.refinement, self.state.units.shape[:2]
+        """Return the units that have moved or are gone and those next to them; None where there are none."""
+        config, shape = self.config.refinement, self.state.units.shape[:2]
         is_moved, is_strong, is_gone = (
             marks.reshape(shape) for marks in (change.is_moved, change.is_strong, change.is_gone)
         )
@@ -99,8 +106,8 @@ class Learner:
     def learn(
         self, change: Change, selection: GridSelection, samples: Samples, rng: np.random.Generator
     ) -> tuple[State, Bool[np.ndarray, " O"]]:
-        """Let the movable units learn by the batch rule, with new lines where they are stretched."""
-        units, spacing, config = self.state.units, self.spacing, self._config
+        """Train the movable units by the batch rule, with new lines where they are stretched."""
+        units, spacing, config = self.state.units, self.spacing, self.config
         spanned = span_gone(units, selection.is_spanned)
         center = self.vertices[selection.is_active].mean(axis=0)
         is_kept = ~selection.is_active.reshape(units.shape[:2])

@@ -10,7 +10,7 @@ class GridRefinementConfig:
     """How a trained grid learns from new readings. Lengths are in usual (median) edges of the grid.
 
     Attributes:
-        sample_margin: points in the box round the contradicted units, widened by this, take part.
+        sample_margin: points in the box around the contradicted units, widened by this, take part.
         closing: gaps of up to twice this many units between moved units have moved with them.
         stray_share: where no larger share of a unit's new readings disagree, nothing has changed.
         sigma: width of the neighborhood while learning, in grid steps.
@@ -21,7 +21,7 @@ class GridRefinementConfig:
         max_lines: lines that one gap may get in a round.
         samples_per_unit: samples for each unit that takes part; more are slower.
         max_fit_iterations: iterations of the fit: a part has less far to go than a new grid.
-        support_reach: a sample supports the cells round the unit that it is nearest to, up to this distance.
+        support_reach: a sample supports the cells around the unit that it is nearest to, up to this distance.
         support_rings: rings of units round those that samples support and that are surface with them.
     """
 

@@ -1,4 +1,4 @@
-"""Let a part of a grid learn again: the batch rule, lines where the part is stretched, the fit, and its cells."""
+"""Train a part of a grid again: the batch rule, lines where the part is stretched, the fit, and its cells."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ class Sheet(NamedTuple):
         units: positions in usual edges.
         is_movable: which units may move.
         has_face: which cells belong to the surface.
-        is_kept: units whose old points still hold.
+        is_kept: units whose old points are still valid.
     """
 
     units: Float[np.ndarray, "R C 3"]
@@ -39,7 +39,7 @@ class Sheet(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Rows and columns of a grid with the units that learn and those round them.
+    """Rows and columns of a grid with the units that learn and those around them.
 
     Attributes:
         rows: from and to.
@@ -57,7 +57,7 @@ class Window(NamedTuple):
 
 
 def find_window(is_active: Bool[np.ndarray, "R C"]) -> Window:
-    """Return the part of the grid with all active units and as many round them as the smoothing reaches."""
+    """Return the part of the grid with all active units and as many around them as the smoothing reaches."""
     slices = []
     for axis in (0, 1):
         places = np.flatnonzero(is_active.any(axis=1 - axis))
@@ -110,7 +110,7 @@ def relearn(
 ) -> Sheet:
     """Learn by the batch rule, insert lines wherever the movable part has been stretched, and fit.
 
-    Only the window round the movable units takes part.
+    Only the window around the movable units takes part.
 
     Args:
         sheet: the grid.

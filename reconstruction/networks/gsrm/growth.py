@@ -55,7 +55,7 @@ class Level(NamedTuple):
     Attributes:
         tiles: their places.
         weights: area every slot stands for; 0 for slots that do not count.
-        spacings: distance between samples round every slot.
+        spacings: distance between samples around every slot.
     """
 
     tiles: Tiles
@@ -104,7 +104,7 @@ def grow(
     split_radius: float,
     rng: np.random.Generator,
 ) -> Float[np.ndarray, "W 3"]:
-    """Grow a map from some units to `capacity`, then let it settle.
+    """Grow a map from some units to `capacity`, then settle it.
 
     Args:
         level: all samples.
@@ -117,7 +117,7 @@ def grow(
         rng: draws the samples of the rounds.
 
     Returns:
-        Units in float32; fewer than `capacity` where the samples are too sparse to carry more.
+        Units in float32; fewer than `capacity` where the samples are too sparse for more.
     """
     num_units, num_slots = len(units), padded_length(capacity)
     slots = np.full((num_slots, 3), _NOWHERE, dtype=np.float32)

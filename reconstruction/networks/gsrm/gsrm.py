@@ -39,7 +39,7 @@ class GSRMConfig:
     """How a map grows; there are no lengths among the parameters, so that the scale of the cloud is free.
 
     Attributes:
-        units: units wanted. Where the samples are too sparse to carry them (units nearer to one another than
+        units: units wanted. Where the samples are too sparse for them (units nearer to one another than
             two sample spacings), the map stops growing earlier.
         mode: "batch", or "paper" for the sequential rules.
         growth: factor on the number of units in one round.
@@ -114,7 +114,7 @@ class State(NamedTuple):
 def train(
     points: Float[np.ndarray, "N 3"], config: GSRMConfig, seed: int = 0, progress: Progress = silent
 ) -> State:
-    """Let a map grow over the points.
+    """Grow a map over the points.
 
     Args:
         points: finite positions [m], N >= units.
@@ -123,7 +123,7 @@ def train(
         progress: receives how far the work is.
 
     Raises:
-        ReconstructionError: the points carry no face.
+        ReconstructionError: the points support no face.
     """
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)

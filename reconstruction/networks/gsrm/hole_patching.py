@@ -122,22 +122,22 @@ def _is_second_layer(
     patch: Int[np.ndarray, "P 3"],
     max_folded: float,
 ) -> bool:
-    """Tell whether more than a share of a patch's faces is folded back onto the surface beside its loop."""
-    beside = faces[np.isin(faces, loop).sum(axis=1) >= 2]
-    around = np.concatenate([beside, patch])
+    """Return whether more than a share of a patch's faces is folded back onto the surface next to its loop."""
+    adjacent = faces[np.isin(faces, loop).sum(axis=1) >= 2]
+    around = np.concatenate([adjacent, patch])
     hinges = find_hinges(around, group_sides(around, len(units)))
     folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
-    return bool((folded >= len(beside)).sum() > max_folded * len(patch))
+    return bool((folded >= len(adjacent)).sum() > max_folded * len(patch))
 
 
 def _find_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
-    """Return the cosine between a loop's area vector and the normals beside it, less where these differ."""
+    """Return the cosine between a loop's area vector and the normals next to it, less where these differ."""
     area = _find_area(positions)
     return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
 
 
 def _is_hole(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> bool:
-    """Tell whether a loop runs round a gap in the surface and not round a piece of it.
+    """Return whether a loop runs around a gap in the surface and not around a piece of it.
 
     The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
     """
@@ -160,7 +160,7 @@ def _find_supported(
 
 
 def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> Int[np.ndarray, " D"]:
-    """Return the faces that join corners of one loop across it; else those round the loop."""
+    """Return the faces that join corners of one loop across it; else those around the loop."""
     obstacles = []
     for loop in loops:
         is_near = np.isin(faces, loop)
@@ -182,7 +182,7 @@ def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> In
 def find_vertex_normals(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "U 3"]:
-    """Return the sum of the unit normals of the faces round every unit, not normalized."""
+    """Return the sum of the unit normals of the faces around every unit, not normalized."""
     return sum_by_owner(faces.ravel(), np.repeat(find_normals(units, faces), 3, axis=0), len(units))
 
 
@@ -202,14 +202,14 @@ def _triangulate(
 ) -> list[tuple[int, int, int]]:
     """Find the triangulation of a loop with the best-shaped faces, by dynamic programming.
 
-    No face may use an existing edge as an inner one; faces that lie against the surface round them are
+    No face may use an existing edge as an inner one; faces that lie against the surface around them are
     taken only where nothing else closes the loop, and a loop that needs nothing but those stays open.
 
     Args:
         loop: n vertices.
         costs: `[n, n, n]` of the triangles between its corners.
         neighbors: of every vertex of the loop.
-        reversed_cost: of a face that lies against the surface round it.
+        reversed_cost: of a face that lies against the surface around it.
 
     Returns:
         The faces, or none where the loop cannot be closed.

@@ -25,7 +25,7 @@ _MIN_ROOM = 1024
 _SAMPLES_PER_VERTEX = 4
 """There is room for one vertex for this many samples."""
 _MIN_DEPTH = 12
-"""There is room for at least this many faces round a vertex."""
+"""There is room for at least this many faces around a vertex."""
 _FAR = 1e6
 """Where padded vertices stand, in mean edges: no sample is near, and squares stay finite in float32."""
 

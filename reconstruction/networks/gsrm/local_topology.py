@@ -75,7 +75,7 @@ def _find_near_cut(
     edge: float,
     regrowth: RegrowthConfig,
 ) -> Bool[np.ndarray, " U"]:
-    """Return the cut units, those round them, and those near them."""
+    """Return the cut units, those around them, and those near them."""
     is_near = widen(kept_faces, is_cut, regrowth.joint_rings)
     in_box = find_near_box(units, units[is_cut], regrowth.reach * edge)
     in_box = in_box[~is_near[in_box]]
@@ -88,7 +88,7 @@ def _find_near_cut(
 
 
 def make_local_support(samples: Float[np.ndarray, "N 3"], config: TopologyConfig) -> Support:
-    """Prepare samples for queries whether they carry a face."""
+    """Prepare samples for queries whether they support a face."""
     tree = cKDTree(samples, balanced_tree=False)
     near = min(_NUM_NEAR, len(samples) - 1)
     probes = samples[:: max(1, len(samples) // _NUM_PROBES)]
@@ -97,7 +97,7 @@ def make_local_support(samples: Float[np.ndarray, "N 3"], config: TopologyConfig
 
 
 def is_sound(faces: Int[np.ndarray, "F 3"], is_suspect: Bool[np.ndarray, " U"]) -> bool:
-    """Tell whether no directed side is used twice and no suspected vertex has more than one fan."""
+    """Return whether no directed side is used twice and no suspected vertex has more than one fan."""
     num_units = len(is_suspect)
     tail, head = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     there = np.sort(tail * num_units + head)

@@ -26,7 +26,7 @@ def find_movable(
     Args:
         faces: unit indices.
         is_active: which units are contradicted.
-        change: what the new readings say.
+        change: what the new readings show.
         edge: mean edge length of the map [m].
         config: the limits.
         min_readings: fewer readings far from a unit may be outliers.
@@ -70,9 +70,9 @@ def move_units(
     if len(samples) == 0:
         return units, faces, np.zeros(len(units), dtype=bool)
     is_inner = any_corner(is_movable, faces)
-    is_beside = np.zeros(len(units), dtype=bool)
-    is_beside[faces[is_inner]] = True
-    is_near = any_corner(is_beside, faces)
+    is_adjacent = np.zeros(len(units), dtype=bool)
+    is_adjacent[faces[is_inner]] = True
+    is_near = any_corner(is_adjacent, faces)
     used, flat = np.unique(faces[is_near], return_inverse=True)
     near = flat.reshape(-1, 3)
     part = _settle(units[used], near, is_movable[used], samples, config.settle_passes)
@@ -92,7 +92,7 @@ def move_units(
     moved, joined = units.copy(), faces.copy()
     moved[used], joined[is_near] = part, used[turned]
     # An edge that came by turning may exist already, between faces that stay.
-    return moved, joined if is_sound(joined, is_beside) else faces, is_movable
+    return moved, joined if is_sound(joined, is_adjacent) else faces, is_movable
 
 
 def _settle(

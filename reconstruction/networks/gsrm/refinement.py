@@ -1,9 +1,10 @@
-"""How a trained map learns from new readings: what they contradict moves, grows or goes.
+"""How a trained map learns from new readings: what they contradict moves, grows or is removed.
 
 Where readings have shifted by less than an edge, the units follow and keep their faces (`motion`). Where more
 has changed, the contradicted units are grown again between the others, which do not move (`regrowth`).
 """
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,21 +23,32 @@ from reconstruction.networks.surface_fit import mean_edge_length
 from reconstruction.surfaces.unfolding import unfold_faces
 
 
+@dataclass(frozen=True)
 class Learner:
-    """A map that learns from new readings; see `reconstruction.networks.change.refinement.Learner`."""
+    """A trained map that learns from new readings; see `reconstruction.networks.change.refinement.Learner`.
 
-    def __init__(self, state: State, config: GSRMConfig) -> None:
-        """Prepare a trained map.
+    Attributes:
+        state: the map.
+        config: as it was grown with.
+    """
 
-        Args:
-            state: the map.
-            config: as it was grown with.
-        """
-        self.state = state
-        self.vertices: Float[np.ndarray, "U 3"] = state.units
-        self.faces: Int[np.ndarray, "F 3"] = state.faces.astype(np.int64)
-        self.change: ChangeConfig = config.change
-        self._config = config
+    state: State
+    config: GSRMConfig
+
+    @property
+    def vertices(self) -> Float[np.ndarray, "V 3"]:
+        """Positions of the units [m]."""
+        return self.state.units
+
+    @property
+    def change(self) -> ChangeConfig:
+        """When new readings contradict the map."""
+        return self.config.change
+
+    @cached_property
+    def faces(self) -> Int[np.ndarray, "F 3"]:
+        """Unit indices."""
+        return self.state.faces.astype(np.int64)
 
     @cached_property
     def spacing(self) -> float:
@@ -45,7 +57,7 @@ class Learner:
 
     def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> Selection | None:
         """Return the units that have moved or are gone; None where there are none."""
-        faces, config = self.faces, self._config.refinement
+        faces, config = self.faces, self.config.refinement
         is_active = _find_changed(faces, change, self.change.strong_rings, config.min_confirmations)
         if not is_active.any():
             return None
@@ -72,8 +84,8 @@ class Learner:
     ) -> tuple[State, Bool[np.ndarray, " O"]]:
         """Move the units whose readings are near, grow the others again."""
         units, faces, edge = self.vertices, self.faces, self.spacing
-        points, winners, config = samples.points, samples.winners, self._config.refinement
-        fit = self._config.surface_fit, config.fit_rounds
+        points, winners, config = samples.points, samples.winners, self.config.refinement
+        fit = self.config.surface_fit, config.fit_rounds
         is_changed = find_movable(
             faces, selection.is_active, change, edge, config.motion, self.change.min_readings
         )
@@ -86,9 +98,9 @@ class Learner:
             is_part = widen(faces, is_open, 1)[winners]
             own, is_uncovered = points[is_part], is_open[winners[is_part]]
             units, faces, num_kept = regrow(
-                units, faces, is_out, own, is_uncovered, edge, config.regrowth, self._config.topology, rng
+                units, faces, is_out, own, is_uncovered, edge, config.regrowth, self.config.topology, rng
             )
-            if self._config.fit:
+            if self.config.fit:
                 units, faces = fit_new(units, faces, num_kept, own, *fit)
             is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
         tolerance = self.change.strong_ratio * change.tolerance
@@ -136,7 +148,7 @@ def _spread_gone(
     is_read: Bool[np.ndarray, " U"],
     min_confirmations: float,
 ) -> Bool[np.ndarray, " U"]:
-    """Return the gone units with those beside them that new readings pass close by but never confirm.
+    """Return the gone units with those next to them that new readings pass close by but never confirm.
 
     Where readings are so few that a unit may miss its own by chance, nothing is added.
     """

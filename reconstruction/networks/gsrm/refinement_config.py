@@ -11,7 +11,7 @@ class MotionConfig:
 
     Attributes:
         max_distance: a part moves where only few readings are farther from it; beyond, its faces would not fit.
-        max_gone_share: it moves where no larger share of its units is gone without new readings beside them.
+        max_gone_share: it moves where no larger share of its units is gone without new readings next to them.
         max_edge: an edge that would become longer shows that units are missing there: the part stays and is grown
             again.
         settle_passes: passes in which each unit moves to the mean of the samples it wins.
@@ -41,8 +41,8 @@ class RegrowthConfig:
         min_distance: of two new units nearer to one another than this one is removed.
         max_repeats: attempts to grow again where units have left a hole.
         min_island: new faces not joined to a kept unit are a surface of their own if they are this many.
-        joint_rings: rings of kept units round the new ones that take part in learning the faces.
-        min_samples: fewer samples carry no part of a surface.
+        joint_rings: rings of kept units around the new ones that take part in learning the faces.
+        min_samples: fewer samples do not determine a surface.
     """
 
     reach: float = 2.0
@@ -66,12 +66,12 @@ class GSRMRefinementConfig:
     """How a trained map learns from new readings.
 
     Attributes:
-        sample_margin: points in the box round the contradicted units, widened by this many mean edges, take part.
+        sample_margin: points in the box around the contradicted units, widened by this many mean edges, take part.
         unit_area: surface that a unit stands for, in squared mean edges; of equilateral faces it is 0.87, of those
             of a map less.
         readings_per_unit: of more new readings for each unit only a part takes part.
         max_extension_rise: readings beyond the rim that rise by less than this (sine against the surface) extend
-            it: the old points at the rim still hold.
+            it: the old points at the rim are still valid.
         min_confirmations: readings that a unit must win on average for their absence to mean that it is gone.
         fit_rounds: of the fit of a changed part: iterations, and samples of each movable unit. Between two rounds
             edges are turned along the creases that have come out.

@@ -32,7 +32,7 @@ def regrow(
     Args:
         units: positions [m].
         faces: unit indices.
-        is_refuted: units that go.
+        is_refuted: units that are removed.
         samples: those near what changed [m].
         is_open: samples that new units are to cover.
         edge: mean edge length of the map [m].
@@ -43,11 +43,11 @@ def regrow(
     kept = units[~is_refuted]
     place = np.where(is_refuted, -1, np.cumsum(~is_refuted) - 1)
     kept_faces = place[faces[~any_corner(is_refuted, faces)]]
-    beside = place[widen(faces, is_refuted, 1) & ~is_refuted]
+    adjacent = place[widen(faces, is_refuted, 1) & ~is_refuted]
 
-    def fill() -> tuple[np.ndarray, np.ndarray, int]:
+    def fill() -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"], int]:
         seeds = _grow_between(samples, is_open, kept, edge, config, rng)
-        merged, joined = _join_new(samples, kept, seeds, kept_faces, beside, edge, config, topology, rng)
+        merged, joined = _join_new(samples, kept, seeds, kept_faces, adjacent, edge, config, topology, rng)
         return merged, joined, _count_gaps(merged, joined, len(kept), samples, edge, config, topology)
 
     merged, joined, num_gaps = fill()
@@ -98,7 +98,7 @@ def _join_new(
     kept: Float[np.ndarray, "K 3"],
     grown: Float[np.ndarray, "G 3"],
     kept_faces: Int[np.ndarray, "F 3"],
-    beside: Int[np.ndarray, " B"],
+    adjacent: Int[np.ndarray, " B"],
     edge: float,
     config: RegrowthConfig,
     topology: TopologyConfig,
@@ -111,7 +111,7 @@ def _join_new(
         kept: units that stay [m].
         grown: the new ones [m].
         kept_faces: faces that stay.
-        beside: kept units that have lost a face.
+        adjacent: kept units that have lost a face.
         edge: mean edge length of the map [m].
         config: how units grow.
         topology: how faces are learned.
@@ -119,7 +119,7 @@ def _join_new(
     """
     units = np.concatenate([kept, grown])
     is_cut = np.zeros(len(units), dtype=bool)
-    is_cut[beside] = True
+    is_cut[adjacent] = True
     is_cut[len(kept) :] = True
     witnesses = samples[rng.permutation(len(samples))[: config.topology_samples * int(is_cut.sum())]]
     faces = join_locally(units, kept_faces, len(kept), is_cut, witnesses, edge, config, topology)
@@ -130,7 +130,7 @@ def close_triangles(faces: Int[np.ndarray, "F 3"], num_units: int, num_kept: int
     """Return the faces with one in every loop of three edges at a new unit: no hole is as small as that.
 
     Where such a loop lies against the surface, the new unit stands beyond its neighbors, and unfolding the face
-    draws it back.
+    moves it back.
     """
     loops = [loop for loop in find_loops(faces, num_units) if len(loop) == 3 and max(loop) >= num_kept]
     around = faces[np.isin(faces, loops).sum(axis=1) == 3] if loops else faces[:0]

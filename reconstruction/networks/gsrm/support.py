@@ -17,7 +17,7 @@ _DEFAULT = TopologyConfig()
 
 
 class Support:
-    """The samples, prepared for queries whether they carry a face.
+    """The samples, prepared for queries whether they support a face.
 
     Attributes:
         config: what decides that.
@@ -36,8 +36,8 @@ class Support:
 
         Args:
             tree: of the samples.
-            spacings: distance between samples round each of the tree's.
-            config: what decides whether they carry a face.
+            spacings: distance between samples around each of the tree's.
+            config: what decides whether they support a face.
             is_uneven: whether the cloud's density varies.
         """
         self.config = config
@@ -91,7 +91,7 @@ def make_support(
     winners: Int[np.ndarray, "T S"],
     config: TopologyConfig = _DEFAULT,
 ) -> Support:
-    """Prepare the samples of a level for queries; outliers carry nothing.
+    """Prepare the samples of a level for queries; outliers support nothing.
 
     Where units win few samples each, the scan lines are about as far apart as the units: there a gap of two
     units' spacing is no hole yet.
@@ -100,7 +100,7 @@ def make_support(
         level: all samples.
         units: positions.
         winners: the unit nearest to every slot.
-        config: what decides whether samples carry a face.
+        config: what decides whether samples support a face.
     """
     is_used = level.weights > 0
     spacings = level.spacings

@@ -1,7 +1,7 @@
 """Topology learning: from the winners of all samples to edges, faces and a two-manifold.
 
 Every sample is a witness that its nearest units are neighbors (competitive Hebbian learning, extended to the
-third winner). Three units that are neighbors of one another are a face if the ball round them holds no other
+third winner). Three units that are neighbors of one another are a face if the ball around them contains no other
 neighbor, as in a Delaunay triangulation restricted to the surface.
 
 References:
@@ -218,7 +218,7 @@ def find_cliques(
 def find_empty(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], edges: Int[np.ndarray, "E 2"]
 ) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
-    """Find the faces whose circumscribed ball holds no neighbor of a corner.
+    """Find the faces whose circumscribed ball contains no neighbor of a corner.
 
     Returns:
         Which faces, and how empty each ball is: squared distance of the nearest neighbor to the center over the

@@ -24,13 +24,13 @@ class TopologyConfig:
         rim_neighbors: likewise at a rim, between components.
         max_hole_edges: longer boundary loops are the rim of the surface.
         max_tip_edges: longer loops are not tested for sharp tips and ridges.
-        rim_cosine: a loop whose area vector lies against the normals beside it by more than this cosine runs round
-            a piece of surface and not round a gap in it.
+        rim_cosine: a loop whose area vector lies against the normals next to it by more than this cosine runs
+            around a piece of surface and not around a gap in it.
         max_folded: a patch of which a larger share of the faces is folded back is a second layer of the surface.
-        reversed_cost: cost of a face that lies against the surface round it; well-shaped faces cost 0.5, slivers 1.
+        reversed_cost: cost of a face that lies against the surface around it; well-shaped faces cost 0.5, slivers 1.
         min_component: components of fewer faces are debris, where another is `debris_ratio` times as large.
         debris_ratio: see `min_component`.
-        max_repairs: rounds in which faces round a hole that cannot be closed are removed to close a larger one.
+        max_repairs: rounds in which faces around a hole that cannot be closed are removed to close a larger one.
     """
 
     gap: float = 2.0

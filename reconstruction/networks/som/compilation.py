@@ -8,7 +8,7 @@ logger = logging.getLogger(__name__)
 
 
 def keep_compiled_programs() -> None:
-    """Let JAX keep its programs in the user's cache folder, unless the user has selected another place."""
+    """Make JAX keep its compiled programs in the user's cache folder, unless the user has selected another place."""
     import jax
 
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:

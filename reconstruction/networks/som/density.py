@@ -15,7 +15,7 @@ from reconstruction.geometry.rows import find_lengths, sum_rows
 from reconstruction.networks.config_checks import check_positive
 
 _STRIDE = 4
-"""Where neighbors lie on one line, every fourth sample is looked at instead, and so on: the spacing doubles."""
+"""Where neighbors lie on one line, every fourth sample is used instead, and so on: the spacing doubles."""
 _MIN_SPACING = 1e-6
 """Share of the median spacing that samples in one place have, so that none weighs nothing."""
 
@@ -110,7 +110,7 @@ def measure_density(
 def _has_thick_lines(
     samples: Float[np.ndarray, "N 3"], probes: Float[np.ndarray, "P 3"], config: DensityConfig
 ) -> bool:
-    """Tell whether scan lines come out among fewer samples: noise larger than their spacing had hidden them."""
+    """Return whether scan lines come out among fewer samples: noise larger than their spacing had hidden them."""
     for stride in (_STRIDE**2, _STRIDE**3):
         few = _draw_few(samples, stride)
         if len(few) < config.num_probes:
