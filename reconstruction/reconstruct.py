@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -26,6 +26,7 @@ from reconstruction.scans.scan import ScanLog
 if TYPE_CHECKING:
     import trimesh
 
+    from reconstruction.networks.change.refinement import Learner
     from reconstruction.networks.growing_grid import growing_grid
     from reconstruction.networks.gsrm import gsrm
     from reconstruction.surfaces.quality import Quality
@@ -54,19 +55,6 @@ class Network(Protocol):
         self, points: Float[np.ndarray, "N 3"], config: NetworkConfig, seed: int, progress: Progress
     ) -> State:
         """Return a network that has grown over the points."""
-        ...
-
-    def refine(
-        self,
-        state: State,
-        points: Float[np.ndarray, "N 3"],
-        new_points: Float[np.ndarray, "M 3"],
-        config: NetworkConfig,
-        seed: int,
-        progress: Progress,
-        origins: Float[np.ndarray, "M 3"] | None,
-    ) -> tuple[State, Float[np.ndarray, "P 3"]]:
-        """Return the network after new readings, and the points that it knows then."""
         ...
 
 
@@ -173,11 +161,12 @@ class Reconstruction:
         cloud = check_points(new_points)
         check_scale(cloud, self.points)
         seen_from = None if origins is None else check_origins(origins, len(cloud))
-        network, _ = _find_method(self.method)
+        seed = _check_seed(seed)
         keep_compiled_programs()
-        state, points = network.refine(
-            self.state, self.points, cloud, self.config, _check_seed(seed), progress, seen_from
-        )
+        from reconstruction.networks.change.refinement import refine
+
+        learner = _find_learner(self.method)(self.state, self.config)
+        state, points = refine(learner, self.points, cloud, seed, progress, seen_from)
         return Reconstruction(self.method, self.config, state, points, self.viewpoint)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -236,7 +225,7 @@ class Reconstruction:
             ) from error
 
 
-def _check_saved(state: Any, points: np.ndarray) -> None:
+def _check_saved(state: State, points: np.ndarray) -> None:
     """Refuse arrays of a file that no network leaves behind.
 
     Raises:
@@ -264,6 +253,12 @@ def _find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
     return cast("Network", network), getattr(network, config)
 
 
+def _find_learner(method: str) -> Callable[[State, NetworkConfig], Learner[State, Any]]:
+    """Return the class that lets a network of this method learn from new readings."""
+    folder = METHODS[method][0].rpartition(".")[0]
+    return importlib.import_module(f"{folder}.refinement").Learner
+
+
 def _make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:
     """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
     known = {field.name for field in dataclasses.fields(config_type)}
@@ -275,8 +270,22 @@ def _make_config(config_type: type[NetworkConfig], values: dict[str, object]) ->
     units = values.get("units")
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    make = cast("Callable[..., NetworkConfig]", config_type)
-    return make(**{name: tuple(v) if isinstance(v, list) else v for name, v in values.items()})
+    return _restore(config_type(), values)
+
+
+def _restore(default: Any, values: dict[str, Any]) -> Any:
+    """Return a configuration with the values that JSON holds, those absent as in the default."""
+    restored = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            restored[name] = _restore(getattr(default, name), value)
+        else:
+            restored[name] = _freeze(value)
+    return dataclasses.replace(default, **restored)
+
+
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list) else value
 
 
 def _check_seed(seed: int) -> int:

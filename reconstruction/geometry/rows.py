@@ -66,3 +66,11 @@ def _join(combine: np.ufunc, rows: np.ndarray) -> np.ndarray:
     for column in range(2, rows.shape[-1]):
         combine(joined, rows[..., column], out=joined)
     return joined
+
+
+def sum_by_owner(
+    owner: Int[np.ndarray, " N"], rows: Float[np.ndarray, "N K"], number: int
+) -> Float[np.ndarray, "number K"]:
+    """Return the sum of the rows of every owner, of `number` owners."""
+    columns = [np.bincount(owner, rows[:, k], minlength=number) for k in range(rows.shape[1])]
+    return np.stack(columns, axis=1)

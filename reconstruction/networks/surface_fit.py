@@ -5,74 +5,96 @@ the rim inwards by half a cell. The fit takes the surface for what it is, a unio
 vertices until the triangles, not the vertices, lie on the samples.
 """
 
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int, Num
 
 from reconstruction.geometry.rows import find_lengths
+from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.som.padding import pad_rows, padded_length
 from reconstruction.networks.som.winners import find_winners
 
-STIFFNESS = 0.03
-"""Share of the identity in every vertex's normal matrix: how unwillingly it slides within the surface."""
-STEP_LIMIT = 0.4
-"""Longest step of a vertex in one iteration, in mean edge lengths."""
-REACH = 2.0
-"""Samples farther from the surface than this many mean edge lengths do not belong to it."""
+_CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
+"""Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """How a mesh is fitted to its samples. Lengths are in mean edges.
+
+    Attributes:
+        stiffness: share of the identity in every vertex's normal matrix: unwillingness to slide within the surface.
+            Higher, and creases stay round; near 0 vertices without a crease drift.
+        step_limit: longest step of a vertex in one iteration; longer steps overshoot where the mesh is folded.
+        reach: samples farther from the surface do not belong to it.
+        neighbor_share: share of the neighbors' moments that every vertex adds to its own; above 0 for noisy
+            data or fewer than about 20 samples a vertex.
+        outlier_scale: a sample this many times the mean residual from the faces around it has half its weight
+            (Cauchy); lower ignores more outliers, and more of the creases.
+        max_residual: residuals count up to this for the mean, so that outliers do not raise it.
+    """
+
+    stiffness: float = 0.03
+    step_limit: float = 0.4
+    reach: float = 2.0
+    neighbor_share: float = 0.0
+    outlier_scale: float = 6.0
+    max_residual: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_positive(self, may_be_zero=("neighbor_share",))
+
+
+_DEFAULT = FitConfig()
 
 
 class Moments(NamedTuple):
-    """What the samples say about the vertices; rows of vertices without samples are zero.
+    """What the samples determine about the vertices; rows of vertices without samples are zero.
 
     Attributes:
-        normal: `[V, 6]` sum of b n nᵀ, upper triangle (xx, xy, xz, yy, yz, zz), n the unit residual.
-        residual: `[V, 3]` sum of b r, the pull.
-        weight: `[V]` sum of b, the barycentric weights.
+        normal: sum of b n nᵀ, upper triangle (xx, xy, xz, yy, yz, zz), n the unit residual.
+        residual: sum of b r, the pull.
+        weight: sum of b, the barycentric weights.
     """
 
-    normal: jax.Array
-    residual: jax.Array
-    weight: jax.Array
+    normal: Float[jax.Array, "V 6"]
+    residual: Float[jax.Array, "V 3"]
+    weight: Float[jax.Array, " V"]
 
 
 def fit_surface(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    samples: np.ndarray,
+    vertices: Num[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    samples: Num[np.ndarray, "N 3"],
     *,
     iterations: int = 3,
-    winners: np.ndarray | None = None,
-    weights: np.ndarray | None = None,
-    stiffness: float = STIFFNESS,
-    neighbor_share: float = 0.0,
-    step_limit: float = STEP_LIMIT,
-    reach: float = REACH,
-) -> np.ndarray:
+    winners: Int[np.ndarray, " N"] | None = None,
+    weights: Num[np.ndarray, " N"] | None = None,
+    config: FitConfig = _DEFAULT,
+) -> Float[np.ndarray, "V 3"]:
     """Return vertices moved so that the faces lie on the samples.
 
-    Per sample the closest point on the faces round its winner gives barycentric weights b and the residual r.
-    Per vertex the moments of both are summed (`Moments`), and the vertex moves by (A/c + aI)⁻¹ g/c.
+    Per sample the closest point on the faces around its winner gives barycentric weights b and the residual r.
+    Per vertex the moments of both are summed (`Moments`), and the vertex moves by (A/c + aI)⁻¹ g/c, a the stiffness.
     Samples beyond the rim pull it out. Outliers count little: the weight falls with the part of r along
-    the face's normal (Cauchy), and vanishes beyond `reach`.
+    the face's normal (Cauchy), and vanishes beyond `FitConfig.reach`.
 
     Args:
-        vertices: `[V, 3]` positions, any unit; all parameters are relative to the mean edge length.
-        faces: `[F, 3]` vertex indices.
-        samples: `[N, 3]` points of the surface.
+        vertices: positions, any unit; all parameters are relative to the mean edge length.
+        faces: vertex indices.
+        samples: points of the surface.
         iterations: how often to repeat; more than about four fit the noise.
-        winners: `[N]` nearest vertex of every sample; searched for if absent.
-        weights: `[N]` weight of every sample, for clouds of uneven density; 1 if absent.
-        stiffness: a above.
-        neighbor_share: share of the neighbours' moments that every vertex adds to its own; above 0 for noisy
-            data or fewer than about 20 samples a vertex.
-        step_limit: longest step in one iteration, in mean edge lengths.
-        reach: distance, in mean edge lengths, at which a sample ceases to count.
+        winners: nearest vertex of every sample; searched for if absent.
+        weights: weight of every sample, for clouds of uneven density; 1 if absent.
+        config: how.
 
     Returns:
-        `[V, 3]` float64. Vertices without faces or samples stay where they are.
+        The vertices, in float64. Those without faces or samples stay where they are.
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     faces = np.asarray(faces)
@@ -96,25 +118,22 @@ def fit_surface(
         winners,
         sort_by_degree(ring, winners),
         pad_rows(sample_weights, num_samples),
-        np.float32(stiffness),
-        np.float32(neighbor_share),
-        np.float32(step_limit),
-        np.float32(reach),
         np.int32(iterations),
+        config=config,
         chunk=find_chunk(num_samples),
     )
     step = np.asarray(moved)[: len(vertices)] - scaled[: len(vertices)]
     return vertices + step.astype(np.float64) * scale
 
 
-def mean_edge_length(vertices: np.ndarray, faces: np.ndarray) -> float:
+def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> float:
     """Return the mean length of the faces' sides."""
     corners = vertices[faces]
     return float(find_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
-def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:
-    """Return the faces round every vertex: `[V, D, 2]` the other two corners in order, -1 where none."""
+def make_ring(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, "V D 2"]:
+    """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")
@@ -126,57 +145,64 @@ def make_ring(faces: np.ndarray, num_vertices: int) -> np.ndarray:
     return ring
 
 
-def sort_by_degree(ring: np.ndarray, winners: np.ndarray) -> np.ndarray:
-    """Return the order of samples in which the numbers of faces round their winners `[N]` rise: `[N]` int32."""
+def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return the order of samples in which the numbers of faces round their winners rise."""
     degree = (ring[..., 0] >= 0).sum(axis=1).astype(np.uint16)
     return np.argsort(degree[winners], kind="stable").astype(np.int32)
 
 
 def find_chunk(num_samples: int) -> int:
-    """Return how many samples to treat at once: what fits the cache of a core, or plenty for a GPU."""
-    wanted = 4096 if jax.default_backend() == "cpu" else 2**20
+    """Return how many samples to treat at once, a divisor of their number."""
+    wanted = _CPU_CHUNK if jax.default_backend() == "cpu" else _GPU_CHUNK
     while wanted > 1 and num_samples % wanted:
         wanted //= 2
     return wanted
 
 
-@partial(jax.jit, static_argnames="chunk")
+@partial(jax.jit, static_argnames=("config", "chunk"))
 def _fit(
-    vertices,
-    ring,
-    samples,
-    winners,
-    order,
-    weights,
-    stiffness,
-    neighbor_share,
-    step_limit,
-    reach,
-    iterations,
+    vertices: Float[jax.Array, "V 3"],
+    ring: Int[jax.Array, "V D 2"],
+    samples: Float[jax.Array, "N 3"],
+    winners: Int[jax.Array, " N"],
+    order: Int[jax.Array, " N"],
+    weights: Float[jax.Array, " N"],
+    iterations: Int[jax.Array, ""],
     *,
-    chunk,
-):
-    """Repeat moments and step; all lengths in mean edge lengths."""
+    config: FitConfig,
+    chunk: int,
+) -> Float[jax.Array, "V 3"]:
+    """Repeat moments and step; all lengths in mean edges."""
 
     def iterate(_, positions):
-        moments = sum_moments(positions, ring, samples, winners, weights, reach, order, chunk=chunk)
-        moments = _share(moments, ring, neighbor_share)
-        return positions + solve_moments(moments, stiffness, step_limit)
+        moments = sum_moments(positions, ring, samples, winners, weights, config, order, chunk=chunk)
+        moments = _share(moments, ring, config.neighbor_share)
+        return positions + solve_moments(moments, config.stiffness, config.step_limit)
 
     return jax.lax.fori_loop(0, iterations, iterate, vertices)
 
 
-def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *, chunk: int) -> Moments:
+def sum_moments(
+    vertices: Float[jax.Array, "V 3"],
+    ring: Int[jax.Array, "V D 2"],
+    samples: Float[jax.Array, "N 3"],
+    winners: Int[jax.Array, " N"],
+    weights: Float[jax.Array, " N"],
+    config: FitConfig,
+    order: Int[jax.Array, " N"] | None = None,
+    *,
+    chunk: int,
+) -> Moments:
     """Sum the samples' residuals to the surface at the vertices.
 
     Args:
-        vertices: `[V, 3]` in mean edge lengths, as all lengths here.
-        ring: `[V, D, 2]` of `make_ring`.
-        samples: `[N, 3]`, N a multiple of `chunk`.
-        winners: `[N]` the vertex whose faces are tried.
-        weights: `[N]`; 0 for padding.
-        reach: distance at which a sample ceases to count.
-        order: `[N]` of `sort_by_degree`: where few faces are to be tried, a chunk is soon done; None: as they come.
+        vertices: positions in mean edges, as all lengths here.
+        ring: of `make_ring`.
+        samples: positions, N a multiple of `chunk`.
+        winners: the vertex whose faces are tried.
+        weights: of the samples; 0 for padding.
+        config: reach and treatment of outliers.
+        order: of `sort_by_degree`: chunks whose fans have few faces take less time; None: in the order given.
         chunk: how many samples at once.
     """
     is_face = ring[..., 0] >= 0
@@ -186,7 +212,7 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *,
     table = jnp.concatenate([first, second], axis=-1).transpose(1, 2, 0)  # [D, 6, V]
     degree = is_face.sum(axis=1)
 
-    def choose(batch):
+    def select(batch):
         points, winner = batch
         offset = (points - vertices[winner]).T  # [3, n]
         return _closest_on_ring(offset, winner, table, degree[winner].max())
@@ -197,24 +223,25 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *,
     def describe(batch):
         points, winner, weight, slot, second_weight, third_weight = batch
         offset = (points - vertices[winner]).T  # [3, n]
-        chosen = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
-        side, other = chosen[:, :3], chosen[:, 3:]
+        sides = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
+        side, other = sides[:, :3], sides[:, 3:]
         residual = offset.T - second_weight[:, None] * side - third_weight[:, None] * other
         corner = jnp.concatenate([winner[:, None], jnp.maximum(ring[winner, slot], 0)], axis=1)
         barycentric = jnp.stack([1 - second_weight - third_weight, second_weight, third_weight], axis=1)
         along = jnp.abs(_along_normal(side, other, residual))
-        is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < reach**2)
+        is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < config.reach**2)
         return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
 
     sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
-    found = [a.ravel() for a in jax.lax.map(choose, split(sorted_by_degree))]
+    found = [a.ravel() for a in jax.lax.map(select, split(sorted_by_degree))]
     if order is not None:
         found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
     residual, corner, barycentric, along, weight = jax.lax.map(
         describe, split((samples, winners, weights, *found))
     )
-    typical = jnp.sum(weight * jnp.minimum(along, 0.5)) / jnp.maximum(jnp.sum(weight), 1e-9)
-    weight = weight / (1 + (along / (6 * typical + 1e-6)) ** 2)
+    capped = jnp.minimum(along, config.max_residual)
+    typical = jnp.sum(weight * capped) / jnp.maximum(jnp.sum(weight), 1e-9)
+    weight = weight / (1 + (along / (config.outlier_scale * typical + 1e-6)) ** 2)
     num_vertices = vertices.shape[0]
 
     def accumulate(total, batch):
@@ -232,8 +259,8 @@ def sum_moments(vertices, ring, samples, winners, weights, reach, order=None, *,
     return Moments(total[:, :6], total[:, 6:9], total[:, 9])
 
 
-def solve_moments(moments: Moments, stiffness, step_limit) -> jax.Array:
-    """Return every vertex's step (A/c + aI)⁻¹ g/c, no longer than `step_limit`: `[V, 3]`."""
+def solve_moments(moments: Moments, stiffness: float, step_limit: float) -> Float[jax.Array, "V 3"]:
+    """Return every vertex's step (A/c + aI)⁻¹ g/c, a the stiffness, no longer than `step_limit`."""
     weight = jnp.maximum(moments.weight, 1e-12)[:, None]
     xx, xy, xz, yy, yz, zz = (moments.normal / weight).T
     xx, yy, zz = xx + stiffness, yy + stiffness, zz + stiffness
@@ -250,13 +277,18 @@ def solve_moments(moments: Moments, stiffness, step_limit) -> jax.Array:
     return step * jnp.minimum(1.0, step_limit / jnp.maximum(length, 1e-12))
 
 
-def _closest_on_ring(offset, winner, table, depth):
+def _closest_on_ring(
+    offset: Float[jax.Array, "3 n"],
+    winner: Int[jax.Array, " n"],
+    table: Float[jax.Array, "D 6 V"],
+    depth: Int[jax.Array, ""],
+) -> tuple[Int[jax.Array, " n"], Float[jax.Array, " n"], Float[jax.Array, " n"]]:
     """Return slot and the two barycentric weights of the closest point on a fan of faces.
 
     Args:
-        offset: `[3, n]` from the fan's own vertex to the sample.
-        winner: `[n]` the fan's own vertex.
-        table: `[D, 6, V]` the two sides of every face that start at each vertex.
+        offset: from the fan's own vertex to the sample.
+        winner: the fan's own vertex.
+        table: the two sides of every face that start at each vertex.
         depth: how many faces the largest of these fans has.
     """
 
@@ -291,14 +323,16 @@ def _closest_on_ring(offset, winner, table, depth):
     return jax.lax.fori_loop(0, depth, compare, start)[1:]
 
 
-def _along_normal(side, other, residual):
-    """Return the part of the residual along the normal of the face between two sides: `[n]`."""
+def _along_normal(
+    side: Float[jax.Array, "n 3"], other: Float[jax.Array, "n 3"], residual: Float[jax.Array, "n 3"]
+) -> Float[jax.Array, " n"]:
+    """Return the part of the residual along the normal of the face between two sides."""
     normal = jnp.cross(side, other)
     return jnp.sum(normal * residual, axis=1) / jnp.maximum(jnp.linalg.norm(normal, axis=1), 1e-12)
 
 
-def _share(moments: Moments, ring, share) -> Moments:
-    """Add a share of the neighbours' moments to every vertex's own."""
+def _share(moments: Moments, ring: Int[jax.Array, "V D 2"], share: float) -> Moments:
+    """Add a share of the neighbors' moments to every vertex's own."""
     is_face = (ring[..., 0] >= 0)[..., None]
     count = jnp.maximum(is_face.sum(axis=1), 1)
 

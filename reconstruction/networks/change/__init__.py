@@ -1,1 +1,1 @@
-"""What new readings say about a known surface: what is free, what has changed."""
+"""What new readings show about a known surface: what is free, what has changed."""

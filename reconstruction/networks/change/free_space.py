@@ -1,30 +1,51 @@
-"""What rays pass through is no longer there."""
+"""The free-space (visibility) check: what rays go through is no longer there."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.boxes import find_near_box
 from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction.networks.change.neighborhoods import widen
+from reconstruction.networks.config_checks import check_positive
 
-MAX_SCALE = 30.0
-"""New readings that reach so many times as far as the old ones are of another unit."""
-MIN_RAYS = 3
-"""So many rays must pass through a vertex's faces before it is believed."""
-MAX_RAYS = 4096
-"""Of more rays than this only a part is followed."""
-MAX_HITS = 8
-"""Of each ray so many hits are looked at."""
-BEYOND = 0.01
-"""Behind a hit the ray is taken up again, so many margins on."""
-NUM_STRETCHES = 6
-"""The rays are cut into so many stretches, and only faces in the box round one of these are looked at."""
 NUM_SCALE_PROBES = 2048
-PASSING_SHARE = 0.3
-"""Gone is a vertex where rays that pass are more than this share of them and the readings that agree."""
+"""As many points of each cloud are enough to compare their sizes."""
 
 
-def check_origins(origins: object, num_points: int) -> np.ndarray:
-    """Return where each reading was made from, `[M, 3]`; one place `[3]` is meant for all.
+@dataclass(frozen=True)
+class FreeSpaceConfig:
+    """When rays that go through a face show that it is gone.
+
+    Attributes:
+        min_rays: rays that must go through a vertex's faces before it is gone; fewer may be outliers.
+        crossing_share: a vertex is gone where the rays that go through are more than this share of them and the
+            readings that agree with it. Higher, and half-transparent objects stay.
+        max_rays: of more rays than this every n-th is followed; fewer are faster and miss small objects.
+        max_hits: faces that are tested along each ray.
+        restart: behind a hit a ray starts again, this many margins on, so that it does not meet the face again.
+        num_stretches: stretches into which the rays are cut; only faces in the bounding box of one are tested.
+            More leave out more faces, and cost more boxes.
+        face_reach: faces whose corners all lie farther than this many vertex spacings from all rays meet none.
+    """
+
+    min_rays: int = 3
+    crossing_share: float = 0.3
+    max_rays: int = 4096
+    max_hits: int = 8
+    restart: float = 0.01
+    num_stretches: int = 6
+    face_reach: float = 2.0
+
+    def __post_init__(self) -> None:
+        check_positive(self)
+
+
+def check_origins(origins: object, num_points: int) -> Float[np.ndarray, "M 3"]:
+    """Return where each reading was made from; one place `[3]` stands for all.
 
     Raises:
         ReconstructionError: another shape, not numbers, NaN or infinity.
@@ -49,11 +70,19 @@ def check_origins(origins: object, num_points: int) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(array, (num_points, 3)))
 
 
-def check_scale(new_points: np.ndarray, old_points: np.ndarray) -> None:
+def check_scale(
+    new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarray, "N 3"], max_scale: float = 30.0
+) -> None:
     """Refuse new points that cannot belong to the same place: another unit, or another frame.
 
+    Args:
+        new_points: the new readings [m].
+        old_points: the points of the surface [m].
+        max_scale: the new points may extend, and lie away from the old ones, up to this many times the extent of
+            the old ones. Millimeters for meters give a thousand; a survey seldom grows to ten times.
+
     Raises:
-        ReconstructionError: they reach, or lie, hundreds of times farther than the old ones, or the other way.
+        ReconstructionError: they extend over more, or lie farther away.
     """
     old_points, new_points = (
         points[:: max(1, len(points) // NUM_SCALE_PROBES)] for points in (old_points, new_points)
@@ -62,100 +91,129 @@ def check_scale(new_points: np.ndarray, old_points: np.ndarray) -> None:
     size = float(np.linalg.norm(np.ptp(old_points, axis=0)))
     new_size = float(np.linalg.norm(np.ptp(new_points, axis=0)))
     distance = float(np.linalg.norm(np.median(new_points, axis=0) - center))
-    if new_size > MAX_SCALE * size or distance > MAX_SCALE * size:
+    if new_size > max_scale * size or distance > max_scale * size:
         raise ReconstructionError(
             f"the new points extend over {new_size:.3g} m, {distance:.3g} m from a surface that extends over "
             f"{size:.3g} m; give them in metres and in the frame of the first scan"
         )
 
 
-def find_passed(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    points: np.ndarray,
-    origins: np.ndarray,
-    agreeing: np.ndarray,
+def find_crossed_vertices(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "M 3"],
+    origins: Float[np.ndarray, "M 3"],
+    agreeing: Num[np.ndarray, " V"],
     margin: float,
     reach: float,
-) -> np.ndarray:
-    """Return which vertices rays pass through: `[V]`.
+    config: FreeSpaceConfig,
+) -> Bool[np.ndarray, " V"]:
+    """Return which vertices lie in free space: rays go through their faces.
 
-    A ray passes through a face where it goes on by more than the margin behind it, measured along the face's
-    normal, and neither ended nor met another face on that way: it did not only graze an edge.
+    A ray goes through a face where it continues by more than the margin behind it, measured along the face's
+    normal, and neither ends nor meets another face on that way: it does not only graze an edge.
 
     Args:
-        vertices: `[V, 3]`.
-        faces: `[F, 3]` int64.
-        points: `[M, 3]` where the rays end.
-        origins: `[M, 3]` where they begin.
-        agreeing: `[V]` how many readings found each vertex where it was.
-        margin: the distance up to which a reading agrees.
-        reach: no face has all corners farther than this from all rays that meet it.
+        vertices: positions [m].
+        faces: vertex indices.
+        points: where the rays end [m].
+        origins: where they begin [m].
+        agreeing: how many readings found each vertex where it was.
+        margin: the distance up to which a reading agrees [m].
+        reach: no face has all corners farther than this from all rays that meet it [m].
+        config: the limits.
     """
-    followed = max(1, -(-len(points) // MAX_RAYS))
+    followed = max(1, -(-len(points) // config.max_rays))
     points, origins = points[::followed], origins[::followed]
-    faces = _find_crossed(vertices, faces, points, origins, reach)
+    faces = _find_reachable_faces(vertices, faces, points, origins, reach, config.num_stretches)
     if len(faces) == 0:
         return np.zeros(len(vertices), dtype=bool)
-    ray, face, share, corner = _find_hits(vertices, faces, points, origins, margin)
-    direction = (points - origins)[ray]
-    a, b, c = vertices[faces[face]].swapaxes(0, 1)
+    hits = _find_hits(vertices, faces, points, origins, margin, config)
+    crosses = _find_crossings(hits, vertices, faces, points - origins, margin)
+    votes = np.bincount(faces[hits.face, hits.corner][crosses], minlength=len(vertices))
+    is_crossed = (votes >= config.min_rays) & (votes > config.crossing_share * (votes + agreeing / followed))
+    is_open = (votes > 0) & (agreeing == 0)
+    while True:
+        wider = is_crossed | widen(faces, is_crossed, 1) & is_open
+        if (wider == is_crossed).all():
+            return is_crossed
+        is_crossed = wider
+
+
+class _Hits(NamedTuple):
+    """Where rays meet faces, ray by ray and along each ray.
+
+    Attributes:
+        ray: index of the ray.
+        face: index of the face.
+        share: of the way from the ray's origin to its end.
+        corner: of the face, 0 to 2, the one nearest to the hit.
+    """
+
+    ray: Int[np.ndarray, " H"]
+    face: Int[np.ndarray, " H"]
+    share: Float[np.ndarray, " H"]
+    corner: Int[np.ndarray, " H"]
+
+
+def _find_crossings(
+    hits: _Hits,
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    directions: Float[np.ndarray, "R 3"],
+    margin: float,
+) -> Bool[np.ndarray, " H"]:
+    """Return at which hits the ray continues behind the face, and came to it, by more than the margin."""
+    direction = directions[hits.ray]
+    a, b, c = vertices[faces[hits.face]].swapaxes(0, 1)
     normal = cross_rows(b - a, c - a)
     normal /= np.maximum(find_lengths(normal)[..., None], 1e-300)
     steepness = np.abs(sum_rows(normal * direction))
     # The hits of one ray follow one another; the last is followed by the ray's end.
-    is_last = np.append(ray[1:] != ray[:-1], True) if len(ray) else np.zeros(0, dtype=bool)
-    onward = np.where(is_last, 1.0, np.append(share[1:], 1.0)) - share
-    back = np.where(np.append(True, is_last[:-1]), np.inf, share - np.append(0.0, share[:-1]))
-    passes = np.minimum(onward, back) * steepness > margin
-    struck = faces[face, corner][passes]
-    votes = np.bincount(struck, minlength=len(vertices))
-    is_passed = (votes >= MIN_RAYS) & (votes > PASSING_SHARE * (votes + agreeing / followed))
-    is_open = (votes > 0) & (agreeing == 0)
-    while True:
-        wider = is_passed.copy()
-        wider[faces[any_corner(is_passed, faces)]] = True
-        wider = is_passed | wider & is_open
-        if (wider == is_passed).all():
-            return is_passed
-        is_passed = wider
+    is_last = np.append(hits.ray[1:] != hits.ray[:-1], True) if len(hits.ray) else np.zeros(0, dtype=bool)
+    onward = np.where(is_last, 1.0, np.append(hits.share[1:], 1.0)) - hits.share
+    back = np.where(np.append(True, is_last[:-1]), np.inf, hits.share - np.append(0.0, hits.share[:-1]))
+    return np.minimum(onward, back) * steepness > margin
 
 
-def _find_crossed(
-    vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, origins: np.ndarray, reach: float
-) -> np.ndarray:
-    """Return the faces `[F', 3]` that rays may meet before their ends."""
+def _find_reachable_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "R 3"],
+    origins: Float[np.ndarray, "R 3"],
+    reach: float,
+    num_stretches: int,
+) -> Int[np.ndarray, "G 3"]:
+    """Return the faces that rays may meet before their ends."""
     is_about = np.zeros(len(vertices), dtype=bool)
     first, last = np.ascontiguousarray(origins.T), np.ascontiguousarray(points.T)
-    ends = [first + share * (last - first) for share in np.linspace(0, 1, NUM_STRETCHES + 1)]
+    ends = [first + share * (last - first) for share in np.linspace(0, 1, num_stretches + 1)]
     low, high = (np.array([pick(end, axis=1) for end in ends]) for pick in (np.min, np.max))
-    for stretch in range(NUM_STRETCHES):
+    for stretch in range(num_stretches):
         box = np.concatenate([low[stretch : stretch + 2], high[stretch : stretch + 2]])
         is_about[find_near_box(vertices, box, reach)] = True
     return np.ascontiguousarray(faces[any_corner(is_about, faces)])
 
 
 def _find_hits(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    points: np.ndarray,
-    origins: np.ndarray,
-    reach: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the hits, in order: ray, face, share of the way, nearest corner, each `[H]`.
-
-    The last of the way, as long as the reach, is left out: no ray passes through what it meets there.
-    """
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "R 3"],
+    origins: Float[np.ndarray, "R 3"],
+    margin: float,
+    config: FreeSpaceConfig,
+) -> _Hits:
+    """Return the hits but for those within the margin of a ray's end, which no ray goes through."""
     import igl
 
     surface = igl.AABB()
     surface.init(vertices, faces)
     direction = points - origins
     length = np.maximum(find_lengths(direction), 1e-300)
-    stop = 1 - reach / length
+    stop = 1 - margin / length
     ray, start = np.arange(len(points)), np.zeros(len(points))
     found: list[tuple[np.ndarray, ...]] = []
-    for _ in range(MAX_HITS):
+    for _ in range(config.max_hits):
         way, left = direction[ray], stop[ray] - start
         at, share, _ = (
             np.asarray(part)
@@ -170,10 +228,10 @@ def _find_hits(
             break
         place = origins[ray] + share[:, None] * direction[ray]
         found.append((ray, face, share, ((vertices[faces[face]] - place[:, None]) ** 2).sum(2).argmin(1)))
-        start = share + BEYOND * reach / length[ray]
+        start = share + config.restart * margin / length[ray]
     if not found:
         nothing = np.empty(0, dtype=np.int64)
-        return nothing, nothing, np.empty(0), nothing
+        return _Hits(nothing, nothing, np.empty(0), nothing)
     ray, face, share, corner = (np.concatenate(part) for part in zip(*found, strict=True))
     order = np.lexsort((share, ray))
-    return ray[order], face[order], share[order], corner[order]
+    return _Hits(ray[order], face[order], share[order], corner[order])

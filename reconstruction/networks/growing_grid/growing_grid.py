@@ -7,20 +7,23 @@ References:
 Differs: winners are found for all signals at once and the units move to kernel-weighted means (the batch
 rule); several lines are inserted a round; instead of the literal fine-tuning the sheet is fitted to the
 samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the rim nor
-the edges shrink. `mode="paper"` has the sequential rules (`grid_paper`).
+the edges shrink. `mode="paper"` has the sequential rules (`paper`).
 """
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
+from reconstruction.networks.change.detection import ChangeConfig
+from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.growing_grid import paper as grid_paper
-from reconstruction.networks.growing_grid.cover import find_covered_cells
+from reconstruction.networks.growing_grid.cover import CoverConfig, find_covered_cells
 from reconstruction.networks.growing_grid.growth import (
     Insertion,
     choose_lines,
@@ -38,16 +41,11 @@ from reconstruction.networks.growing_grid.learning import (
     learn,
 )
 from reconstruction.networks.growing_grid.mesh import triangulate, untangle_sheet
-from reconstruction.networks.som.density import study_density
+from reconstruction.networks.growing_grid.refinement_config import GridRefinementConfig
+from reconstruction.networks.som.density import DensityConfig, measure_density
 from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
+from reconstruction.networks.surface_fit import FitConfig
 from reconstruction.progress import Progress, silent
-
-MAX_FIT_SAMPLES = 200
-"""Samples for each unit that the final fit uses."""
-MAX_REFINE_ITERATIONS = 4
-"""Iterations of the fit of a part that learns on: it has less far to go."""
-FIRST_ITERATIONS = 10
-"""Batch steps a round while the grid is small: it settles its direction then."""
 
 
 @dataclass(frozen=True)
@@ -58,19 +56,29 @@ class GrowingGridConfig:
         units: units wanted; the grid ends with rows x columns as near to it as whole lines allow.
         triangles: triangles wanted instead: 2 (rows - 1) (columns - 1).
         insertion: where a line goes; None: "longest" in batches, "counter" in paper mode. "longest": where
-            the mean edge across is longest; "counter": between the unit that won most and its neighbour that
-            won most (the paper's); "distant": between the unit that won most and its farthest neighbour
+            the mean edge across is longest; "counter": between the unit that won most and its neighbor that
+            won most (the paper's); "distant": between the unit that won most and its farthest neighbor
             (Fritzke's, and what "longest" means in paper mode).
         mode: "batch", or "paper" for the sequential rules.
         growth: factor on the number of units in a round of the growth phase.
-        samples_per_unit: points used while growing, for each unit; the final fit uses all.
+        samples_per_unit: points used while growing, for each unit.
         iterations: batch steps a round.
-        sigma: width of the neighbourhood while growing, in grid steps.
-        fit_sigmas: width of the neighbourhood in each iteration of the final fit, by default chosen by the
+        first_iterations: batch steps a round while the grid is small: it settles its direction then.
+        start_sigma: width of the neighborhood of the first four units, in grid steps.
+        sigma: width of the neighborhood while growing, in grid steps.
+        max_sigma_share: the width is at most this share of the shorter side of the grid, or a small grid would shrink.
+        fit_sigmas: width of the neighborhood in each iteration of the final fit, by default selected by the
             number of samples a unit; below 0.5 the sheet folds.
+        fit_samples_per_unit: points used by the final fit, for each unit.
         stiffness: unwillingness to slide within the surface in the final fit.
+        step_limit: longest step of a unit in one iteration of the final fit, in grid steps.
+        reach: points farther from the sheet than this, in grid steps, do not belong to it.
         signals_per_unit: signals between two insertions, for each unit (paper mode; lambda_g).
         fine_signals_per_unit: signals of the fine-tuning, for each unit (paper mode; lambda_f).
+        density: how outliers are found.
+        cover: which cells lie over a hole.
+        change: when new readings contradict the grid.
+        refinement: how it learns from them.
     """
 
     units: int = 2200
@@ -80,11 +88,21 @@ class GrowingGridConfig:
     growth: float = 6.0
     samples_per_unit: int = 20
     iterations: int = 3
+    first_iterations: int = 10
+    start_sigma: float = 0.3
     sigma: float = 0.9
+    max_sigma_share: float = 0.2
     fit_sigmas: tuple[float, ...] | None = None
+    fit_samples_per_unit: int = 200
     stiffness: float = 0.03
+    step_limit: float = 0.5
+    reach: float = 4.0
     signals_per_unit: int = 30
     fine_signals_per_unit: int = 100
+    density: DensityConfig = field(default_factory=DensityConfig)
+    cover: CoverConfig = field(default_factory=CoverConfig)
+    change: ChangeConfig = field(default_factory=ChangeConfig)
+    refinement: GridRefinementConfig = field(default_factory=GridRefinementConfig)
 
     def __post_init__(self) -> None:
         if self.triangles is not None and self.triangles < 2:
@@ -103,11 +121,17 @@ class GrowingGridConfig:
             )
         if not self.growth > 1:
             raise ReconstructionError(f"growth must be above 1, got {self.growth}")
+        check_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
 
     @property
     def rule(self) -> Insertion:
         """The insertion rule: the one asked for, or the mode's own."""
         return self.insertion or ("longest" if self.mode == "batch" else "counter")
+
+    @property
+    def fit_config(self) -> FitConfig:
+        """The final fit; its lengths are in grid steps."""
+        return FitConfig(stiffness=self.stiffness, step_limit=self.step_limit, reach=self.reach)
 
     @property
     def wanted_units(self) -> int:
@@ -116,35 +140,37 @@ class GrowingGridConfig:
 
 
 class State(NamedTuple):
-    """A grid that has learnt.
+    """A trained grid.
 
     Attributes:
-        units: `[R, C, 3]` reference vectors [m].
-        has_face: `[R - 1, C - 1]` whether the cell between four units belongs to the surface.
+        units: reference vectors [m].
+        has_face: whether the cell between four units belongs to the surface.
     """
 
-    units: np.ndarray
-    has_face: np.ndarray
+    units: Float[np.ndarray, "R C 3"]
+    has_face: Bool[np.ndarray, "R-1 C-1"]
 
     @property
-    def vertices(self) -> np.ndarray:
-        """`[V, 3]` the units, row after row [m]."""
+    def vertices(self) -> Float[np.ndarray, "V 3"]:
+        """The units, row after row [m]."""
         return self.units.reshape(-1, 3)
 
     @property
-    def faces(self) -> np.ndarray:
-        """`[F, 3]` two triangles a cell."""
+    def faces(self) -> Int[np.ndarray, "F 3"]:
+        """Two triangles a cell."""
         return triangulate(self.units, self.has_face)
 
 
-def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress: Progress = silent) -> State:
-    """Let a grid of 2 x 2 units grow over the points.
+def train(
+    points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, seed: int = 0, progress: Progress = silent
+) -> State:
+    """Grow a grid of 2 x 2 units over the points.
 
     Args:
-        points: `[N, 3]` finite positions [m], N >= units.
+        points: finite positions [m], N >= units.
         config: how.
         seed: of the order of the signals.
-        progress: told how far it is.
+        progress: receives how far the work is.
     """
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
@@ -167,17 +193,17 @@ def train(points: np.ndarray, config: GrowingGridConfig, seed: int = 0, progress
     rows, columns = units.shape[:2]
     has_face = np.ones((rows - 1, columns - 1), dtype=bool)
     if config.mode == "batch":
-        has_face = find_covered_cells(units, scaled)
+        has_face = find_covered_cells(units, scaled, config.cover)
         units = untangle_sheet(units, has_face)
     return State(units.astype(np.float64) * scale + center, has_face)
 
 
 def _train_batch(
-    points: np.ndarray, config: GrowingGridConfig, rng: np.random.Generator, progress: Progress
-) -> np.ndarray:
-    """Drop outliers, grow, fit: `[R, C, 3]`."""
+    points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, rng: np.random.Generator, progress: Progress
+) -> Float[np.ndarray, "R C 3"]:
+    """Drop outliers, grow, fit."""
     tiles = make_tiles(points)
-    is_sound = study_density(points, tiles.tree, rng).weights > 0
+    is_sound = measure_density(points, tiles.tree, rng, config.density).weights > 0
     if not is_sound.all():
         points = points[is_sound]
         tiles = make_tiles(points)
@@ -185,24 +211,28 @@ def _train_batch(
     units = _grow(points, sort, config, progress)
     progress("fit", 0.8)
     wanted = config.wanted_units
-    number = choose_num_samples(len(points), MAX_FIT_SAMPLES * wanted)
+    number = choose_num_samples(len(points), config.fit_samples_per_unit * wanted)
     sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-    return fit_grid(sort(number), units, sigmas, config.stiffness, wanted)[0]
+    return fit_grid(sort(number), units, sigmas, config.fit_config, wanted)[0]
 
 
 def _grow(
-    points: np.ndarray, sort: Callable[[int], Tiles], config: GrowingGridConfig, progress: Progress
-) -> np.ndarray:
+    points: Float[np.ndarray, "N 3"],
+    sort: Callable[[int], Tiles],
+    config: GrowingGridConfig,
+    progress: Progress,
+) -> Float[np.ndarray, "R C 3"]:
     """Grow from 2 x 2 to the wanted number of units.
 
     Args:
-        points: `[N, 3]` in random order.
-        sort: gives the first so many of them in tiles.
+        points: in random order.
+        sort: returns the first of them, as many as asked for, in tiles.
         config: how.
-        progress: told how far it is.
+        progress: receives how far the work is.
     """
     wanted = config.wanted_units
-    units, counts = learn(sort(choose_num_samples(len(points), 1)), start_grid(points), 0.3, iterations=1)
+    first = sort(choose_num_samples(len(points), 1))
+    units, counts = learn(first, start_grid(points), config.start_sigma, iterations=1)
     num_rounds = max(1, int(np.ceil(np.log(wanted / 4) / np.log(config.growth))))
     for current in range(1, num_rounds + 1):
         progress("grow", 0.8 * (current - 1) / num_rounds)
@@ -218,51 +248,8 @@ def _grow(
         units, counts = learn(
             sort(choose_num_samples(len(points), config.samples_per_unit * capacity)),
             units,
-            sigma=min(config.sigma, 0.2 * min(shape)),
-            iterations=FIRST_ITERATIONS if capacity <= MAX_CANDIDATES else config.iterations,
+            sigma=min(config.sigma, config.max_sigma_share * min(shape)),
+            iterations=config.first_iterations if capacity <= MAX_CANDIDATES else config.iterations,
             goal=goal,
         )
     return units
-
-
-def refine(
-    state: State,
-    points: np.ndarray,
-    new_points: np.ndarray,
-    config: GrowingGridConfig,
-    seed: int = 0,
-    progress: Progress = silent,
-    origins: np.ndarray | None = None,
-) -> tuple[State, np.ndarray]:
-    """Let the same grid learn from new readings.
-
-    Args:
-        state: the grid.
-        points: `[N, 3]` what it has learnt from [m].
-        new_points: `[M, 3]` what was read since [m].
-        config: as it was grown with.
-        seed: of the order of the readings.
-        progress: told how far it is.
-        origins: `[M, 3]` where the new readings were made from: what their rays pass through is gone.
-
-    Returns:
-        The new grid, and the points that are still true with the new ones.
-    """
-    from reconstruction.networks.growing_grid.refinement import (
-        refine_sheet,
-    )  # a fresh process that only reconstructs starts sooner
-
-    progress("refine", 0.0)
-    units, has_face, known = refine_sheet(
-        state.units,
-        state.faces,
-        state.has_face,
-        points,
-        new_points,
-        config.fit_sigmas or choose_sigmas(len(points) / state.vertices.shape[0])[:MAX_REFINE_ITERATIONS],
-        config.stiffness,
-        np.random.default_rng(seed),
-        origins,
-    )
-    progress("refine", 1.0)
-    return State(units, has_face), known

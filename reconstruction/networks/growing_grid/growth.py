@@ -4,44 +4,57 @@ import heapq
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float, Int, Num
 
 from reconstruction.geometry.rows import find_lengths
 
 Insertion = Literal["longest", "counter", "distant"]
 
+_AXIS_POINTS = 4096
+"""As many points determine the principal axes."""
+_MAX_STRETCH = 1.25
+"""The rows of the last round may be this many times more, or fewer, than the rule gives."""
+_UNITS_WEIGHT, _TRIANGLES_WEIGHT = 10, 100
+"""How much the relative error of the wanted number counts against the logarithm of the change in proportion: a wanted
+number of units is approximate, one of triangles is to be met."""
 
-def start_grid(points: np.ndarray) -> np.ndarray:
-    """Return 2 x 2 units on the plane of the two principal axes, one standard deviation out: `[2, 2, 3]`."""
+
+def start_grid(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "2 2 3"]:
+    """Return 2 x 2 units on the plane of the two principal axes, one standard deviation out."""
     center = points.mean(axis=0)
-    _, values, axes = np.linalg.svd(points[:4096] - center, full_matrices=False)
+    _, values, axes = np.linalg.svd(points[:_AXIS_POINTS] - center, full_matrices=False)
     axes *= np.sign(axes[np.arange(3), np.abs(axes).argmax(axis=1)])[:, None]
-    length = values / np.sqrt(min(len(points), 4096))
+    length = values / np.sqrt(min(len(points), _AXIS_POINTS))
     side = np.array([-1.0, 1.0])
     first, second = side[:, None] * axes[0] * length[0], side[:, None] * axes[1] * length[1]
     return (center + first[:, None] + second[None]).astype(np.float32)
 
 
-def choose_lines(scores: np.ndarray, num_lines: int, rule: Insertion) -> np.ndarray:
-    """Return the gaps that get a line, best first: `[num_lines]` indices.
+def choose_lines(
+    scores: Num[np.ndarray, " G"], num_lines: int, rule: Insertion
+) -> Int[np.ndarray, " num_lines"]:
+    """Return the gaps that get a line, best first.
 
     A gap's score falls to a half, a third, ... with each line it gets by the rule "longest"; by the other
     rules a gap gets a second line only after each has got one.
     """
     heap = [(0, -score, gap, 1) for gap, score in enumerate(scores)]
     heapq.heapify(heap)
-    chosen = []
-    while len(chosen) < num_lines:
+    selected = []
+    while len(selected) < num_lines:
         _, _, gap, parts = heapq.heappop(heap)
-        chosen.append(gap)
+        selected.append(gap)
         if rule == "longest":
             heapq.heappush(heap, (0, -scores[gap] / (parts + 1), gap, parts + 1))
         else:
             heapq.heappush(heap, (parts, -scores[gap], gap, parts + 1))
-    return np.array(chosen, dtype=np.int64)
+    return np.array(selected, dtype=np.int64)
 
 
-def score_gaps(units: np.ndarray, counts: np.ndarray, rule: Insertion) -> tuple[np.ndarray, np.ndarray]:
-    """Return how much every gap between rows `[R - 1]` and between columns `[C - 1]` calls for a line."""
+def score_gaps(
+    units: Float[np.ndarray, "R C 3"], counts: Num[np.ndarray, "R C"], rule: Insertion
+) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
+    """Return how much every gap between rows and between columns needs a line."""
     down = find_lengths(np.diff(units, axis=0))
     across = find_lengths(np.diff(units, axis=1))
     if rule == "longest":
@@ -51,22 +64,27 @@ def score_gaps(units: np.ndarray, counts: np.ndarray, rule: Insertion) -> tuple[
     return _vote(counts, down, across)
 
 
-def _vote(counts: np.ndarray, down: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Let every unit name its incident edge of the highest value; a gap scores the highest count for it."""
+def _vote(
+    counts: Num[np.ndarray, "R C"], down: Float[np.ndarray, "R-1 C"], across: Float[np.ndarray, "R C-1"]
+) -> tuple[Float[np.ndarray, " R-1"], Float[np.ndarray, " C-1"]]:
+    """Find every unit's incident edge of the highest value; a gap scores the highest count of those units."""
     rows, columns = counts.shape
     edges = np.full((4, rows, columns), -np.inf)
     edges[0, 1:], edges[1, :-1] = down, down
     edges[2, :, 1:], edges[3, :, :-1] = across, across
-    chosen = edges.argmax(axis=0)
+    side_of_unit = edges.argmax(axis=0)
     row, column = np.mgrid[:rows, :columns]
     by_row, by_column = np.full(rows - 1, -1.0), np.full(columns - 1, -1.0)
     for side, shift in ((0, -1), (1, 0)):
-        np.maximum.at(by_row, row[chosen == side] + shift, counts[chosen == side])
-        np.maximum.at(by_column, column[chosen == side + 2] + shift, counts[chosen == side + 2])
+        is_down, is_across = side_of_unit == side, side_of_unit == side + 2
+        np.maximum.at(by_row, row[is_down] + shift, counts[is_down])
+        np.maximum.at(by_column, column[is_across] + shift, counts[is_across])
     return by_row, by_column
 
 
-def insert_lines(units: np.ndarray, gaps: np.ndarray) -> np.ndarray:
+def insert_lines(
+    units: Float[np.ndarray, "R C 3"], gaps: Int[np.ndarray, " G"]
+) -> Float[np.ndarray, "S C 3"]:
     """Return the grid with rows in the given gaps, evenly spaced; a gap may be named more than once."""
     lines = np.repeat(np.arange(len(units) - 1), 1 + np.bincount(gaps, minlength=len(units) - 1))
     first = np.searchsorted(lines, lines)
@@ -77,8 +95,8 @@ def insert_lines(units: np.ndarray, gaps: np.ndarray) -> np.ndarray:
 
 
 def choose_shape(
-    units: np.ndarray,
-    counts: np.ndarray,
+    units: Float[np.ndarray, "R C 3"],
+    counts: Num[np.ndarray, "R C"],
     wanted: int,
     rule: Insertion,
     triangles: int | None = None,
@@ -106,27 +124,28 @@ def _nearest_shape(
 ) -> tuple[int, int]:
     """Return the shape that meets the wanted number best, of nearly the proportion row : column."""
     best, best_cost = (row, column), np.inf
-    for candidate in range(max(least[0], int(0.8 * row)), int(1.25 * row) + 2):
+    for candidate in range(max(least[0], int(row / _MAX_STRETCH)), int(_MAX_STRETCH * row) + 2):
         cells = wanted / candidate if triangles is None else triangles / 2 / max(candidate - 1, 1) + 1
         for other in {int(np.floor(cells)), int(np.ceil(cells))}:
             if other < least[1]:
                 continue
             number = candidate * other if triangles is None else 2 * (candidate - 1) * (other - 1)
             goal = wanted if triangles is None else triangles
-            cost = (10 if triangles is None else 100) * abs(number - goal) / goal + abs(
-                np.log(candidate / other * column / row)
-            )
+            weight = _UNITS_WEIGHT if triangles is None else _TRIANGLES_WEIGHT
+            cost = weight * abs(number - goal) / goal + abs(np.log(candidate / other * column / row))
             if cost < best_cost:
                 best, best_cost = (candidate, other), cost
     return best
 
 
-def choose_line_pair(units: np.ndarray, counters: np.ndarray, rule: Insertion) -> tuple[int, int]:
+def choose_line_pair(
+    units: Float[np.ndarray, "R C 3"], counters: Int[np.ndarray, "R C"], rule: Insertion
+) -> tuple[int, int]:
     """Return axis and gap of the one line that the sequential rules insert (Fritzke's step 7).
 
-    It goes between the unit q that won most and its direct neighbour f: by "counter" the one that won most,
+    It goes between the unit q that won most and its direct neighbor f: by "counter" the one that won most,
     by "distant" and "longest" the farthest. (Mean edges, as in batches, would leave a grid of 2 x n that the
-    constant neighbourhood has drawn together without a third column for ever.)
+    constant neighborhood has drawn together without a third column for ever.)
     """
     row, column = np.unravel_index(counters.argmax(), counters.shape)
     best, choice = -np.inf, (0, 0)

@@ -1,23 +1,28 @@
 """The triangles of a grid of units: which diagonal splits a cell, and how folds are taken out."""
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.unfolding import unfold_faces
 
+MAX_UNFOLDINGS = 6
+"""Passes that take folds out; few folds need more than two, and the rest is taken out as triangles."""
 MAX_SPLITS = 4
-"""Moved units may split cells across other diagonals; so often what comes out is looked at again."""
+"""Moved units may split cells across other diagonals; the result is tested again at most this many times."""
 
 
-def triangulate(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
+def triangulate(
+    units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]
+) -> Int[np.ndarray, "F 3"]:
     """Split every cell into two triangles, across the diagonal that gives the better worse triangle.
 
     Args:
-        units: `[R, C, 3]` positions.
-        has_face: `[R - 1, C - 1]` which cells to take.
+        units: positions.
+        has_face: which cells to take.
 
     Returns:
-        `[F, 3]` indices into the units, row after row; all wound alike.
+        Indices into the units, row after row; consistently wound.
     """
     rows, columns = units.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
@@ -32,8 +37,8 @@ def triangulate(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
     return np.stack([first, second], axis=2)[has_face].reshape(-1, 3)
 
 
-def cell_normals(units: np.ndarray) -> np.ndarray:
-    """Return a unit normal for every cell, the mean over the 3 x 3 cells round it: `[R - 1, C - 1, 3]`."""
+def cell_normals(units: Float[np.ndarray, "R C 3"]) -> Float[np.ndarray, "R-1 C-1 3"]:
+    """Return a unit normal for every cell, the mean over the 3 x 3 cells around it."""
     across = cross_rows(units[1:, 1:] - units[:-1, :-1], units[:-1, 1:] - units[1:, :-1])
     wide = np.pad(across, ((1, 1), (0, 0), (0, 0)))
     wide = np.pad(wide[:-2] + wide[1:-1] + wide[2:], ((0, 0), (1, 1), (0, 0)))
@@ -41,12 +46,16 @@ def cell_normals(units: np.ndarray) -> np.ndarray:
     return total / np.maximum(find_lengths(total)[..., None], 1e-30)
 
 
-def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: int = 6) -> np.ndarray:
-    """Move interior units whose cells turn over to the mean of their four neighbours, until none does.
+def unfold(
+    units: Float[np.ndarray, "R C 3"],
+    is_movable: Bool[np.ndarray, "R C"] | None = None,
+    iterations: int = MAX_UNFOLDINGS,
+) -> Float[np.ndarray, "R C 3"]:
+    """Move interior units whose cells turn over to the mean of their four neighbors, until none does.
 
     Args:
-        units: `[R, C, 3]`.
-        is_movable: `[R, C]` which units may move; all if absent.
+        units: positions.
+        is_movable: which units may move; all if absent.
         iterations: at most so often.
     """
     units = units.copy()
@@ -61,8 +70,10 @@ def unfold(units: np.ndarray, is_movable: np.ndarray | None = None, iterations: 
     return units
 
 
-def untangle_sheet(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
-    """Return the units `[R, C, 3]`, moved where the triangles of the sheet are folded or intersect."""
+def untangle_sheet(
+    units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]
+) -> Float[np.ndarray, "R C 3"]:
+    """Return the units, moved where the triangles of the sheet are folded or intersect."""
     for _ in range(MAX_SPLITS):
         vertices = units.reshape(-1, 3)
         moved = unfold_faces(vertices, triangulate(units, has_face))
@@ -72,8 +83,8 @@ def untangle_sheet(units: np.ndarray, has_face: np.ndarray) -> np.ndarray:
     return units
 
 
-def find_folded(units: np.ndarray) -> np.ndarray:
-    """Return which units have a corner that turns against the surface round it: `[R, C]`."""
+def find_folded(units: Float[np.ndarray, "R C 3"]) -> Bool[np.ndarray, "R C"]:
+    """Return which units have a corner that turns against the surface around it."""
     rows, columns = units.shape[:2]
     normal = cell_normals(units)
     is_folded = np.zeros((rows, columns), dtype=bool)
@@ -86,8 +97,12 @@ def find_folded(units: np.ndarray) -> np.ndarray:
 
 
 def _shape(
-    vertices: np.ndarray, i: np.ndarray, j: np.ndarray, k: np.ndarray, normal: np.ndarray
-) -> np.ndarray:
+    vertices: Float[np.ndarray, "V 3"],
+    i: Int[np.ndarray, "P Q"],
+    j: Int[np.ndarray, "P Q"],
+    k: Int[np.ndarray, "P Q"],
+    normal: Float[np.ndarray, "P Q 3"],
+) -> Float[np.ndarray, "P Q"]:
     """Return twice the area over the longest side squared, negative where the triangle is turned over."""
     p, q, r = vertices[i], vertices[j], vertices[k]
     area = sum_rows(cross_rows(q - p, r - p) * normal)

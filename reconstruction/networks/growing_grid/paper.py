@@ -10,22 +10,26 @@ References:
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.networks.growing_grid.growth import Insertion, choose_line_pair, insert_lines
 from reconstruction.networks.som.padding import padded_length
 from reconstruction.progress import Progress
 
 SIGMA = 0.9
-"""Width of the neighbourhood on the L1 distance in the grid (Fritzke's sigma)."""
+"""Width of the neighborhood on the L1 distance in the grid (Fritzke's sigma)."""
 RATE, FINAL_RATE = 0.1, 0.005
 """Adaptation strength (epsilon) while growing, and at the end of the fine-tuning."""
 REACH = 3
-"""Units farther than this along an axis move by less than a 250th of the winner's step; they are left."""
-FAR = 1e6
+"""Units farther than this along an axis move by less than a 250th of the winner's step; they stay."""
+_FAR = 1e6
+"""Where padded units stand: they win nothing, and squares stay finite in float32."""
+_MIN_SIDE = 8
+"""Rows and columns for which there is room at least, so that few programs are compiled."""
 
 
 def train(
-    points: np.ndarray,
+    points: Float[np.ndarray, "N 3"],
     wanted: int,
     triangles: int | None,
     insertion: Insertion,
@@ -33,18 +37,18 @@ def train(
     fine_signals_per_unit: int,
     rng: np.random.Generator,
     progress: Progress,
-) -> np.ndarray:
-    """Grow a grid of 2 x 2 units over the points, then fine-tune it: `[R, C, 3]` float32.
+) -> Float[np.ndarray, "R C 3"]:
+    """Grow a grid of 2 x 2 units over the points, then fine-tune it; return it in float32.
 
     Args:
-        points: `[N, 3]` float32, of unit scale.
+        points: float32, of unit scale.
         wanted: units at which growth ends.
         triangles: triangles at which it ends instead.
         insertion: rule that places a line.
         signals_per_unit: signals between two insertions, for each unit (lambda_g).
         fine_signals_per_unit: signals of the fine-tuning, for each unit (lambda_f).
         rng: draws the first units and the order of the signals.
-        progress: told how far it is.
+        progress: receives how far the work is.
     """
     units = points[rng.choice(len(points), 4, replace=False)].reshape(2, 2, 3)
     while not _is_complete(units, wanted, triangles):
@@ -58,7 +62,7 @@ def train(
     return _present(points, units, fine_signals_per_unit * number, RATE, FINAL_RATE, rng)[0]
 
 
-def _is_complete(units: np.ndarray, wanted: int, triangles: int | None) -> bool:
+def _is_complete(units: Float[np.ndarray, "R C 3"], wanted: int, triangles: int | None) -> bool:
     rows, columns = units.shape[:2]
     if triangles is not None:
         return 2 * (rows - 1) * (columns - 1) >= triangles
@@ -66,21 +70,21 @@ def _is_complete(units: np.ndarray, wanted: int, triangles: int | None) -> bool:
 
 
 def _present(
-    points: np.ndarray,
-    units: np.ndarray,
+    points: Float[np.ndarray, "N 3"],
+    units: Float[np.ndarray, "R C 3"],
     num_signals: int,
     rate: float,
     final_rate: float,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Float[np.ndarray, "R C 3"], Int[np.ndarray, "R C"]]:
     """Present signals one after the other; the rate falls geometrically: units and how often each won."""
     rows, columns = units.shape[:2]
-    shape = [padded_length(n, 8) + 2 * REACH for n in (rows, columns)]
-    padded = np.full((*shape, 3), FAR, dtype=np.float32)
+    shape = [padded_length(n, _MIN_SIDE) + 2 * REACH for n in (rows, columns)]
+    padded = np.full((*shape, 3), _FAR, dtype=np.float32)
     padded[REACH : REACH + rows, REACH : REACH + columns] = units
     is_unit = np.zeros(shape, dtype=bool)
     is_unit[REACH : REACH + rows, REACH : REACH + columns] = True
-    learnt, counters = _adapt_one_by_one(
+    learned, counters = _adapt_one_by_one(
         points[rng.permutation(len(points))],
         padded,
         is_unit,
@@ -89,12 +93,19 @@ def _present(
         np.float32(np.log(final_rate / rate) / num_signals),
     )
     inside = (slice(REACH, REACH + rows), slice(REACH, REACH + columns))
-    return np.asarray(learnt)[inside], np.asarray(counters)[inside]
+    return np.asarray(learned)[inside], np.asarray(counters)[inside]
 
 
 @jax.jit
-def _adapt_one_by_one(points, units, is_unit, num_signals, rate, decay):
-    """Per signal: find the winner, move it and its neighbours towards the signal, count (steps 3 to 5)."""
+def _adapt_one_by_one(
+    points: Float[jax.Array, "N 3"],
+    units: Float[jax.Array, "R C 3"],
+    is_unit: Bool[jax.Array, "R C"],
+    num_signals: Int[jax.Array, ""],
+    rate: Float[jax.Array, ""],
+    decay: Float[jax.Array, ""],
+) -> tuple[Float[jax.Array, "R C 3"], Int[jax.Array, "R C"]]:
+    """Per signal: find the winner, move it and its neighbors towards the signal, count (steps 3 to 5)."""
     offset = jnp.abs(jnp.arange(-REACH, REACH + 1))
     kernel = jnp.exp(-((offset[:, None] + offset) ** 2) / (2 * SIGMA**2))
     window = 2 * REACH + 1

@@ -2,7 +2,7 @@
 
 A round is one pass of all samples of a level through their winners: every unit moves to the mean of the
 samples it wins (the fixed point of moving by eps_b at every signal), and the units with the largest error get
-a new unit each, halfway to their worst neighbour. Neighbours are units that win first and second for one
+a new unit each, halfway to their worst neighbor. Neighbors are units that win first and second for one
 sample.
 
 References:
@@ -16,6 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float, Int
 
 from reconstruction.geometry.rows import find_lengths
 from reconstruction.networks.som.density import Density
@@ -26,27 +27,26 @@ _NOWHERE = 1e6
 """Where unused slots wait: no sample is nearer to them than to a unit, and squares stay finite in float32."""
 _MAX_ROUNDS = 100
 """A map that has not grown to its size by then cannot: there are too few distinct samples."""
-SPLIT_RADIUS = 1.05
-"""A cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole: units
-of a hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing."""
+_CANDIDATE_AGE = 2
+"""Passes of settling for which one list of candidates does: units hardly move then."""
 
 
 class Tally(NamedTuple):
-    """What one pass tells about every unit.
+    """What one pass measures at every unit.
 
     Attributes:
-        means: `[U, 3]` mean of the samples won; the unit's own place where there are none.
-        counts: `[U]` samples won.
-        errors: `[U]` sum of squared distances to them.
-        worst_neighbors: `[U]` the neighbour with the largest error; the unit of largest error where none.
-        spacings: `[U]` mean distance between the samples won.
+        means: mean of the samples won; the unit's own place where there are none.
+        counts: samples won.
+        errors: sum of squared distances to them.
+        worst_neighbors: the neighbor with the largest error; the unit of largest error where none.
+        spacings: mean distance between the samples won.
     """
 
-    means: np.ndarray
-    counts: np.ndarray
-    errors: np.ndarray
-    worst_neighbors: np.ndarray
-    spacings: np.ndarray
+    means: Float[np.ndarray, "U 3"]
+    counts: Float[np.ndarray, " U"]
+    errors: Float[np.ndarray, " U"]
+    worst_neighbors: Int[np.ndarray, " U"]
+    spacings: Float[np.ndarray, " U"]
 
 
 class Level(NamedTuple):
@@ -54,13 +54,13 @@ class Level(NamedTuple):
 
     Attributes:
         tiles: their places.
-        weights: `[T, S]` area every slot stands for; 0 for slots that do not count.
-        spacings: `[T, S]` distance between samples round every slot.
+        weights: area every slot stands for; 0 for slots that do not count.
+        spacings: distance between samples around every slot.
     """
 
     tiles: Tiles
-    weights: np.ndarray
-    spacings: np.ndarray
+    weights: Float[np.ndarray, "T S"]
+    spacings: Float[np.ndarray, "T S"]
 
 
 def make_level(tiles: Tiles, density: Density) -> Level:
@@ -95,32 +95,35 @@ def thin_level(level: Level, wanted: int, rng: np.random.Generator) -> Level:
 
 def grow(
     level: Level,
-    units: np.ndarray,
+    units: Float[np.ndarray, "U 3"],
     capacity: int,
     *,
     growth: float,
     samples_per_unit: int,
     settle_passes: int,
+    split_radius: float,
     rng: np.random.Generator,
-) -> np.ndarray:
-    """Grow a map from some units to `capacity`, then let it settle.
+) -> Float[np.ndarray, "W 3"]:
+    """Grow a map from some units to `capacity`, then settle it.
 
     Args:
         level: all samples.
-        units: `[U, 3]` float32, where to start.
+        units: float32 positions where to start.
         capacity: how many units are wanted, at least U.
         growth: by what factor one round makes the map larger.
         samples_per_unit: how many samples a unit should have in a pass.
         settle_passes: passes without insertion at the end.
+        split_radius: see `GSRMConfig.split_radius`.
         rng: draws the samples of the rounds.
 
     Returns:
-        `[U', 3]` float32 units; fewer than `capacity` where the samples are too sparse to carry more.
+        Units in float32; fewer than `capacity` where the samples are too sparse for more.
     """
     num_units, num_slots = len(units), padded_length(capacity)
     slots = np.full((num_slots, 3), _NOWHERE, dtype=np.float32)
     slots[:, 0] *= 1 + np.arange(num_slots, dtype=np.float32) / num_slots
     slots[:num_units] = units
+    # The maps of the rounds are smaller than the last one, so that two thirds of its samples are enough.
     thinned = thin_level(level, samples_per_unit * capacity * 2 // 3, rng)
     for _ in range(_MAX_ROUNDS):
         if num_units == capacity:
@@ -128,37 +131,47 @@ def grow(
         tally = tally_units(thinned, slots, list_candidates(thinned, slots))
         slots[:num_units] = tally.means[:num_units]
         wanted = min(capacity, max(num_units + 1, int(growth * num_units)))
-        before, num_units = num_units, _insert(slots, tally, num_units, wanted)
+        before, num_units = num_units, _insert(slots, tally, num_units, wanted, split_radius)
         if num_units == before:
             break
     thinned = thin_level(level, 2 * samples_per_unit * capacity, rng)
     candidates = None
     for remaining in reversed(range(settle_passes)):
-        if remaining % 2 == settle_passes % 2 or candidates is None:
+        if remaining % _CANDIDATE_AGE == settle_passes % _CANDIDATE_AGE or candidates is None:
             candidates = list_candidates(thinned, slots)
         tally = tally_units(thinned, slots, candidates)
         slots = tally.means
         if remaining:
-            _insert(slots, tally, num_units, num_units)
+            _insert(slots, tally, num_units, num_units, split_radius)
     return slots[:num_units]
 
 
-def list_candidates(level: Level, units: np.ndarray) -> np.ndarray:
-    """Return for every tile the units among which its winners are, `[T, C]`."""
+def list_candidates(level: Level, units: Float[np.ndarray, "U 3"]) -> Int[np.ndarray, "T C"]:
+    """Return for every tile the units among which its winners are."""
     num_candidates = choose_num_candidates(level.tiles.order.size, len(units), 2)
     return find_candidates(level.tiles, units, max(2, num_candidates))[0]
 
 
-def tally_units(level: Level, units: np.ndarray, candidates: np.ndarray) -> Tally:
-    """Let every sample of a level count for its winner."""
+def tally_units(level: Level, units: Float[np.ndarray, "U 3"], candidates: Int[np.ndarray, "T C"]) -> Tally:
+    """Count every sample of a level for its winner."""
     tally = _tally(level.tiles.samples, level.weights, level.spacings, units, candidates)
     return Tally(*(np.array(a) for a in tally))
 
 
 @jax.jit
 def _tally(
-    samples: jax.Array, weights: jax.Array, spacings: jax.Array, units: jax.Array, candidates: jax.Array
-) -> tuple[jax.Array, ...]:
+    samples: Float[jax.Array, "T S 3"],
+    weights: Float[jax.Array, "T S"],
+    spacings: Float[jax.Array, "T S"],
+    units: Float[jax.Array, "U 3"],
+    candidates: Int[jax.Array, "T C"],
+) -> tuple[
+    Float[jax.Array, "U 3"],
+    Float[jax.Array, " U"],
+    Float[jax.Array, " U"],
+    Int[jax.Array, " U"],
+    Float[jax.Array, " U"],
+]:
     capacity = len(units)
     winners, squared = search_tiles(samples, units, candidates, 2)
     first, second = winners[..., 0].ravel(), winners[..., 1].ravel()
@@ -180,11 +193,13 @@ def _tally(
     return means, counts, errors, by_error[worst], sums[:, 2] * share
 
 
-def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int:
-    """Put new units between those of largest error and their worst neighbours.
+def _insert(
+    slots: Float[np.ndarray, "S 3"], tally: Tally, num_units: int, wanted: int, split_radius: float
+) -> int:
+    """Put new units between those of largest error and their worst neighbors.
 
     Units that won nothing take part as if they were new. A new unit stays within the cell it relieves, so
-    that it wins samples even where the worst neighbour lies beyond a gap.
+    that it wins samples even where the worst neighbor lies beyond a gap.
 
     Returns:
         How many units there are now; at most `wanted`, fewer where two would come to lie in one place.
@@ -194,11 +209,11 @@ def _insert(slots: np.ndarray, tally: Tally, num_units: int, wanted: int) -> int
     if len(free) == 0:
         return num_units
     errors, counts = tally.errors[:num_units], tally.counts[:num_units]
-    is_splittable = errors >= counts * (SPLIT_RADIUS * tally.spacings[:num_units]) ** 2
+    is_splittable = errors >= counts * (split_radius * tally.spacings[:num_units]) ** 2
     is_splittable &= errors > 0
-    chosen = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]
-    chosen = chosen[is_splittable[chosen]]
-    pairs = np.stack([chosen, tally.worst_neighbors[chosen]], axis=1)
+    split = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]
+    split = split[is_splittable[split]]
+    pairs = np.stack([split, tally.worst_neighbors[split]], axis=1)
     _, first = np.unique(np.sort(pairs, axis=1) @ np.array([len(slots), 1]), return_index=True)
     worst, neighbor = pairs[np.sort(first)].T
     offset = tally.means[neighbor] - tally.means[worst]

@@ -4,34 +4,34 @@ References:
     Rêgo, Araújo and Lima Neto (2010), "Growing self-reconstruction maps", IEEE Transactions on Neural
     Networks 21(2).
 
-Differs: signals come in batches (`growth`), edges and faces are learnt from the three winners of all samples
+Differs: signals come in batches (`growth`), edges and faces are learned from the three winners of all samples
 at once and made a two-manifold (`topology`), and the finished mesh is fitted to the samples by least squares
-(`surface_fit`). `mode="paper"` has the literal sequential rules (`gsrm_paper`).
+(`surface_fit`). `mode="paper"` has the literal sequential rules (`paper`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
+from reconstruction.networks.change.detection import ChangeConfig
+from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.gsrm import paper as gsrm_paper
 from reconstruction.networks.gsrm.growth import Level, grow, make_level
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.gsrm.support import make_support
 from reconstruction.networks.gsrm.topology import learn_faces
-from reconstruction.networks.som.density import Density, study_density
+from reconstruction.networks.gsrm.topology_config import TopologyConfig
+from reconstruction.networks.som.density import Density, DensityConfig, measure_density
 from reconstruction.networks.som.winners import make_tiles, search_all
-from reconstruction.networks.surface_fit import fit_surface
+from reconstruction.networks.surface_fit import FitConfig, fit_surface
 from reconstruction.progress import Progress, silent
 from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces
-
-START_DISTANCE = 1.4
-"""In an uneven cloud no unit starts nearer to another than so many sample spacings, or scan lines get too many."""
-_CROWD = 8
-"""Of so many nearest units it must keep away."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class GSRMConfig:
     """How a map grows; there are no lengths among the parameters, so that the scale of the cloud is free.
 
     Attributes:
-        units: units wanted. Where the samples are too sparse to carry them (units nearer to one another than
+        units: units wanted. Where the samples are too sparse for them (units nearer to one another than
             two sample spacings), the map stops growing earlier.
         mode: "batch", or "paper" for the sequential rules.
         growth: factor on the number of units in one round.
@@ -48,6 +48,19 @@ class GSRMConfig:
             and the final fit all.
         settle_passes: passes of all units through their samples once they are complete.
         fit: whether the finished mesh is fitted to the samples by least squares.
+        start_distance: in an uneven cloud no unit starts nearer to another than this many sample spacings; with less,
+            scan lines get too many units.
+        start_neighbors: nearest units from which a starting unit keeps that distance.
+        split_radius: a cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole.
+            Units of a hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing.
+        dense_fit: from this many samples a unit on, the mesh is first fitted to few of them.
+        coarse_samples: samples a unit of that first fit: creases need iterations, accuracy needs samples.
+        coarse_iterations: iterations of that first fit.
+        density: how the spacing of the samples is measured and outliers are found.
+        topology: how faces are learned.
+        surface_fit: how the mesh is fitted to the samples.
+        change: when new readings contradict the map.
+        refinement: how it learns from them.
     """
 
     units: int = 2200
@@ -57,6 +70,17 @@ class GSRMConfig:
     samples_per_unit: int = 8
     settle_passes: int = 4
     fit: bool = True
+    start_distance: float = 1.4
+    start_neighbors: int = 8
+    split_radius: float = 1.05
+    dense_fit: int = 40
+    coarse_samples: int = 24
+    coarse_iterations: int = 3
+    density: DensityConfig = field(default_factory=DensityConfig)
+    topology: TopologyConfig = field(default_factory=TopologyConfig)
+    surface_fit: FitConfig = field(default_factory=FitConfig)
+    change: ChangeConfig = field(default_factory=ChangeConfig)
+    refinement: GSRMRefinementConfig = field(default_factory=GSRMRefinementConfig)
 
     def __post_init__(self) -> None:
         if self.units < 4:
@@ -72,31 +96,34 @@ class GSRMConfig:
                 "samples_per_unit and settle_passes must be at least 1, got "
                 f"{self.samples_per_unit} and {self.settle_passes}"
             )
+        check_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
 
 
 class State(NamedTuple):
-    """A map that has learnt.
+    """A trained map.
 
     Attributes:
-        units: `[U, 3]` reference vectors [m]; each has a face.
-        faces: `[F, 3]` unit indices: an oriented two-manifold (in paper mode: whatever the rules give).
+        units: reference vectors [m]; each has a face.
+        faces: unit indices: an oriented two-manifold (in paper mode: whatever the rules give).
     """
 
-    units: np.ndarray
-    faces: np.ndarray
+    units: Float[np.ndarray, "U 3"]
+    faces: Int[np.ndarray, "F 3"]
 
 
-def train(points: np.ndarray, config: GSRMConfig, seed: int = 0, progress: Progress = silent) -> State:
-    """Let a map grow over the points.
+def train(
+    points: Float[np.ndarray, "N 3"], config: GSRMConfig, seed: int = 0, progress: Progress = silent
+) -> State:
+    """Grow a map over the points.
 
     Args:
-        points: `[N, 3]` finite positions [m], N >= units.
+        points: finite positions [m], N >= units.
         config: how.
         seed: of all draws; equal seeds give equal maps.
-        progress: told how far it is.
+        progress: receives how far the work is.
 
     Raises:
-        ReconstructionError: the points carry no face.
+        ReconstructionError: the points support no face.
     """
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
@@ -116,116 +143,91 @@ def train(points: np.ndarray, config: GSRMConfig, seed: int = 0, progress: Progr
 
 
 def _train_batch(
-    samples: np.ndarray, config: GSRMConfig, rng: np.random.Generator, progress: Progress
-) -> tuple[np.ndarray, np.ndarray]:
+    samples: Float[np.ndarray, "N 3"], config: GSRMConfig, rng: np.random.Generator, progress: Progress
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
     """Grow, learn the topology, fit; all in units of the cloud's size."""
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
-    density = study_density(samples, tiles.tree, rng)
+    density = measure_density(samples, tiles.tree, rng, config.density)
     level = make_level(tiles, density)
     progress("grow", 0.1)
     units = grow(
         level,
-        _draw_start(samples, density, max(3, int(config.start_share * config.units)), rng),
+        _draw_start(samples, density, config, rng),
         config.units,
         growth=config.growth,
         samples_per_unit=config.samples_per_unit,
         settle_passes=config.settle_passes,
+        split_radius=config.split_radius,
         rng=rng,
     )
     progress("learn the topology", 0.5)
-    return _learn_surface(level, units, config.fit, progress)
+    return _learn_surface(level, units, config, progress)
 
 
-def _draw_start(samples: np.ndarray, density: Density, number: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw the first units among the samples: `[U, 3]`, fewer than the number where samples are too sparse."""
+def _draw_start(
+    samples: Float[np.ndarray, "N 3"], density: Density, config: GSRMConfig, rng: np.random.Generator
+) -> Float[np.ndarray, "U 3"]:
+    """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
+    number = max(3, int(config.start_share * config.units))
     usable = np.flatnonzero(density.weights)
     drawn = rng.choice(usable, min(number, len(usable)), replace=False)
-    units, apart = samples[drawn], START_DISTANCE * density.spacing[drawn]
-    if np.ptp(density.spacing) == 0 or len(units) <= _CROWD:
+    units, apart = samples[drawn], config.start_distance * density.spacing[drawn]
+    if np.ptp(density.spacing) == 0 or len(units) <= config.start_neighbors:
         return units
-    distances, others = cKDTree(units).query(units, k=_CROWD)
+    distances, others = cKDTree(units).query(units, k=[*range(1, config.start_neighbors + 1)])
     is_crowded = ((others < np.arange(len(units))[:, None]) & (distances < apart[:, None])).any(axis=1)
     is_crowded[:3] = False
     return units[~is_crowded]
 
 
 def _learn_surface(
-    level: Level, units: np.ndarray, is_fitted: bool, progress: Progress
-) -> tuple[np.ndarray, np.ndarray]:
+    level: Level, units: Float[np.ndarray, "U 3"], config: GSRMConfig, progress: Progress
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
     is_used = level.weights > 0
-    faces = learn_faces(units, winners[is_used], make_support(level, units, winners[..., 0]))
+    support = make_support(level, units, winners[..., 0], config.topology)
+    faces = learn_faces(units, winners[is_used], support)
     if len(faces) == 0:
         return units, faces
     used, flat = np.unique(faces, return_inverse=True)
     place = np.full(len(units), -1, dtype=np.int32)
     place[used] = np.arange(len(used), dtype=np.int32)
     units, faces = units[used].astype(np.float64), flat.reshape(-1, 3)
-    if is_fitted:
+    if config.fit:
         progress("fit the surface", 0.8)
         first = place[winners[..., 0]]
         is_used &= first >= 0
         samples, weights = level.tiles.samples[is_used], level.weights[is_used]
-        units, faces = _fit(units, faces, samples, first[is_used], weights)
+        units, faces = _fit(units, faces, samples, first[is_used], weights, config)
     return units, faces
 
 
 def _fit(
-    units: np.ndarray, faces: np.ndarray, samples: np.ndarray, winners: np.ndarray, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    samples: Float[np.ndarray, "N 3"],
+    winners: Int[np.ndarray, " N"],
+    weights: Float[np.ndarray, " N"],
+    config: GSRMConfig,
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
     """Fit the mesh to the samples; where there are many, to few of them first.
 
     Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit
     the noise. Between the iterations edges turn along the creases that have come out.
     """
     per_unit = len(samples) / len(units)
-    schedule = ((3, per_unit / 24), (1, 1)) if per_unit >= 40 else ((1, 1), (1, 1))
-    for iterations, stride in schedule:
-        chosen = slice(None, None, int(stride))
+    coarse = (config.coarse_iterations, max(1, int(per_unit / config.coarse_samples)))
+    for iterations, stride in (coarse if per_unit >= config.dense_fit else (1, 1), (1, 1)):
         units = fit_surface(
             units,
             faces,
-            samples[chosen],
+            samples[::stride],
             iterations=iterations,
-            winners=winners[chosen],
-            weights=weights[chosen],
+            winners=winners[::stride],
+            weights=weights[::stride],
+            config=config.surface_fit,
         )
         faces = flip_edges(units, faces)
     return unfold_faces(units, faces), faces
-
-
-def refine(
-    state: State,
-    points: np.ndarray,
-    new_points: np.ndarray,
-    config: GSRMConfig,
-    seed: int = 0,
-    progress: Progress = silent,
-    origins: np.ndarray | None = None,
-) -> tuple[State, np.ndarray]:
-    """Let the same map learn from new readings: what they contradict moves, grows or goes.
-
-    Args:
-        state: the map.
-        points: `[N, 3]` what it has learnt from [m].
-        new_points: `[M, 3]` what was read since [m].
-        config: as it was grown with.
-        seed: of all draws.
-        progress: told how far it is.
-        origins: `[M, 3]` where the new readings were made from: what their rays pass through is gone.
-
-    Returns:
-        The new map, and the points that are still true with the new ones.
-    """
-    from reconstruction.networks.gsrm.refinement import (
-        refine_map,
-    )  # a fresh process that only reconstructs starts sooner
-
-    progress("refine", 0.0)
-    units, faces, known = refine_map(
-        state.units, state.faces, points, new_points, config.fit, np.random.default_rng(seed), origins
-    )
-    progress("refine", 1.0)
-    return State(units, faces.astype(np.int32)), known

@@ -10,28 +10,18 @@ References:
 import itertools
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.manifold import find_folds, find_hinges, find_normals, group_sides
-from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
-from reconstruction.networks.gsrm.support import MAX_VOID, WHOLE_COVER, Support
-
-MAX_HOLE_EDGES = 24
-"""Longer loops are taken for the true rim."""
-MAX_TIP_EDGES = 64
-"""Longer loops are not looked at for tips."""
-_RIM_COSINE = -0.5
-"""A loop round a piece of surface, not a gap in it: its area vector lies so much against the normals beside it."""
-_MAX_FOLDED = 0.3
-"""A patch of which more sides are folded back onto the surface is a second layer of it."""
-_AGAINST = 10.0
-"""Cost of a face that lies against the surface round it; well-shaped faces cost 0.5, slivers 1."""
+from reconstruction.geometry.rows import cross_rows, find_lengths, sum_by_owner, sum_rows
+from reconstruction.networks.gsrm.support import Support
 
 
-def find_loops(faces: np.ndarray, num_units: int) -> list[list[int]]:
-    """Return the boundary loops; a face wound along a loop is wound like its neighbours.
+def find_loops(faces: Int[np.ndarray, "F 3"], num_units: int) -> list[list[int]]:
+    """Return the boundary loops; a face wound along a loop is wound like its neighbors.
 
     Args:
-        faces: `[F, 3]` of an oriented two-manifold: one fan a vertex.
+        faces: unit indices of an oriented two-manifold: one fan a vertex.
         num_units: how many units there are.
     """
     sides = group_sides(faces, num_units)
@@ -50,28 +40,36 @@ def find_loops(faces: np.ndarray, num_units: int) -> list[list[int]]:
 
 
 def patch_holes(
-    units: np.ndarray, faces: np.ndarray, support: Support, max_edges: int = MAX_HOLE_EDGES
-) -> tuple[np.ndarray, np.ndarray]:
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    support: Support,
+    max_edges: int | None = None,
+) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
     """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples.
 
     Args:
-        units: `[U, 3]`.
-        faces: `[F, 3]` of an oriented two-manifold.
-        support: tells whether samples lie on a face.
-        max_edges: longer loops stay open.
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
+        max_edges: longer loops stay open; `TopologyConfig.max_hole_edges` if absent.
 
     Returns:
-        `[F', 3]` an oriented two-manifold with the patches last, and which of the given faces `[D]` stand in
-        the way of loops that could not be closed.
+        An oriented two-manifold with the patches last, and which of the given faces stand in the way of loops
+        that could not be closed.
     """
+    config = support.config
+    max_edges = config.max_hole_edges if max_edges is None else max_edges
     loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
     normals = find_vertex_normals(units, faces)
     loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
     if not loops:
         return faces, np.empty(0, dtype=np.int64)
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
-    costs = _rate_triangles(loops, units, normals)
-    patches = [(loop, _triangulate(loop, cost, neighbors)) for loop, cost in zip(loops, costs, strict=True)]
+    costs = _rate_triangles(loops, units, normals, config.reversed_cost)
+    patches = [
+        (loop, _triangulate(loop, cost, neighbors, config.reversed_cost))
+        for loop, cost in zip(loops, costs, strict=True)
+    ]
     closed = [np.array(patch) for _, patch in patches if patch]
     blocked = [loop for loop, patch in patches if not patch]
     if closed:
@@ -84,66 +82,85 @@ def patch_holes(
     return patched, _find_obstacles(faces, blocked)
 
 
-def close_tips(units: np.ndarray, faces: np.ndarray, support: Support) -> np.ndarray:
+def close_tips(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
+) -> Int[np.ndarray, "G 3"]:
     """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart.
 
     Args:
-        units: `[U, 3]`.
-        faces: `[F, 3]` of an oriented two-manifold.
-        support: tells whether samples lie on a face.
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
 
     Returns:
-        `[F', 3]` an oriented two-manifold with the patches last.
+        An oriented two-manifold with the patches last.
     """
-    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= MAX_TIP_EDGES)
+    config = support.config
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= config.max_tip_edges)
     if not loops:
         return faces
     normals = find_vertex_normals(units, faces)
     normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
-    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > _RIM_COSINE]
+    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > config.rim_cosine]
     neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
     added = []
     for loop in loops:
-        patch = np.array(_triangulate(loop, _rate_triangles([loop], units, normals)[0], neighbors))
-        if len(patch) and support.measure_void(units[patch], WHOLE_COVER).sum() <= MAX_VOID:
-            beside = faces[np.isin(faces, loop).sum(axis=1) >= 2]
-            around = np.concatenate([beside, patch])
-            hinges = find_hinges(around, group_sides(around, len(units)))
-            folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
-            if (folded >= len(beside)).sum() <= _MAX_FOLDED * len(patch):
-                added.append(patch)
+        costs = _rate_triangles([loop], units, normals, config.reversed_cost)[0]
+        patch = np.array(_triangulate(loop, costs, neighbors, config.reversed_cost))
+        if len(patch) == 0:
+            continue
+        void = support.measure_void(units[patch], config.min_patch_cover).sum()
+        if void <= config.max_void and not _is_second_layer(units, faces, loop, patch, config.max_folded):
+            added.append(patch)
     return np.concatenate([faces, *added])
 
 
-def _find_outlook(positions: np.ndarray, normals: np.ndarray) -> float:
-    """Return the cosine between a loop's area vector and the normals beside it, less where these differ."""
+def _is_second_layer(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    loop: list[int],
+    patch: Int[np.ndarray, "P 3"],
+    max_folded: float,
+) -> bool:
+    """Return whether more than a share of a patch's faces is folded back onto the surface next to its loop."""
+    adjacent = faces[np.isin(faces, loop).sum(axis=1) >= 2]
+    around = np.concatenate([adjacent, patch])
+    hinges = find_hinges(around, group_sides(around, len(units)))
+    folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
+    return bool((folded >= len(adjacent)).sum() > max_folded * len(patch))
+
+
+def _find_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
+    """Return the cosine between a loop's area vector and the normals next to it, less where these differ."""
     area = _find_area(positions)
     return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
 
 
-def _is_hole(positions: np.ndarray, normals: np.ndarray) -> bool:
-    """Tell whether a loop `[n, 3]` runs round a gap in the surface and not round a piece of it.
+def _is_hole(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> bool:
+    """Return whether a loop runs around a gap in the surface and not around a piece of it.
 
     The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
     """
     return bool(_find_area(positions) @ normals.sum(axis=0) > 0)
 
 
-def _find_area(positions: np.ndarray) -> np.ndarray:
-    """Return twice the area vector of a loop `[n, 3]`: `[3]`."""
+def _find_area(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
+    """Return twice the area vector of a loop."""
     offset = positions - positions[0]
     return cross_rows(offset[1:-1], offset[2:]).sum(axis=0)
 
 
-def _find_supported(units: np.ndarray, patches: list[np.ndarray], support: Support) -> np.ndarray:
-    """Return which patches lie on samples: `[P]`."""
+def _find_supported(
+    units: Float[np.ndarray, "U 3"], patches: list[np.ndarray], support: Support
+) -> Bool[np.ndarray, " P"]:
+    """Return which patches lie on samples."""
     faces = np.concatenate(patches)
     owner = np.repeat(np.arange(len(patches)), [len(patch) for patch in patches])
-    return np.bincount(owner, support.measure_void(units[faces])) <= MAX_VOID
+    return np.bincount(owner, support.measure_void(units[faces])) <= support.config.max_void
 
 
-def _find_obstacles(faces: np.ndarray, loops: list[list[int]]) -> np.ndarray:
-    """Return the faces `[D]` that join corners of one loop across it; else those round the loop."""
+def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> Int[np.ndarray, " D"]:
+    """Return the faces that join corners of one loop across it; else those around the loop."""
     obstacles = []
     for loop in loops:
         is_near = np.isin(faces, loop)
@@ -162,17 +179,16 @@ def _find_obstacles(faces: np.ndarray, loops: list[list[int]]) -> np.ndarray:
     return np.unique(np.array(obstacles, dtype=np.int64))
 
 
-def find_vertex_normals(units: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return the mean unit normal of the faces round every unit: `[U, 3]`, not normalised."""
-    normals = np.repeat(find_normals(units, faces), 3, axis=0)
-    vertex = faces.ravel()
-    return np.stack([np.bincount(vertex, normals[:, k], minlength=len(units)) for k in range(3)], axis=1)
+def find_vertex_normals(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "U 3"]:
+    """Return the sum of the unit normals of the faces around every unit, not normalized."""
+    return sum_by_owner(faces.ravel(), np.repeat(find_normals(units, faces), 3, axis=0), len(units))
 
 
-def _find_neighbors(faces: np.ndarray, wanted: set[int]) -> dict[int, set[int]]:
-    """Return the neighbours of the wanted vertices."""
-    chosen = np.array(sorted(wanted))
-    near = faces[np.isin(faces, chosen).any(axis=1)]
+def _find_neighbors(faces: Int[np.ndarray, "F 3"], wanted: set[int]) -> dict[int, set[int]]:
+    """Return the neighbors of the wanted vertices."""
+    near = faces[np.isin(faces, np.array(sorted(wanted))).any(axis=1)]
     neighbors: dict[int, set[int]] = {vertex: set() for vertex in wanted}
     for face in near.tolist():
         for vertex in face:
@@ -182,17 +198,18 @@ def _find_neighbors(faces: np.ndarray, wanted: set[int]) -> dict[int, set[int]]:
 
 
 def _triangulate(
-    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]]
+    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]], reversed_cost: float
 ) -> list[tuple[int, int, int]]:
-    """Choose the triangulation of a loop with the best-shaped faces, by dynamic programming.
+    """Find the triangulation of a loop with the best-shaped faces, by dynamic programming.
 
-    No face may use an existing edge as an inner one; faces that lie against the surface round them are
+    No face may use an existing edge as an inner one; faces that lie against the surface around them are
     taken only where nothing else closes the loop, and a loop that needs nothing but those stays open.
 
     Args:
         loop: n vertices.
         costs: `[n, n, n]` of the triangles between its corners.
         neighbors: of every vertex of the loop.
+        reversed_cost: of a face that lies against the surface around it.
 
     Returns:
         The faces, or none where the loop cannot be closed.
@@ -210,7 +227,7 @@ def _triangulate(
                 if best[i, j][0] + best[j, k][0] < np.inf
             ]
             best[i, k] = min(options) if options and is_chord[i][k] else (np.inf, -1)
-    if best[0, size - 1][0] >= _AGAINST * (size - 2):
+    if best[0, size - 1][0] >= reversed_cost * (size - 2):
         return []
     faces, stack = [], [(0, size - 1)]
     while stack:
@@ -222,7 +239,12 @@ def _triangulate(
     return faces
 
 
-def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarray) -> list:
+def _rate_triangles(
+    loops: list[list[int]],
+    units: Float[np.ndarray, "U 3"],
+    normals: Float[np.ndarray, "U 3"],
+    reversed_cost: float,
+) -> list:
     """Return for every loop the cost of the triangles between its n corners, `[n, n, n]`.
 
     A triangle costs the cosine of its smallest angle, and a constant more where it lies against the normals
@@ -230,8 +252,8 @@ def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarr
     """
     rated: list = [None] * len(loops)
     for size in {len(loop) for loop in loops}:
-        chosen = [place for place, loop in enumerate(loops) if len(loop) == size]
-        corners = np.array([loops[place] for place in chosen])
+        places = [place for place, loop in enumerate(loops) if len(loop) == size]
+        corners = np.array([loops[place] for place in places])
         positions, up = units[corners], normals[corners]
         i, j, k = np.array(list(itertools.combinations(range(size), 3))).T
         side, other = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
@@ -241,8 +263,8 @@ def _rate_triangles(loops: list[list[int]], units: np.ndarray, normals: np.ndarr
             2 * np.sqrt(squared[1] * squared[2]), 1e-300
         )
         outlook = sum_rows(cross_rows(side, other) * (up[:, i] + up[:, j] + up[:, k]))
-        costs = np.zeros((len(chosen), size, size, size))
-        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + _AGAINST)
-        for place, cost in zip(chosen, costs.tolist(), strict=True):
+        costs = np.zeros((len(places), size, size, size))
+        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + reversed_cost)
+        for place, cost in zip(places, costs.tolist(), strict=True):
             rated[place] = cost
     return rated

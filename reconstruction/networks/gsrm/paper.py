@@ -10,12 +10,20 @@ References:
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.manifold import make_winding
 from reconstruction.networks.gsrm.paper_mesh import PaperMesh
 from reconstruction.networks.gsrm.paper_patching import patch_mesh
 from reconstruction.progress import Progress
+
+_FAR = 1e9
+"""Where the slots of removed units lie: they win nothing."""
+_SPARE_SLOTS = 64
+"""Slots beyond those for the wanted units; removed units keep theirs."""
+_MAX_INSERTIONS = 4
+"""Insertions for each wanted unit after which growth ends, as units may be removed as fast as they are inserted."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +33,10 @@ class Rates:
     Attributes:
         insertion_period: signals between two new units (lambda).
         winner_rate: how far the winner moves towards the signal (eps_b).
-        neighbor_rate: how far its neighbours move (eps_n).
-        split_decay: factor on the errors of the two units beside a new one (alpha).
+        neighbor_rate: how far its neighbors move (eps_n).
+        split_decay: factor on the errors of the two units that a new one comes between (alpha).
         error_decay: factor on all errors at every signal (beta).
-        max_age: an edge that has not been confirmed goes after so many signals of its units (age_max).
+        max_age: an edge is removed after this many signals of its units that did not confirm it (age_max).
     """
 
     insertion_period: int = 200
@@ -43,29 +51,29 @@ class PaperMap:
     """A map that learns signal by signal.
 
     Attributes:
-        mesh: units, edges and faces; units without edges are gone.
-        positions: `[C, 3]` reference vectors; gone ones lie far away.
-        errors: `[C]` accumulated squared distances, below zero where gone.
+        mesh: units, edges and faces; units without edges have been removed.
+        positions: `[C, 3]` reference vectors; removed ones lie far away.
+        errors: `[C]` accumulated squared distances, below zero where removed.
         num_alive: how many units there are.
     """
 
-    def __init__(self, start: np.ndarray, capacity: int, rates: Rates) -> None:
-        """Begin with a few units without edges.
+    def __init__(self, start: Float[np.ndarray, "S 3"], capacity: int, rates: Rates) -> None:
+        """Start with a few units without edges.
 
         Args:
-            start: `[3, 3]` the first reference vectors.
+            start: the first reference vectors.
             capacity: units for which there is room at first.
             rates: the constants.
         """
         self.rates = rates
         self.mesh = PaperMesh()
-        self.positions = np.full((capacity, 3), 1e9)
+        self.positions = np.full((capacity, 3), _FAR)
         self.errors = np.full(capacity, -1.0)
         self.num_alive = 0
         for position in start:
             self._add_unit(position, 0.0)
 
-    def learn(self, signal: np.ndarray) -> None:
+    def learn(self, signal: Float[np.ndarray, " 3"]) -> None:
         """Adapt to one signal (steps 2 to 6): join the winners, move, age."""
         num_slots = len(self.mesh.neighbors)
         offset = self.positions[:num_slots] - signal
@@ -82,7 +90,7 @@ class PaperMap:
         self._age_edges(winner)
 
     def insert_unit(self) -> None:
-        """Put a unit between the one of largest error and its worst neighbour (step 7)."""
+        """Put a unit between the one of largest error and its worst neighbor (step 7)."""
         worst = int(self.errors.argmax())
         around = list(self.mesh.neighbors[worst])
         if not around:
@@ -95,17 +103,17 @@ class PaperMap:
         self.mesh.add_edge(worst, unit)
         self.mesh.add_edge(neighbor, unit)
 
-    def _add_unit(self, position: np.ndarray, error: float) -> int:
+    def _add_unit(self, position: Float[np.ndarray, " 3"], error: float) -> int:
         unit = self.mesh.add_unit()
         if unit == len(self.positions):
-            self.positions = np.concatenate([self.positions, np.full_like(self.positions, 1e9)])
+            self.positions = np.concatenate([self.positions, np.full_like(self.positions, _FAR)])
             self.errors = np.concatenate([self.errors, np.full_like(self.errors, -1.0)])
         self.positions[unit], self.errors[unit] = position, error
         self.num_alive += 1
         return unit
 
     def _age_edges(self, winner: int) -> None:
-        """Make the winner's edges older; those too old go, and units that lose their last."""
+        """Age the winner's edges; remove those too old, and units that lose their last."""
         ages = self.mesh.neighbors[winner]
         for neighbor in list(ages):
             ages[neighbor] += 1
@@ -118,15 +126,15 @@ class PaperMap:
             self._remove_unit(winner)
 
     def _remove_unit(self, unit: int) -> None:
-        self.positions[unit], self.errors[unit] = 1e9, -1.0
+        self.positions[unit], self.errors[unit] = _FAR, -1.0
         self.num_alive -= 1
 
 
-def join_winners(mesh: PaperMesh, positions: np.ndarray, first: int, second: int) -> None:
+def join_winners(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], first: int, second: int) -> None:
     """Confirm or draw the edge between two winners (steps 3 and 4), with its faces.
 
-    An edge that a common neighbour sees at more than 90 degrees (within the ball of Thales) goes. A new edge
-    takes the place of those between common neighbours, and gets faces with the first two of these.
+    An edge that a common neighbor sees at more than 90 degrees (within the ball of Thales) is removed. A new edge
+    replaces those between common neighbors, and gets faces with the first two of these.
     """
     common = mesh.find_common(first, second)
     if mesh.has_edge(first, second):
@@ -146,24 +154,24 @@ def join_winners(mesh: PaperMesh, positions: np.ndarray, first: int, second: int
 
 
 def train(
-    points: np.ndarray, num_units: int, rng: np.random.Generator, progress: Progress
-) -> tuple[np.ndarray, np.ndarray]:
-    """Grow a map by the literal rules, learn its topology once more, patch it.
+    points: Float[np.ndarray, "N 3"], num_units: int, rng: np.random.Generator, progress: Progress
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+    """Grow a map by the literal rules, learn its topology again, patch it.
 
     Args:
-        points: `[N, 3]`.
+        points: of unit scale.
         num_units: units wanted.
         rng: shuffles the signals.
-        progress: told how far it is.
+        progress: receives how far the work is.
 
     Returns:
-        Units `[U, 3]` that have a face, and faces `[F, 3]`: no edge has more than two, vertices may be
-        pinched; wound alike as far as that is possible.
+        Units that have a face, and faces: no edge has more than two, vertices may be pinched; consistently wound
+        as far as that is possible.
     """
     rates = Rates()
     order = rng.permutation(len(points))
-    network, place = PaperMap(points[order[:3]], num_units + 64, rates), 3
-    for _ in range(4 * num_units):
+    network, place = PaperMap(points[order[:3]], num_units + _SPARE_SLOTS, rates), 3
+    for _ in range(_MAX_INSERTIONS * num_units):
         for _ in range(rates.insertion_period):
             if place == len(points):
                 order, place = rng.permutation(len(points)), 0

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from jaxtyping import Int
 
 Edge = tuple[int, int]
 
@@ -16,13 +17,13 @@ class PaperMesh:
     """The graph of a map.
 
     Attributes:
-        neighbors: for every unit its neighbours, and the age of the edge to each.
+        neighbors: for every unit its neighbors, and the age of the edge to each.
         apexes: for every edge the third corners of its faces, at most two.
         first_end: for every edge the unit that it was drawn from.
     """
 
     def __init__(self) -> None:
-        """Start empty."""
+        """Create a graph without units."""
         self.neighbors: list[dict[int, int]] = []
         self.apexes: dict[Edge, list[int]] = {}
         self.first_end: dict[Edge, int] = {}
@@ -33,20 +34,20 @@ class PaperMesh:
         return len(self.neighbors) - 1
 
     def add_edge(self, a: int, b: int) -> None:
-        """Join two units that are not joined yet."""
+        """Join two units by an edge; they must not have one."""
         self.neighbors[a][b] = self.neighbors[b][a] = 0
         self.apexes[edge_of(a, b)] = []
         self.first_end[edge_of(a, b)] = a
 
     def remove_edge(self, a: int, b: int) -> None:
-        """Part two units; the edge's faces go with it."""
+        """Remove the edge between two units, with its faces."""
         for apex in list(self.apexes[edge_of(a, b)]):
             self.remove_face(a, b, apex)
         del self.neighbors[a][b], self.neighbors[b][a]
         del self.apexes[edge_of(a, b)], self.first_end[edge_of(a, b)]
 
     def has_edge(self, a: int, b: int) -> bool:
-        """Tell whether two units are joined."""
+        """Return whether two units are joined."""
         return b in self.neighbors[a]
 
     def count_faces(self, a: int, b: int) -> int:
@@ -54,7 +55,7 @@ class PaperMesh:
         return len(self.apexes[edge_of(a, b)])
 
     def add_face(self, a: int, b: int, c: int) -> bool:
-        """Add a face between three joined units, unless it is there or an edge is full; tell whether."""
+        """Add a face between three joined units, unless it exists or an edge is full; return whether it was added."""
         sides = ((a, b, c), (b, c, a), (c, a, b))
         if c in self.apexes[edge_of(a, b)] or any(self.count_faces(u, v) == 2 for u, v, _ in sides):
             return False
@@ -68,7 +69,7 @@ class PaperMesh:
             self.apexes[edge_of(u, v)].remove(apex)
 
     def find_common(self, a: int, b: int) -> list[int]:
-        """Return the common neighbours of two units, oldest first."""
+        """Return the common neighbors of two units, oldest first."""
         other = self.neighbors[b]
         return [unit for unit in self.neighbors[a] if unit in other]
 
@@ -79,6 +80,6 @@ class PaperMesh:
                 if c > b:
                     yield a, b, c
 
-    def gather_faces(self) -> np.ndarray:
-        """Return the faces `[F, 3]`, not wound alike."""
+    def gather_faces(self) -> Int[np.ndarray, "F 3"]:
+        """Return the faces, not consistently wound."""
         return np.array(list(self.walk_faces()), dtype=np.int64).reshape(-1, 3)

@@ -6,20 +6,24 @@ References:
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.networks.gsrm.paper_mesh import PaperMesh
 
 MIN_DIHEDRAL = np.deg2rad(45)
+"""Two faces at an edge that enclose less [rad] are incorrect."""
 MAX_ANGLE = np.deg2rad(135)
+"""A face with a larger angle [rad] is incorrect."""
 MERGE_ANGLE = np.deg2rad(162)
+"""Two edges that meet at a larger angle [rad] are nearly straight. All three are those of the program."""
 
 
-def patch_mesh(mesh: PaperMesh, positions: np.ndarray) -> None:
+def patch_mesh(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
     """Clean and close a mesh, in place.
 
     Args:
-        mesh: what growth and topology learning have left.
-        positions: `[C, 3]` of the units.
+        mesh: the result of growth and topology learning.
+        positions: of the units.
     """
     drop_incorrect_faces(mesh, positions)
     drop_incorrect_edges(mesh)
@@ -33,7 +37,7 @@ def patch_mesh(mesh: PaperMesh, positions: np.ndarray) -> None:
     close_triangles(mesh)
 
 
-def drop_incorrect_faces(mesh: PaperMesh, positions: np.ndarray) -> None:
+def drop_incorrect_faces(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
     """Drop faces with an angle that is too large, and one of two that enclose too small an angle."""
     for a, b, c in list(mesh.walk_faces()):
         if not has_fair_angles(positions, a, b, c):
@@ -45,36 +49,46 @@ def drop_incorrect_faces(mesh: PaperMesh, positions: np.ndarray) -> None:
 
 def drop_incorrect_edges(mesh: PaperMesh) -> None:
     """Drop edges that end in nothing, or at whose first end no second edge is left to make a face with."""
-    has_changed = True
-    while has_changed:
-        has_changed = False
-        for edge in list(mesh.apexes):
-            a, b = edge
-            is_dangling = min(len(mesh.neighbors[a]), len(mesh.neighbors[b])) == 1
-            if is_dangling or _count_open(mesh, mesh.first_end[edge]) == 1:
-                mesh.remove_edge(a, b)
-                has_changed = True
+    while _drop_edges_once(mesh):
+        pass
 
 
-def merge_edges(mesh: PaperMesh, positions: np.ndarray) -> None:
-    """Make one of two edges without faces that meet, alone and nearly straight, in one unit."""
-    has_changed = True
-    while has_changed:
-        has_changed = False
-        for unit, around in enumerate(mesh.neighbors):
-            if len(around) != 2:
-                continue
-            a, b = around
-            if mesh.count_faces(a, unit) or mesh.count_faces(b, unit) or mesh.has_edge(a, b):
-                continue
-            if _find_angle(positions[a] - positions[unit], positions[b] - positions[unit]) > MERGE_ANGLE:
-                mesh.remove_edge(a, unit)
-                mesh.remove_edge(b, unit)
-                mesh.add_edge(a, b)
-                has_changed = True
+def _drop_edges_once(mesh: PaperMesh) -> bool:
+    """Drop the incorrect edges there are; return whether there were any."""
+    has_changed = False
+    for edge in list(mesh.apexes):
+        a, b = edge
+        is_dangling = min(len(mesh.neighbors[a]), len(mesh.neighbors[b])) == 1
+        if is_dangling or _count_open(mesh, mesh.first_end[edge]) == 1:
+            mesh.remove_edge(a, b)
+            has_changed = True
+    return has_changed
 
 
-def close_surface(mesh: PaperMesh, positions: np.ndarray) -> None:
+def merge_edges(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
+    """Merge two edges without faces that meet, alone and nearly straight, in one unit."""
+    while _merge_once(mesh, positions):
+        pass
+
+
+def _merge_once(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> bool:
+    """Merge the edges that can be; return whether there were any."""
+    has_changed = False
+    for unit, around in enumerate(mesh.neighbors):
+        if len(around) != 2:
+            continue
+        a, b = around
+        if mesh.count_faces(a, unit) or mesh.count_faces(b, unit) or mesh.has_edge(a, b):
+            continue
+        if _find_angle(positions[a] - positions[unit], positions[b] - positions[unit]) > MERGE_ANGLE:
+            mesh.remove_edge(a, unit)
+            mesh.remove_edge(b, unit)
+            mesh.add_edge(a, b)
+            has_changed = True
+    return has_changed
+
+
+def close_surface(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
     """Put faces on border edges until no more fit."""
     has_changed = True
     while has_changed:
@@ -87,7 +101,7 @@ def close_surface(mesh: PaperMesh, positions: np.ndarray) -> None:
 
 
 def drop_lonely(mesh: PaperMesh) -> None:
-    """Drop faces without a neighbour, then edges without a face."""
+    """Drop faces without a neighbor, then edges without a face."""
     for a, b, c in list(mesh.walk_faces()):
         if all(mesh.count_faces(u, v) == 1 for u, v in ((a, b), (b, c), (c, a))):
             mesh.remove_face(a, b, c)
@@ -105,15 +119,15 @@ def close_triangles(mesh: PaperMesh) -> None:
                 break
 
 
-def has_fair_angles(positions: np.ndarray, a: int, b: int, c: int) -> bool:
-    """Tell whether no angle of a face is too large."""
+def has_fair_angles(positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int) -> bool:
+    """Return whether no angle of a face is too large."""
     return all(
         _find_angle(positions[v] - positions[u], positions[w] - positions[u]) <= MAX_ANGLE
         for u, v, w in ((a, b, c), (b, c, a), (c, a, b))
     )
 
 
-def find_dihedral(positions: np.ndarray, a: int, b: int, c: int, d: int) -> float:
+def find_dihedral(positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int, d: int) -> float:
     """Return the angle [rad] between the faces a b c and a b d at their common edge; pi where flat."""
     along = positions[b] - positions[a]
     along = along / max(float(np.linalg.norm(along)), 1e-300)
@@ -121,8 +135,8 @@ def find_dihedral(positions: np.ndarray, a: int, b: int, c: int, d: int) -> floa
     return _find_angle(left - (left @ along) * along, right - (right @ along) * along)
 
 
-def _close_triangle(mesh: PaperMesh, positions: np.ndarray, a: int, b: int) -> bool:
-    """Put a second face on a border edge, with a common neighbour whose edges have room; tell whether."""
+def _close_triangle(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], a: int, b: int) -> bool:
+    """Put a second face on a border edge, with a common neighbor whose edges have room; return whether."""
     apex = mesh.apexes[(a, b)][0]
     for unit in mesh.find_common(a, b):
         if (
@@ -136,8 +150,8 @@ def _close_triangle(mesh: PaperMesh, positions: np.ndarray, a: int, b: int) -> b
     return False
 
 
-def _close_corner(mesh: PaperMesh, positions: np.ndarray, a: int, b: int) -> bool:
-    """Put a face between a border edge and the only other one at an end of it; tell whether."""
+def _close_corner(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], a: int, b: int) -> bool:
+    """Put a face between a border edge and the only other one at an end of it; return whether."""
     beyond_a, beyond_b = _find_next(mesh, a, b), _find_next(mesh, b, a)
     if beyond_a is None and beyond_b is None:
         return False
@@ -183,14 +197,16 @@ def _count_open(mesh: PaperMesh, unit: int) -> int:
     return sum(mesh.count_faces(unit, neighbor) < 2 for neighbor in mesh.neighbors[unit])
 
 
-def _rank_face(mesh: PaperMesh, positions: np.ndarray, a: int, b: int, c: int) -> tuple[int, float]:
-    """Return how well a face is embedded: neighbours, then area."""
+def _rank_face(
+    mesh: PaperMesh, positions: Float[np.ndarray, "C 3"], a: int, b: int, c: int
+) -> tuple[int, float]:
+    """Return how well a face is embedded: neighbors, then area."""
     shared = sum(mesh.count_faces(u, v) == 2 for u, v in ((a, b), (b, c), (c, a)))
     side, other = positions[b] - positions[a], positions[c] - positions[a]
     return shared, float(np.linalg.norm(np.cross(side, other)))
 
 
-def _find_angle(first: np.ndarray, second: np.ndarray) -> float:
+def _find_angle(first: Float[np.ndarray, " 3"], second: Float[np.ndarray, " 3"]) -> float:
     """Return the angle between two vectors [rad]."""
     length = float(np.sqrt((first @ first) * (second @ second)))
     return float(np.arccos(np.clip((first @ second) / max(length, 1e-300), -1, 1)))

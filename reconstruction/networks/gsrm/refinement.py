@@ -1,102 +1,123 @@
-"""Let a grown map learn on: what new readings contradict moves, grows or goes, the rest stays put.
+"""How a trained map learns from new readings: what they contradict moves, grows or is removed.
 
-Where readings have shifted by less than an edge, the units go along and keep their faces (`map_motion`). Where more
-has changed, the contradicted units are grown anew between the others, which stand still (`map_regrowth`). So the
-cost is that of the change, and what did not change stays bit for bit.
+Where readings have shifted by less than an edge, the units follow and keep their faces (`motion`). Where more
+has changed, the contradicted units are grown again between the others, which do not move (`regrowth`).
 """
 
-import numpy as np
-from scipy.spatial import cKDTree
+from dataclasses import dataclass
+from functools import cached_property
 
-from reconstruction.geometry.boxes import find_near_box
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
 from reconstruction.geometry.manifold import group_sides
 from reconstruction.geometry.rows import any_corner, find_lengths, sum_rows
-from reconstruction.networks.change.detection import STRONG, STRONG_RINGS, Evidence, weigh_evidence
+from reconstruction.networks.change.detection import Change, ChangeConfig
+from reconstruction.networks.change.neighborhoods import widen
+from reconstruction.networks.change.refinement import Samples, Selection
+from reconstruction.networks.gsrm.gsrm import GSRMConfig, State
 from reconstruction.networks.gsrm.hole_patching import find_vertex_normals
 from reconstruction.networks.gsrm.motion import find_movable, move_units
-from reconstruction.networks.gsrm.regrowth import regrow, widen
+from reconstruction.networks.gsrm.regrowth import fit_new, regrow
 from reconstruction.networks.surface_fit import mean_edge_length
 from reconstruction.surfaces.unfolding import unfold_faces
 
-MARGIN = 1.5
-"""Readings nearer to a contradicted unit than this, in mean edges, take part."""
-UNIT_AREA = 0.7
-"""Surface that a unit stands for, in squared mean edges."""
-READINGS_PER_UNIT = 40
-"""So many new readings for each unit suffice."""
-STEEPNESS = 0.5
-"""Readings beyond the rim that rise by less than this (sine against the surface) extend it."""
-FEWEST_CONFIRMATIONS = 4.0
-"""Readings a unit wins on average, for their absence to mean something."""
 
+@dataclass(frozen=True)
+class Learner:
+    """A trained map that learns from new readings; see `reconstruction.networks.change.refinement.Learner`.
 
-def refine_map(
-    units: np.ndarray,
-    faces: np.ndarray,
-    old_points: np.ndarray,
-    new_points: np.ndarray,
-    is_fitted: bool,
-    rng: np.random.Generator,
-    origins: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return units, faces and points after new readings.
-
-    Args:
-        units: `[U, 3]` [m], each with a face.
-        faces: `[F, 3]`.
-        old_points: `[N, 3]` what the map has learnt from.
-        new_points: `[M, 3]` what was read since.
-        is_fitted: whether new units are fitted to the points.
-        rng: draws where new units start.
-        origins: `[M, 3]` where the new readings were made from, if that is known.
+    Attributes:
+        state: the map.
+        config: as it was grown with.
     """
-    faces = faces.astype(np.int64)
-    edge = mean_edge_length(units, faces)
-    evidence = weigh_evidence(units, faces, old_points, new_points, edge, origins)
-    distant = evidence.distance > evidence.tolerance
-    readings = new_points[evidence.compared]
-    is_doubtful = _find_doubtful(faces, evidence)
-    if not is_doubtful.any():
-        return units, faces, np.concatenate([old_points, new_points])
-    is_refuted = is_doubtful & ~_find_extended(units, faces, evidence.winners[distant], readings[distant])
-    about = find_near_box(old_points, units[is_doubtful], MARGIN * edge)
-    against = readings[distant & is_doubtful[evidence.winners]]
-    news = find_near_box(new_points, np.concatenate([units[is_doubtful], against]), MARGIN * edge)
-    per_unit = evidence.density * UNIT_AREA * edge**2
-    news = news[:: max(1, int(per_unit / READINGS_PER_UNIT))]
-    samples = np.concatenate([old_points[about], new_points[news]])
-    winners = np.asarray(cKDTree(units).query(samples)[1])
-    is_stale = is_refuted[winners]
-    is_stale[len(about) :] = False
-    is_near = widen(faces, is_doubtful, 1)[winners] & ~is_stale
-    is_beside = is_near[: len(about)]
-    samples, winners = samples[is_near], winners[is_near]
-    is_changed = find_movable(faces, is_doubtful, evidence, edge)
-    if is_changed.any():
-        units, faces, is_changed = move_units(units, faces, is_changed, samples[is_changed[winners]], edge)
-    is_open = is_doubtful & ~is_changed
-    if is_open.any():
-        is_out = is_refuted & is_open
-        is_part = widen(faces, is_open, 1)[winners]
-        units, faces, num_kept = regrow(
-            units, faces, is_out, samples[is_part], is_open[winners[is_part]], edge, is_fitted, rng
+
+    state: State
+    config: GSRMConfig
+
+    @property
+    def vertices(self) -> Float[np.ndarray, "V 3"]:
+        """Positions of the units [m]."""
+        return self.state.units
+
+    @property
+    def change(self) -> ChangeConfig:
+        """When new readings contradict the map."""
+        return self.config.change
+
+    @cached_property
+    def faces(self) -> Int[np.ndarray, "F 3"]:
+        """Unit indices."""
+        return self.state.faces.astype(np.int64)
+
+    @cached_property
+    def spacing(self) -> float:
+        """Mean edge length of the map [m]."""
+        return mean_edge_length(self.vertices, self.faces)
+
+    def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> Selection | None:
+        """Return the units that have moved or are gone; None where there are none."""
+        faces, config = self.faces, self.config.refinement
+        is_active = _find_changed(faces, change, self.change.strong_rings, config.min_confirmations)
+        if not is_active.any():
+            return None
+        is_extended = _find_extended(
+            self.vertices,
+            faces,
+            change.winners[change.disagrees],
+            readings[change.disagrees],
+            config.max_extension_rise,
         )
-        is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
-    is_stale[: len(about)][is_beside] = _find_left(
-        units, faces, is_changed, old_points[about[is_beside]], STRONG * evidence.tolerance
-    )
-    is_true = np.ones(len(old_points), dtype=bool)
-    is_true[about[is_stale[: len(about)]]] = False
-    points = np.concatenate([old_points.take(np.flatnonzero(is_true), axis=0), new_points])
-    used, flat = np.unique(faces, return_inverse=True)
-    faces = flat.reshape(-1, 3)
-    return unfold_faces(units[used], faces), faces, points
+        per_unit = change.density * config.unit_area * self.spacing**2
+        return Selection(
+            is_active=is_active,
+            is_searched=is_active,
+            is_near=widen(faces, is_active, 1),
+            is_refuted=is_active & ~is_extended,
+            is_doubtful=np.zeros_like(is_active),
+            margin=config.sample_margin * self.spacing,
+            stride=max(1, int(per_unit / config.readings_per_unit)),
+        )
+
+    def learn(
+        self, change: Change, selection: Selection, samples: Samples, rng: np.random.Generator
+    ) -> tuple[State, Bool[np.ndarray, " O"]]:
+        """Move the units whose readings are near, grow the others again."""
+        units, faces, edge = self.vertices, self.faces, self.spacing
+        points, winners, config = samples.points, samples.winners, self.config.refinement
+        fit = self.config.surface_fit, config.fit_rounds
+        is_changed = find_movable(
+            faces, selection.is_active, change, edge, config.motion, self.change.min_readings
+        )
+        if is_changed.any():
+            own = points[is_changed[winners]]
+            units, faces, is_changed = move_units(units, faces, is_changed, own, edge, config.motion, *fit)
+        is_open = selection.is_active & ~is_changed
+        if is_open.any():
+            is_out = selection.is_refuted & is_open
+            is_part = widen(faces, is_open, 1)[winners]
+            own, is_uncovered = points[is_part], is_open[winners[is_part]]
+            units, faces, num_kept = regrow(
+                units, faces, is_out, own, is_uncovered, edge, config.regrowth, self.config.topology, rng
+            )
+            if self.config.fit:
+                units, faces = fit_new(units, faces, num_kept, own, *fit)
+            is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
+        tolerance = self.change.strong_ratio * change.tolerance
+        has_left = _find_left(units, faces, is_changed, points[: len(samples.old)], tolerance)
+        used, flat = np.unique(faces, return_inverse=True)
+        faces = flat.reshape(-1, 3)
+        return State(unfold_faces(units[used], faces), faces.astype(np.int32)), has_left
 
 
 def _find_left(
-    units: np.ndarray, faces: np.ndarray, is_changed: np.ndarray, points: np.ndarray, tolerance: float
-) -> np.ndarray:
-    """Return which points `[P]` beside the changed units the surface has left: they are no longer true."""
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_changed: Bool[np.ndarray, " U"],
+    points: Float[np.ndarray, "P 3"],
+    tolerance: float,
+) -> Bool[np.ndarray, " P"]:
+    """Return which points near the changed units the surface has left."""
     import igl
 
     about = np.ascontiguousarray(faces[any_corner(widen(faces, is_changed, 2), faces)])
@@ -108,26 +129,31 @@ def _find_left(
     return squared > tolerance**2
 
 
-def _find_doubtful(faces: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """Return the units that have moved or are gone: `[U]`."""
-    is_gone = evidence.is_gone
-    is_moved = evidence.is_moved & widen(faces, evidence.is_strong, STRONG_RINGS)
+def _find_changed(
+    faces: Int[np.ndarray, "F 3"], change: Change, strong_rings: int, min_confirmations: float
+) -> Bool[np.ndarray, " U"]:
+    """Return the units that have moved or are gone."""
+    is_gone = change.is_gone
+    is_moved = change.is_moved & widen(faces, change.is_strong, strong_rings)
     if is_gone.any():
-        agreeing = evidence.winners[evidence.distance <= evidence.tolerance]
-        confirmations = np.bincount(agreeing, minlength=len(is_gone))
-        is_gone = _spread_gone(faces, is_gone, confirmations, evidence.is_read)
+        confirmations = np.bincount(change.winners[~change.disagrees], minlength=len(is_gone))
+        is_gone = _spread_gone(faces, is_gone, confirmations, change.is_read, min_confirmations)
     return is_moved | is_gone
 
 
 def _spread_gone(
-    faces: np.ndarray, is_gone: np.ndarray, confirmations: np.ndarray, is_read: np.ndarray
-) -> np.ndarray:
-    """Return the gone units with those beside them that new readings pass close by but never confirm: `[U]`.
+    faces: Int[np.ndarray, "F 3"],
+    is_gone: Bool[np.ndarray, " U"],
+    confirmations: Int[np.ndarray, " U"],
+    is_read: Bool[np.ndarray, " U"],
+    min_confirmations: float,
+) -> Bool[np.ndarray, " U"]:
+    """Return the gone units with those next to them that new readings pass close by but never confirm.
 
     Where readings are so few that a unit may miss its own by chance, nothing is added.
     """
     has_any = confirmations > 0
-    if not has_any.any() or confirmations[has_any].mean() < FEWEST_CONFIRMATIONS:
+    if not has_any.any() or confirmations[has_any].mean() < min_confirmations:
         return is_gone
     unconfirmed = is_read & ~has_any
     while True:
@@ -138,9 +164,21 @@ def _spread_gone(
 
 
 def _find_extended(
-    units: np.ndarray, faces: np.ndarray, winner: np.ndarray, distant: np.ndarray
-) -> np.ndarray:
-    """Return the units `[U]` at the rim beyond which the surface goes on: old readings stay true there."""
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    winner: Int[np.ndarray, " D"],
+    distant: Float[np.ndarray, "D 3"],
+    max_rise: float,
+) -> Bool[np.ndarray, " U"]:
+    """Return the units at the rim beyond which the surface continues: old readings stay true there.
+
+    Args:
+        units: positions [m].
+        faces: unit indices.
+        winner: the unit nearest to each reading.
+        distant: readings that disagree with the map [m].
+        max_rise: see `GSRMRefinementConfig.max_extension_rise`.
+    """
     if len(distant) == 0:
         return np.zeros(len(units), dtype=bool)
     sides = group_sides(faces, len(units))
@@ -152,5 +190,5 @@ def _find_extended(
     offset = distant - units[winner]
     rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(find_lengths(offset), 1e-300)
     count = np.bincount(winner, minlength=len(units))
-    flat = np.bincount(winner, rise < STEEPNESS, minlength=len(units))
+    flat = np.bincount(winner, rise < max_rise, minlength=len(units))
     return is_rim & (flat > count / 2)

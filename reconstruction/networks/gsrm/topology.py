@@ -1,8 +1,8 @@
 """Topology learning: from the winners of all samples to edges, faces and a two-manifold.
 
-Every sample is a witness that its nearest units are neighbours (competitive Hebbian learning, extended to the
-third winner). Three units that are neighbours of one another are a face if the ball round them holds no other
-neighbour, as in a Delaunay triangulation restricted to the surface.
+Every sample is a witness that its nearest units are neighbors (competitive Hebbian learning, extended to the
+third winner). Three units that are neighbors of one another are a face if the ball around them contains no other
+neighbor, as in a Delaunay triangulation restricted to the surface.
 
 References:
     Martinetz and Schulten (1994), Topology representing networks.
@@ -11,31 +11,31 @@ References:
 """
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.manifold import group_sides, is_in_sorted, make_manifold
 from reconstruction.geometry.orientation import find_components
 from reconstruction.geometry.rows import find_lengths, sum_rows
 from reconstruction.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction.networks.gsrm.support import MAX_VOID, NUM_NEIGHBORS, Support, find_sparse
+from reconstruction.networks.gsrm.support import Support, find_sparse
+from reconstruction.networks.gsrm.topology_config import TopologyConfig
 
-MIN_COMPONENT_FACES = 6
-DEBRIS_RATIO = 50
-"""Components of fewer faces are debris beside one so many times as large."""
-MAX_REPAIRS = 6
-"""How often faces round a hole that cannot be closed are taken away to close a larger one."""
-RIM_NEIGHBORS = 24
-"""So many of the nearest units of one at a rim may be joined to it."""
 _EMPTINESS_SLACK = 1e-5
+"""Share of the squared radius by which float32 may misplace a neighbor on the ball."""
+_FLATNESS = 1e-10
+"""A face whose squared area is a smaller share of its squared sides has no circumscribed circle in float64."""
 
 
-def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.ndarray:
-    """Return the faces `[F, 3]` of an oriented two-manifold between the units.
+def learn_faces(
+    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+) -> Int[np.ndarray, "F 3"]:
+    """Return the faces of an oriented two-manifold between the units.
 
     Args:
-        units: `[U, 3]`, at least three.
-        winners: `[N, 3]` the three units nearest to each sample.
-        support: tells whether samples lie on a face; holes elsewhere stay open.
+        units: positions, at least three.
+        winners: the three units nearest to each sample.
+        support: whether samples lie on a face; holes elsewhere stay open.
     """
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
@@ -43,34 +43,39 @@ def learn_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> np.
     return join_rims(units, faces, support) if support.is_uneven and len(faces) else faces
 
 
-def propose_faces(units: np.ndarray, winners: np.ndarray, support: Support) -> tuple[np.ndarray, np.ndarray]:
-    """Return the faces that the samples witness, `[F, 3]`, and how empty their balls are, `[F]`.
+def propose_faces(
+    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    """Return the faces that the samples witness, and how empty their balls are.
 
     Arguments as of `learn_faces`. The faces are not a manifold yet.
     """
     triples = find_triples(winners, len(units))
-    sparse = find_sparse(winners[:, 0], len(units))
+    sparse = find_sparse(winners[:, 0], len(units), support.config.few_samples)
+    num_neighbors = support.config.num_neighbors
     if len(sparse):
-        triples = _witness_midpoints(units, triples, sparse, support)
+        triples = _witness_midpoints(units, triples, sparse, support, num_neighbors)
     faces, margin = _propose(units, triples, support)
     if support.is_uneven:
         # Between scan lines farther apart than the units on them no sample sees both sides.
-        faces, margin = _propose(
-            units, _witness_midpoints(units, triples, find_border(faces, len(units)), support), support
-        )
+        border = find_border(faces, len(units))
+        triples = _witness_midpoints(units, triples, border, support, num_neighbors)
+        faces, margin = _propose(units, triples, support)
     return faces, margin
 
 
-def join_rims(units: np.ndarray, faces: np.ndarray, support: Support) -> np.ndarray:
+def join_rims(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
+) -> Int[np.ndarray, "G 3"]:
     """Return the faces and those that close gaps between their components, where samples lie in these.
 
     Where scan lines are far apart, the units at a rim are not the nearest to one another. Faces between two
     rims of one component are left out: they make handles.
 
     Args:
-        units: `[U, 3]`.
-        faces: `[F, 3]` of an oriented two-manifold.
-        support: tells whether samples lie on a face.
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
     """
     num_units = len(units)
     part = np.arange(num_units)
@@ -79,19 +84,21 @@ def join_rims(units: np.ndarray, faces: np.ndarray, support: Support) -> np.ndar
         return faces
     border = find_border(faces, num_units)
     known = _sorted_unique(_key(faces[np.isin(faces, border).any(axis=1)].astype(np.int64), num_units))
-    triples = _witness_midpoints(units, known, border, support, RIM_NEIGHBORS)
+    triples = _witness_midpoints(units, known, border, support, support.config.rim_neighbors)
     proposed, margin = _propose(units, triples, support)
     is_new = np.ptp(part[proposed], axis=1) > 0
-    is_new &= ~_lies_on_full(proposed, faces, num_units)
-    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= MAX_VOID
+    is_new &= ~lies_on_full(proposed, faces, num_units)
+    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= support.config.max_void
     if not is_new.any():
         return faces
     quality = np.concatenate([np.full(len(faces), np.inf), margin[is_new]])
     return finish_faces(units, np.concatenate([faces, proposed[is_new]]), quality, support)
 
 
-def _lies_on_full(proposed: np.ndarray, faces: np.ndarray, num_units: int) -> np.ndarray:
-    """Return which proposed faces have a side that lies between two faces already: `[P]`."""
+def lies_on_full(
+    proposed: Int[np.ndarray, "P 3"], faces: Int[np.ndarray, "F 3"], num_units: int
+) -> Bool[np.ndarray, " P"]:
+    """Return which proposed faces have a side that lies between two faces already."""
     sides = group_sides(faces, num_units)
     slots = sides.slots[sides.starts[sides.counts == 2]]
     tail, head = faces.ravel()[slots].astype(np.int64), faces[slots // 3, (slots % 3 + 1) % 3]
@@ -102,31 +109,33 @@ def _lies_on_full(proposed: np.ndarray, faces: np.ndarray, num_units: int) -> np
 
 
 def _witness_midpoints(
-    units: np.ndarray,
-    triples: np.ndarray,
-    chosen: np.ndarray,
+    units: Float[np.ndarray, "U 3"],
+    triples: Int[np.ndarray, " K"],
+    selected: Int[np.ndarray, " C"],
     support: Support,
-    num_neighbors: int = NUM_NEIGHBORS,
-) -> np.ndarray:
-    """Return the keys with those that places between the chosen units and their neighbours witness as well."""
-    midpoints = find_midpoints(units, chosen, num_neighbors)
+    num_neighbors: int,
+) -> Int[np.ndarray, " L"]:
+    """Return the keys with those that places between the selected units and their neighbors witness as well."""
+    midpoints = find_midpoints(units, selected, num_neighbors)
     added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
     return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
 
 
-def _propose(units: np.ndarray, triples: np.ndarray, support: Support) -> tuple[np.ndarray, np.ndarray]:
+def _propose(
+    units: Float[np.ndarray, "U 3"], triples: Int[np.ndarray, " K"], support: Support
+) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
     """Return the faces of witnessed edges that are empty and lie on samples, and their margins."""
     edges, cliques = find_cliques(triples, len(units))
     empty, margin = find_empty(units, cliques, edges)
     faces = cliques[empty]
     is_doubtful = ~is_in_sorted(_key(faces, len(units)), triples)
     is_kept = ~is_doubtful
-    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= MAX_VOID
+    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= support.config.max_void
     return faces[is_kept], margin[is_kept]
 
 
-def find_border(faces: np.ndarray, num_units: int) -> np.ndarray:
-    """Return the units `[B]` at the end of an edge with one face, and those without a face."""
+def find_border(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, " B"]:
+    """Return the units at the end of an edge with one face, and those without a face."""
     sides = group_sides(faces, num_units)
     slots = sides.slots[sides.starts[sides.counts == 1]]
     is_border = np.bincount(faces.ravel(), minlength=num_units) == 0
@@ -134,50 +143,62 @@ def find_border(faces: np.ndarray, num_units: int) -> np.ndarray:
     return np.flatnonzero(is_border)
 
 
-def finish_faces(units: np.ndarray, faces: np.ndarray, quality: np.ndarray, support: Support) -> np.ndarray:
+def finish_faces(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    quality: Float[np.ndarray, " F"],
+    support: Support,
+) -> Int[np.ndarray, "G 3"]:
     """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched.
 
     Args:
-        units: `[U, 3]`.
-        faces: `[F, 3]` proposed ones.
-        quality: `[F]` the larger the better.
-        support: tells whether samples lie on a patch.
+        units: positions.
+        faces: proposed ones.
+        quality: of each face, the larger the better.
+        support: whether samples lie on a patch.
     """
     faces = make_manifold(units, faces, quality)
-    for _ in range(MAX_REPAIRS):
+    for _ in range(support.config.max_repairs):
         faces, obstacles = patch_holes(units, faces, support)
         if len(obstacles) == 0:
             break
         faces = np.delete(faces, obstacles, axis=0)
         faces = make_manifold(units, faces, rate_faces(units, faces))
-    return drop_debris(close_tips(units, faces, support), len(units))
+    return drop_debris(close_tips(units, faces, support), len(units), support.config)
 
 
-def drop_debris(faces: np.ndarray, num_units: int) -> np.ndarray:
+def drop_debris(
+    faces: Int[np.ndarray, "F 3"], num_units: int, config: TopologyConfig
+) -> Int[np.ndarray, "G 3"]:
     """Return the faces without components of a few faces, where there are much larger ones."""
-    if len(faces) < DEBRIS_RATIO:
+    if len(faces) < config.debris_ratio:
         return faces
     part = find_components(faces, num_units)
     sizes = np.bincount(part)
-    return faces[(sizes >= MIN_COMPONENT_FACES)[part] | (sizes * DEBRIS_RATIO > sizes.max())[part]]
+    is_kept = (sizes >= config.min_component) | (sizes * config.debris_ratio > sizes.max())
+    return faces[is_kept[part]]
 
 
-def find_midpoints(units: np.ndarray, chosen: np.ndarray, num_neighbors: int = NUM_NEIGHBORS) -> np.ndarray:
-    """Return the places halfway between each chosen unit and its nearest ones: `[P, 3]`."""
+def find_midpoints(
+    units: Float[np.ndarray, "U 3"], selected: Int[np.ndarray, " C"], num_neighbors: int
+) -> Float[np.ndarray, "P 3"]:
+    """Return the places halfway between each selected unit and its nearest ones."""
     num_neighbors = min(num_neighbors, len(units) - 1)
-    _, neighbors = cKDTree(units).query(units[chosen], k=num_neighbors + 1)
-    pairs = np.stack(np.broadcast_arrays(chosen[:, None], neighbors[:, 1:]), axis=-1).reshape(-1, 2)
+    _, neighbors = cKDTree(units).query(units[selected], k=num_neighbors + 1)
+    pairs = np.stack(np.broadcast_arrays(selected[:, None], neighbors[:, 1:]), axis=-1).reshape(-1, 2)
     keys = _sorted_unique(pairs.min(axis=1) * len(units) + pairs.max(axis=1))
     return (units[keys // len(units)] + units[keys % len(units)]) / 2
 
 
-def find_triples(winners: np.ndarray, num_units: int) -> np.ndarray:
-    """Return the keys `[K]` of the witnessed triples, ascending: what three units win together."""
+def find_triples(winners: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " K"]:
+    """Return the keys of the witnessed triples, ascending: what three units win together."""
     return _sorted_unique(_key(winners.astype(np.int64), num_units))
 
 
-def find_cliques(triples: np.ndarray, num_units: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the witnessed edges `[E, 2]` and all triangles of them `[F, 3]`, both in ascending order."""
+def find_cliques(
+    triples: Int[np.ndarray, " K"], num_units: int
+) -> tuple[Int[np.ndarray, "E 2"], Int[np.ndarray, "F 3"]]:
+    """Return the witnessed edges and all triangles of them, both in ascending order."""
     c = triples % num_units
     a, b = np.divmod(triples // num_units, num_units)
     keys = _sorted_unique(np.concatenate([a * num_units + b, a * num_units + c, b * num_units + c]))
@@ -194,12 +215,14 @@ def find_cliques(triples: np.ndarray, num_units: int) -> tuple[np.ndarray, np.nd
     return edges, np.stack([edges[first, 0], edges[first, 1], edges[later, 1]], axis=1)
 
 
-def find_empty(units: np.ndarray, faces: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the faces whose circumscribed ball holds no neighbour of a corner.
+def find_empty(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], edges: Int[np.ndarray, "E 2"]
+) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
+    """Find the faces whose circumscribed ball contains no neighbor of a corner.
 
     Returns:
-        Which faces, `[E]`, and how empty each ball is, `[E]`: squared distance of the nearest neighbour to
-        the centre over the squared radius, at least 1.
+        Which faces, and how empty each ball is: squared distance of the nearest neighbor to the center over the
+        squared radius, at least 1.
     """
     table = _tabulate_neighbors(edges, len(units))
     neighbors = units[table].astype(np.float32)
@@ -218,15 +241,17 @@ def find_empty(units: np.ndarray, faces: np.ndarray, edges: np.ndarray) -> tuple
     return left, margin[left] / limits[left]
 
 
-def find_circumcenters(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return centres `[F, 3]` and squared radii `[F]` of the circles through three corners each `[F, 3, 3]`.
+def find_circumcenters(
+    corners: Float[np.ndarray, "F 3 3"],
+) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    """Return centers and squared radii of the circles through three corners each.
 
     The radius of a face without area is infinite.
     """
     side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d00, d01, d11 = sum_rows(side * side), sum_rows(side * other), sum_rows(other * other)
     determinant = 2 * (d00 * d11 - d01 * d01)
-    is_flat = determinant <= 1e-10 * d00 * d11
+    is_flat = determinant <= _FLATNESS * d00 * d11
     determinant = np.where(is_flat, 1, determinant)
     offset = (d11 * (d00 - d01) / determinant)[:, None] * side + (d00 * (d11 - d01) / determinant)[
         :, None
@@ -234,15 +259,15 @@ def find_circumcenters(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners[:, 0] + offset, np.where(is_flat, np.inf, sum_rows(offset * offset))
 
 
-def rate_faces(units: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return how good each face is, `[F]`: short perimeter first, relative to the mean."""
+def rate_faces(units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+    """Return how good each face is: short perimeter first, relative to the mean."""
     corners = units[faces]
     perimeter = find_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
     return perimeter.mean() / np.maximum(perimeter, 1e-300) if len(faces) else perimeter
 
 
-def _tabulate_neighbors(edges: np.ndarray, num_units: int) -> np.ndarray:
-    """Return `[U, D]` the neighbours of every unit, filled up with the unit itself."""
+def _tabulate_neighbors(edges: Int[np.ndarray, "E 2"], num_units: int) -> Int[np.ndarray, "U D"]:
+    """Return the neighbors of every unit, filled up with the unit itself."""
     ends = np.concatenate([edges, edges[:, ::-1]])
     ends = ends[np.argsort(ends[:, 0], kind="stable")]
     degree = np.bincount(ends[:, 0], minlength=num_units)
@@ -252,7 +277,7 @@ def _tabulate_neighbors(edges: np.ndarray, num_units: int) -> np.ndarray:
     return table
 
 
-def _key(triples: np.ndarray, num_units: int) -> np.ndarray:
+def _key(triples: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " N"]:
     """Return one number for every three units, whatever their order."""
     a, b, c = triples.T
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -260,6 +285,6 @@ def _key(triples: np.ndarray, num_units: int) -> np.ndarray:
     return (np.minimum(low, c) * num_units + middle) * num_units + np.maximum(high, c)
 
 
-def _sorted_unique(keys: np.ndarray) -> np.ndarray:
+def _sorted_unique(keys: Int[np.ndarray, " N"]) -> Int[np.ndarray, " K"]:
     keys = np.sort(keys)
     return keys[np.diff(keys, prepend=-1) != 0]

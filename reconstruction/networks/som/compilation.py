@@ -1,14 +1,14 @@
-"""Keep compiled programs between processes, so that a fresh one starts at once."""
+"""Keep compiled programs between processes, so that a new process starts at once."""
 
 import logging
 
 from reconstruction.files.cache import find_cache_folder
 
-_LOG = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 def keep_compiled_programs() -> None:
-    """Let JAX keep its programs in the user's cache folder, unless the user has chosen another place."""
+    """Make JAX keep its compiled programs in the user's cache folder, unless the user has selected another place."""
     import jax
 
     if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
@@ -16,7 +16,7 @@ def keep_compiled_programs() -> None:
     try:
         folder = find_cache_folder("jax")
     except OSError as error:
-        _LOG.warning("compiled programs are not kept, no folder can be written: %s", error)
+        logger.warning("compiled programs are not kept, no folder can be written: %s", error)
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

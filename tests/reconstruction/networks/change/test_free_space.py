@@ -1,10 +1,15 @@
-"""What rays pass through is gone; origins that are none are refused."""
+"""What rays go through is gone; origins that are none are refused."""
 
 import numpy as np
 import pytest
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.networks.change.free_space import check_origins, check_scale, find_passed
+from reconstruction.networks.change.free_space import (
+    FreeSpaceConfig,
+    check_origins,
+    check_scale,
+    find_crossed_vertices,
+)
 
 MARGIN = 0.01
 ABOVE = np.array([0.5, 0.5, 2.0])
@@ -30,7 +35,9 @@ def _spread(number: int, depth: float) -> np.ndarray:
 def _ask(board, points: np.ndarray, origins: np.ndarray, agreeing: int = 0) -> np.ndarray:
     vertices, faces = board
     origins = np.broadcast_to(origins, points.shape)
-    return find_passed(vertices, faces, points, origins, np.full(121, agreeing), MARGIN, 0.2)
+    return find_crossed_vertices(
+        vertices, faces, points, origins, np.full(121, agreeing), MARGIN, 0.2, FreeSpaceConfig()
+    )
 
 
 def test_rays_that_end_behind_a_surface_show_that_it_is_gone(board):
@@ -63,7 +70,9 @@ def test_both_sides_of_a_box_are_passed():
     points = np.column_stack([np.full(200, 3.0), rng.uniform(0.05, 0.95, (200, 2))])
     origins = points - np.array([5, 0, 0])
     nothing = np.zeros(8)
-    assert find_passed(corners, faces, points, origins, nothing, MARGIN, 2.0).all()
+    assert find_crossed_vertices(
+        corners, faces, points, origins, nothing, MARGIN, 2.0, FreeSpaceConfig()
+    ).all()
 
 
 def test_origins_that_are_none_are_refused():

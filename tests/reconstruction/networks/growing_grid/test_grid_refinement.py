@@ -3,14 +3,29 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, refine, train
-from reconstruction.networks.growing_grid.refinement import close_gaps, open_pinches, span_gone
+from reconstruction.networks.change.refinement import refine as refine_network
+from reconstruction.networks.growing_grid.cover import open_pinches
+from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
+from reconstruction.networks.growing_grid.marks import close_gaps
+from reconstruction.networks.growing_grid.refinement import Learner
+from reconstruction.networks.growing_grid.relearning import span_gone
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
 CONFIG = GrowingGridConfig(units=600)
 NOISE = 0.003
+
+
+def refine(
+    state: State,
+    points: np.ndarray,
+    new_points: np.ndarray,
+    config: GrowingGridConfig,
+    seed: int = 0,
+    origins: np.ndarray | None = None,
+) -> tuple[State, np.ndarray]:
+    return refine_network(Learner(state, config), points, new_points, seed, origins=origins)
 
 
 def _ground(number: int, seed: int, hump: float = 0.0) -> np.ndarray:
@@ -67,10 +82,10 @@ def test_what_is_read_anew_but_has_not_changed_stays_bit_for_bit(ground):
 def test_gaps_between_moved_units_are_closed_up_to_the_rim():
     is_moved = np.zeros((8, 12), dtype=bool)
     is_moved[-1, [0, 1, 4, 6, 10]] = True
-    closed = close_gaps(is_moved)
+    closed = close_gaps(is_moved, 2)
     assert closed[-1, :11].all()
     assert not closed[:-2].any()
-    assert not close_gaps(np.zeros((8, 12), dtype=bool)).any()
+    assert not close_gaps(np.zeros((8, 12), dtype=bool), 2).any()
 
 
 def test_rays_through_a_hump_level_it(ground):

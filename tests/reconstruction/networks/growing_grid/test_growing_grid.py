@@ -6,7 +6,9 @@ import trimesh
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.sampling import sample_area
-from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, refine, train
+from reconstruction.networks.change.refinement import refine
+from reconstruction.networks.growing_grid.cover import open_pinches
+from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
 from reconstruction.networks.growing_grid.growth import (
     choose_line_pair,
     choose_lines,
@@ -15,8 +17,10 @@ from reconstruction.networks.growing_grid.growth import (
     start_grid,
 )
 from reconstruction.networks.growing_grid.mesh import find_folded, triangulate, unfold
-from reconstruction.networks.growing_grid.refinement import open_pinches
+from reconstruction.networks.growing_grid.refinement import Learner
 from reconstruction.surfaces.quality import Quality, find_distances, measure_quality
+
+CONFIG = GrowingGridConfig(units=300)
 
 
 def make_step(half_width: float = 0.7, edge: float = 0.0, height: float = 0.3) -> trimesh.Trimesh:
@@ -154,14 +158,14 @@ def test_no_pinch_on_a_fine_grid(step, seed):
 
 def test_readings_that_agree_change_nothing(step, grown):
     points = draw(step, 20_000)
-    state, known = refine(grown, points, draw(step, 2000, seed=5), GrowingGridConfig(units=300))
+    state, known = refine(Learner(grown, CONFIG), points, draw(step, 2000, seed=5))
     np.testing.assert_array_equal(state.units, grown.units)
     assert len(known) == 22_000
 
 
 def test_a_wall_that_moved_moves_and_the_rest_stays(step, grown):
     moved = make_step(edge=0.12)
-    state, _ = refine(grown, draw(step, 20_000), draw(moved, 20_000, seed=6), GrowingGridConfig(units=300))
+    state, _ = refine(Learner(grown, CONFIG), draw(step, 20_000), draw(moved, 20_000, seed=6))
     quality = judge(state, moved)
     assert quality.truth_to_mesh is not None
     assert quality.truth_to_mesh.mean < 0.004
@@ -176,7 +180,7 @@ def test_a_new_part_grows(step):
     is_known = points[:, 0] < 0.6
     config = GrowingGridConfig(units=300)
     known = train(points[is_known], config)
-    state, _ = refine(known, points[is_known], points[~is_known], config)
+    state, _ = refine(Learner(known, config), points[is_known], points[~is_known])
     quality = judge(state, step)
     assert quality.truth_to_mesh is not None
     assert quality.truth_to_mesh.mean < 0.004
@@ -188,7 +192,7 @@ def test_a_new_part_grows(step):
 def test_a_part_that_is_gone_goes(step, grown):
     points = draw(step, 20_000)
     again = draw(step, 20_000, seed=8)
-    state, _ = refine(grown, points, again[again[:, 0] < 1.0], GrowingGridConfig(units=300))
+    state, _ = refine(Learner(grown, CONFIG), points, again[again[:, 0] < 1.0])
     used = state.vertices[state.faces].reshape(-1, 3)
     assert used[:, 0].max() < 1.12
     assert judge(state).topology.is_manifold
@@ -202,7 +206,7 @@ def test_a_box_that_is_gone_leaves_the_floor():
     box[:, 2] += 0.2
     before = np.concatenate([floor[~under], box[box[:, 2] > 0.02]])
     config = GrowingGridConfig(units=300)
-    state, known = refine(train(before, config), before, floor[np.abs(floor[:, 0]) < 0.6], config)
+    state, known = refine(Learner(train(before, config), config), before, floor[np.abs(floor[:, 0]) < 0.6])
     used = state.vertices[state.faces].reshape(-1, 3)
     assert used[:, 2].max() < 0.05
     assert (known[:, 2] > 0.1).mean() < 0.01

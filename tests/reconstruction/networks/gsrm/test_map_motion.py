@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.change.detection import Evidence
-from reconstruction.networks.gsrm.motion import find_movable, move_units, number_parts
+from reconstruction.networks.change.detection import Change
+from reconstruction.networks.gsrm.motion import find_movable, move_units
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.som.compilation import keep_compiled_programs
+from reconstruction.networks.surface_fit import FitConfig
 
 keep_compiled_programs()
 SIDE = 12
 EDGE = 0.1
+CONFIG = GSRMRefinementConfig()
+MOVING = (EDGE, CONFIG.motion, FitConfig(), CONFIG.fit_rounds)
 
 
 @pytest.fixture(scope="module")
@@ -30,42 +34,31 @@ def _raise(units: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray]:
     return is_middle, np.column_stack([places, height + rng.normal(0, 0.002, 1500)])
 
 
-def test_parts_are_numbered(sheet):
-    faces = sheet[1]
-    is_chosen = np.zeros(SIDE**2, dtype=bool)
-    is_chosen[[0, 1, 2, 60, 61, 143]] = True
-    part = number_parts(faces, is_chosen)
-    assert (part[~is_chosen] == -1).all()
-    assert part[0] == part[1] == part[2]
-    assert len({part[0], part[60], part[143]}) == 3
-    assert (number_parts(faces, np.zeros(SIDE**2, dtype=bool)) == -1).all()
-
-
 def test_a_raised_part_is_followed_and_the_rest_stays(sheet):
     units, faces = sheet
     is_middle, samples = _raise(units, 0.06)
-    moved, joined, has_arrived = move_units(units, faces, is_middle, samples, EDGE)
+    moved, joined, has_arrived = move_units(units, faces, is_middle, samples, *MOVING)
     np.testing.assert_array_equal(has_arrived, is_middle)
     np.testing.assert_array_equal(moved[~is_middle], units[~is_middle])
     np.testing.assert_allclose(moved[is_middle, 2], 0.06, atol=0.01)
     assert joined.shape == faces.shape
-    again, _, _ = move_units(units, faces, is_middle, samples, EDGE)
+    again, _, _ = move_units(units, faces, is_middle, samples, *MOVING)
     assert again.tobytes() == moved.tobytes()
 
 
 def test_what_would_be_drawn_out_stays_as_it_was(sheet):
     units, faces = sheet
     is_middle, samples = _raise(units, 0.6)
-    moved, joined, has_arrived = move_units(units, faces, is_middle, samples, EDGE)
+    moved, joined, has_arrived = move_units(units, faces, is_middle, samples, *MOVING)
     assert not has_arrived.any()
     np.testing.assert_array_equal(moved, units)
     np.testing.assert_array_equal(joined, faces)
-    assert not move_units(units, faces, is_middle, samples[:0], EDGE)[2].any()
+    assert not move_units(units, faces, is_middle, samples[:0], *MOVING)[2].any()
 
 
-def _weigh(winners: list[int], distance: float, is_moved: np.ndarray, is_gone: np.ndarray) -> Evidence:
+def _make_change(winners: list[int], distance: float, is_moved: np.ndarray, is_gone: np.ndarray) -> Change:
     number = len(winners)
-    return Evidence(
+    return Change(
         np.arange(number),
         np.array(winners),
         np.full(number, distance),
@@ -82,9 +75,9 @@ def test_a_part_far_from_its_readings_or_gone_grows_anew(sheet):
     faces = sheet[1]
     is_doubtful, nothing = np.zeros(SIDE**2, dtype=bool), np.zeros(SIDE**2, dtype=bool)
     is_doubtful[[0, 1, 143]] = True
-    near = _weigh([0, 0, 0, 143, 143], 0.05, is_doubtful, nothing)
-    np.testing.assert_array_equal(find_movable(faces, is_doubtful, near, EDGE), is_doubtful)
-    far = _weigh([0, 0, 0, 143, 143], 0.3, is_doubtful, nothing)
-    assert np.flatnonzero(find_movable(faces, is_doubtful, far, EDGE)).tolist() == [143]
-    gone = _weigh([0, 0, 0], 0.05, nothing, is_doubtful)
-    assert not find_movable(faces, is_doubtful, gone, EDGE).any()
+    near = _make_change([0, 0, 0, 143, 143], 0.05, is_doubtful, nothing)
+    np.testing.assert_array_equal(find_movable(faces, is_doubtful, near, EDGE, CONFIG.motion, 3), is_doubtful)
+    far = _make_change([0, 0, 0, 143, 143], 0.3, is_doubtful, nothing)
+    assert np.flatnonzero(find_movable(faces, is_doubtful, far, EDGE, CONFIG.motion, 3)).tolist() == [143]
+    gone = _make_change([0, 0, 0], 0.05, nothing, is_doubtful)
+    assert not find_movable(faces, is_doubtful, gone, EDGE, CONFIG.motion, 3).any()

@@ -3,13 +3,26 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.gsrm.gsrm import GSRMConfig, State, refine, train
+from reconstruction.networks.change.refinement import refine as refine_network
+from reconstruction.networks.gsrm.gsrm import GSRMConfig, State, train
+from reconstruction.networks.gsrm.refinement import Learner
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
 NOISE = 0.004
 CONFIG = GSRMConfig(units=700)
+
+
+def refine(
+    state: State,
+    points: np.ndarray,
+    new_points: np.ndarray,
+    config: GSRMConfig,
+    seed: int = 0,
+    origins: np.ndarray | None = None,
+) -> tuple[State, np.ndarray]:
+    return refine_network(Learner(state, config), points, new_points, seed, origins=origins)
 
 
 def _floor(x: tuple[float, float], y: tuple[float, float], number: int, seed: int = 1) -> np.ndarray:

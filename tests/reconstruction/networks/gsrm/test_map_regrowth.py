@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from reconstruction.networks.gsrm.regrowth import LEAST_ISLAND, close_triangles, drop_islands, widen
+from reconstruction.networks.gsrm.regrowth import close_triangles, drop_islands
 from reconstruction.surfaces.quality import count_topology
+
+MIN_ISLAND = 24
 
 
 def _make_sheet(side: int, first: int = 0) -> np.ndarray:
@@ -25,16 +27,11 @@ def test_a_loop_of_three_edges_at_a_new_unit_is_closed():
 
 def test_a_shred_of_new_faces_goes_and_a_new_surface_stays():
     kept, shred, surface = _make_sheet(2), _make_sheet(2, first=9), _make_sheet(4, first=18)
-    assert len(shred) < LEAST_ISLAND <= len(surface)
+    assert len(shred) < MIN_ISLAND <= len(surface)
     faces = np.concatenate([kept, shred, surface])
-    np.testing.assert_array_equal(drop_islands(faces, 43, num_kept=9), np.concatenate([kept, surface]))
+    np.testing.assert_array_equal(
+        drop_islands(faces, 43, num_kept=9, min_island=MIN_ISLAND), np.concatenate([kept, surface])
+    )
     # What has a kept unit stays however small it is.
-    np.testing.assert_array_equal(drop_islands(faces, 43, num_kept=10), faces)
-    assert len(drop_islands(faces[:0], 43, num_kept=9)) == 0
-
-
-def test_rings_of_neighbours():
-    faces = _make_sheet(6)
-    is_chosen = np.zeros(49, dtype=bool)
-    is_chosen[0] = True
-    assert [widen(faces, is_chosen, rings).sum() for rings in range(3)] == [1, 4, 9]
+    np.testing.assert_array_equal(drop_islands(faces, 43, num_kept=10, min_island=MIN_ISLAND), faces)
+    assert len(drop_islands(faces[:0], 43, num_kept=9, min_island=MIN_ISLAND)) == 0
