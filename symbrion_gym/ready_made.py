@@ -7,8 +7,10 @@ from typing import NamedTuple
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena, name_scanned
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import find_scanned_name, load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.saving import find_own_files
 from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.sensing.survey import survey
@@ -49,7 +51,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
     Raises:
         ArenaError: one of these folders holds something else.
     """
-    scanned = [name_scanned(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
+    scanned = [find_scanned_name(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
     for name in (*EXACT, *scanned):
         find_own_files(folder / name)  # refuses now what saving would refuse in the end
     arenas = {name: load_arena(name) for name in EXACT}
@@ -59,7 +61,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
         course = Course(pit=pit)
         points = thin(preprocess(survey(load_arena("truth", course), seed=seed)), SPACING)
         for method, recipe in RECIPES.items():
-            name = name_scanned(method, pit)
+            name = find_scanned_name(method, pit)
             progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
             mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
             made = make_arena(mesh, name=name, course=course, seed=seed, time_limit=TIME_LIMIT)

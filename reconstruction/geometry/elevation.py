@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 _EDGE_TOLERANCE = 1e-9
-"""How far outside a triangle (barycentric) a point still counts as inside: neighbours must leave no crack."""
+"""How far outside a triangle (barycentric) a point still counts as inside: neighbors must leave no crack."""
+_SEEN_AREA = 1e-12
+"""A triangle with less than half of this area in plan is vertical [m²]."""
+_MOST_CELLS = 2000.0
+"""Cells of the grid along the longer side: bounds its memory where triangles lie far apart."""
+_LEAST_EXTENT = 1e-9
+"""Extent of a grid whose triangles are one point in plan [m]."""
 
 
 class Elevation:
     """The highest point of meshes above every (x, y): a uniform grid of triangle lists, built once.
 
-    Vertical triangles have no area from above and are left out; where a wall stands, its upper rim answers.
+    Vertical triangles have no area in plan and are left out: where a wall stands, its upper rim counts.
     """
 
     def __init__(self, *meshes: trimesh.Trimesh) -> None:
@@ -21,10 +29,10 @@ class Elevation:
         corners = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
         area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
-        is_seen = np.abs(area) > 1e-12
+        is_seen = np.abs(area) > _SEEN_AREA
         self._corners = corners[is_seen]
         self._faces = np.flatnonzero(is_seen)
-        # One row a triangle, all that a point in it asks for: one place in memory to look up.
+        # One row a triangle with all that its height takes: one place in memory to look up.
         seen = (
             self._corners[:, 0],
             side_1[is_seen],
@@ -40,8 +48,8 @@ class Elevation:
         low = self._corners[:, :, :2].min(axis=1)
         high = self._corners[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0) if count else np.zeros(2)
-        extent = np.maximum(high.max(axis=0) - self._origin, 1e-9) if count else np.ones(2)
-        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / 2000.0))
+        extent = np.maximum(high.max(axis=0) - self._origin, _LEAST_EXTENT) if count else np.ones(2)
+        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / _MOST_CELLS))
         self._shape = np.floor(extent / self._cell).astype(np.int64) + 1
         first, last = self._find_cells(low), self._find_cells(high)
         spans = last - first + 1
@@ -55,21 +63,29 @@ class Elevation:
         self._triangles = triangle[order]
         self._starts = np.searchsorted(cell[order], np.arange(self._shape.prod() + 1))
 
-    def _find_cells(self, points: np.ndarray) -> np.ndarray:
+    def _find_cells(self, points: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, "N 2"]:
         cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
         return np.clip(cells, 0, self._shape - 1)
 
-    def height(self, x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
+    def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
         """Return the height of the mesh at each (x, y) [m], NaN where there is none.
 
         Args:
-            x: `[...]` [m]; broadcasts against `y`.
-            y: `[...]` [m].
+            x: [m], of any shape; broadcasts against `y`.
+            y: [m].
         """
         return self.find_top(x, y)[0]
 
-    def find_top(self, x: np.ndarray | float, y: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
+    def find_top(self, x: ArrayLike, y: ArrayLike) -> tuple[Float[np.ndarray, " *S"], Int[np.ndarray, " *S"]]:
+        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none.
+
+        Args:
+            x: [m], of any shape; broadcasts against `y`.
+            y: [m].
+
+        Returns:
+            Heights [m], and numbers of faces: of all meshes, in order.
+        """
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
         heights = np.full(len(points), -np.inf)
@@ -89,8 +105,10 @@ class Elevation:
         heights[np.isneginf(heights)] = np.nan
         return heights.reshape(x.shape), faces.reshape(x.shape)
 
-    def _height_in(self, triangle: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
+    def _height_in(
+        self, triangle: Int[np.ndarray, " N"], points: Float[np.ndarray, "N 2"]
+    ) -> Float[np.ndarray, " N"]:
+        """Return the height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
         x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table[triangle].T
         to_x, to_y = points[:, 0] - x, points[:, 1] - y
         weight_b = (to_x * c_y - to_y * c_x) / area

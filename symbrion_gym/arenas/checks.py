@@ -89,7 +89,7 @@ def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: with the vertex.
     """
-    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
+    from reconstruction.geometry.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     is_wrong = ~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)
@@ -107,7 +107,7 @@ def check_height_field(field: HeightField, source: object) -> None:
     Raises:
         ArenaError: with the array that is wrong.
     """
-    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
+    from reconstruction.geometry.mesh_repair import LARGEST_COORDINATE
 
     for name, array in field._asdict().items():
         if not (np.issubdtype(array.dtype, np.floating) and np.isfinite(array).all()):

@@ -13,18 +13,17 @@ import os
 import re
 from collections.abc import Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 import trimesh
 
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
+from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
 
 ABOUT, MODEL = "arena.json", "arena.xml"
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
@@ -45,15 +44,25 @@ class OwnFiles(NamedTuple):
     names: frozenset[str]
 
 
-def save_arena(arena: Arena, folder: str | Path) -> None:
-    """Write an arena as a folder; of what is there, the files of a former arena alone are replaced.
+def save_arena(
+    folder: str | Path, name: str, geometry: ArenaGeometry, friction: float, about: dict[str, Any]
+) -> None:
+    """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
+
+    Args:
+        folder: new, empty, or that of a former arena.
+        name: of the arena.
+        geometry: its shapes.
+        friction: sliding friction of the ground.
+        about: what `arena.json` is to say, beside its format and the names of files.
 
     Raises:
-        ArenaError: the folder holds files that are no arena's, and no arena or one of the new one's names.
+        ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
     """
     folder = Path(folder)
-    meshes, about = _format_meshes(arena), _describe(arena)
-    model = _format_model(arena, meshes)
+    meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
+    spec = make_arena_spec(name, geometry, friction, use_files=True)
+    model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)
     wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
@@ -148,8 +157,8 @@ def _drop_stale_model(folder: Path, place: str) -> None:
 
 def _write(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
@@ -165,34 +174,20 @@ def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
             (folder / place).rmdir()
 
 
-def _format_meshes(arena: Arena) -> dict[str, bytes]:
+def _format_meshes(geometry: ArenaGeometry) -> dict[str, bytes]:
     """Return name -> content."""
-    files = {"surface.obj": _format_obj(arena.surface, _SURFACE_DIGITS)}
-    for i, piece in enumerate(arena.pieces):
+    files = {"surface.obj": _format_obj(geometry.surface, _SURFACE_DIGITS)}
+    for i, piece in enumerate(geometry.pieces):
         files[f"pieces/{i:03d}.obj"] = _format_obj(piece, _PIECE_DIGITS)
-    if arena.height_field is not None:
+    if geometry.height_field is not None:
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **arena.height_field._asdict())
+        np.savez_compressed(buffer, **geometry.height_field._asdict())
         files["height_field.npz"] = buffer.getvalue()
     return files
 
 
-def _describe(arena: Arena) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "name": arena.name,
-        "kind": arena.kind,
-        "friction": arena.friction,
-        "num_pieces": len(arena.pieces),
-        "course": arena.course.as_dict() if arena.course is not None else None,
-        "quality": arena.quality.as_dict(),
-        "provenance": arena.provenance,
-    }
-
-
-def _format_model(arena: Arena, meshes: dict[str, bytes]) -> str:
+def _format_model(spec: mujoco.MjSpec, meshes: dict[str, bytes]) -> str:
     """Return `arena.xml`; it compiles."""
-    spec = make_arena_spec(arena, use_files=True)
     spec.assets = meshes
     spec.compile()
     return spec.to_xml()

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.spec import find_box
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:

@@ -177,7 +177,8 @@ def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarr
 def _find_surface(arena: Any) -> trimesh.Trimesh:
     surface = arena
     if isinstance(arena, (str, os.PathLike)):
-        from symbrion_gym.arenas.arena import NAMED_ARENAS, load_arena
+        from symbrion_gym.arenas.loading import load_arena
+        from symbrion_gym.assets import NAMED_ARENAS
 
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
             surface = load_arena(str(arena))

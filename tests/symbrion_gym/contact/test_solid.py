@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from reconstruction.geometry.mesh_repair import repair_mesh
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.contact.mesh_repair import repair_mesh
 from symbrion_gym.contact.solid import close_downwards, close_holes, find_shape, take_top, thicken
 
 

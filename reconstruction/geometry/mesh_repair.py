@@ -1,116 +1,95 @@
-"""Whatever mesh a user has, made fit for building on, or refused."""
+"""Whatever mesh a user has, repaired so that others can build on it, or refused."""
 
 from __future__ import annotations
 
 import logging
-import zipfile
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from reconstruction.files.bounded_read import MAX_BYTES, check_size
-from symbrion_gym.errors import ArenaError
+from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.decimation import simplify
+from reconstruction.geometry.mesh_cleaning import drop_flat_faces, merge_vertices
 
 LARGEST_COORDINATE = 1e6
-"""[m]; MuJoCo keeps vertices in single precision, 6 cm apart out there."""
-_MAX_FACES = 30_000
-"""Larger meshes are simplified first: planes need no more, and time is bounded."""
-_MIN_PART = 0.02
-"""Loose parts below this share of the area are dropped."""
+"""[m]; numbers in single precision are 6 cm apart out there."""
+_EXTENTS = (1e-3, 1e4)
+"""Smallest and largest extent of a place for robots [m]: others are meshes in another unit."""
 
 _logger = logging.getLogger(__name__)
 
 
-def load_surface(path: str | Path) -> trimesh.Trimesh:
-    """Read a mesh file, as many formats as trimesh knows.
+@dataclass(frozen=True)
+class RepairConfig:
+    """What of a mesh is kept.
 
-    Raises:
-        ArenaError: no such file, or it holds no triangles.
+    Attributes:
+        max_faces: larger meshes are simplified first: planes need no more, and time is bounded.
+        min_part: loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise ArenaError(f"no mesh file {path}")
-    try:
-        if zipfile.is_zipfile(path):  # .zip, .3mf; zipfile unpacks no member beyond the size told here
-            with zipfile.ZipFile(path) as archive:
-                check_size(sum(member.file_size for member in archive.infolist()), MAX_BYTES)
-        mesh = trimesh.load_mesh(path, process=False)
-    except Exception as error:  # trimesh raises whatever its many readers raise
-        raise ArenaError(f"{path}: cannot be read as a mesh ({error})") from error
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
-        raise ArenaError(f"{path}: holds no triangles; a point cloud wants reconstruct() first")
-    return mesh
+
+    max_faces: int = 30_000
+    min_part: float = 0.02
 
 
-def repair_mesh(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+REPAIR_DEFAULTS = RepairConfig()
+
+
+def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -> trimesh.Trimesh:
     """Return a copy without useless parts, wound one way, open terrain with its normals up.
 
     Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts;
     vertices at one place become one, but for those where two fans of faces only touch.
 
     Raises:
-        ArenaError: nothing usable is left, or its size is not that of a place for robots.
+        ReconstructionError: nothing usable is left, or its size is not that of a place for robots.
     """
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
     if faces.ndim != 2 or not len(faces):
-        raise ArenaError("the mesh has no faces; a point cloud wants reconstruct() first")
+        raise ReconstructionError("the mesh has no faces; a point cloud wants reconstruct() first")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ArenaError(f"a face names vertex {faces.max()}, but there are {len(vertices)} vertices")
+        raise ReconstructionError(
+            f"a face names vertex {faces.max()}, but there are {len(vertices)} vertices"
+        )
     is_finite = np.asarray(np.all(np.isfinite(vertices), axis=1))
     faces = faces[is_finite[faces].all(axis=1)]
     _refuse_odd_sizes(vertices[faces.ravel()])
-    vertices, faces = _merge_vertices(vertices, faces)
-    faces = _drop_flat_faces(vertices, faces)
-    faces = _drop_small_parts(vertices, faces)
-    if len(faces) > _MAX_FACES:
-        vertices, faces = simplify(vertices, faces, _MAX_FACES)
+    vertices, faces = merge_vertices(vertices, faces)
+    faces = drop_flat_faces(vertices, faces)
+    faces = _drop_small_parts(vertices, faces, config.min_part)
+    if len(faces) > config.max_faces:
+        vertices, faces = simplify(vertices, faces, config.max_faces)
     faces = _wind(vertices, faces)
     vertices, faces = _split_pinched(vertices, faces)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
-    # MuJoCo wants four vertices.
+    # A solid has four vertices or more, and simulators want no fewer of a surface.
     return repaired if len(vertices) >= 4 else repaired.subdivide()
 
 
-def _refuse_odd_sizes(points: np.ndarray) -> None:
+def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
     if not len(points):
-        raise ArenaError("no face of the mesh has three finite vertices")
+        raise ReconstructionError("no face of the mesh has three finite vertices")
     extent = float(np.ptp(points, axis=0).max())
-    if not 1e-3 < extent < 1e4:
-        raise ArenaError(f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units metres?")
+    if not _EXTENTS[0] < extent < _EXTENTS[1]:
+        raise ReconstructionError(
+            f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units metres?"
+        )
     farthest = float(np.abs(points).max())
     if farthest > LARGEST_COORDINATE:
-        raise ArenaError(
+        raise ReconstructionError(
             f"the mesh lies {farthest:g} m from the origin, {LARGEST_COORDINATE:g} m is the most: "
             "subtract an offset from its vertices"
         )
 
 
-def _merge_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Join vertices at the same place, to a millionth of the extent."""
-    used, numbers = np.unique(faces, return_inverse=True)
-    vertices, faces = vertices[used], numbers.reshape(-1, 3)
-    keys = np.round(vertices / (1e-6 * float(np.ptp(vertices, axis=0).max()))).astype(np.int64)
-    _, first, group = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return vertices[first], group.ravel()[faces]
-
-
-def _drop_flat_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    faces = faces[np.linalg.norm(normals, axis=1) > 1e-6 * np.maximum(longest, 1e-12) ** 2]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    if not len(first):
-        raise ArenaError("every face of the mesh is flat (without an area)")
-    return faces[np.sort(first)]
-
-
-def _drop_small_parts(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _drop_small_parts(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], min_part: float
+) -> Int[np.ndarray, "G 3"]:
     links = csr_matrix(
         (np.ones(3 * len(faces)), (faces.ravel(), np.roll(faces, 1, axis=1).ravel())),
         shape=[len(vertices)] * 2,
@@ -120,45 +99,15 @@ def _drop_small_parts(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     corners = vertices[faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     shares = np.bincount(part, areas) / areas.sum()
-    is_kept = (shares >= _MIN_PART) | (shares == shares.max())
+    is_kept = (shares >= min_part) | (shares == shares.max())
     if not is_kept[part].all():
         _logger.info("dropped %d faces in small loose parts", int((~is_kept[part]).sum()))
     return faces[is_kept[part]]
 
 
-def decimate(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return about `count` faces by quadric decimation; the result may be wrecked: check it."""
-    import fast_simplification
-
-    if count >= len(faces):
-        return vertices, faces
-    arrays: Any = fast_simplification.simplify(
-        np.ascontiguousarray(vertices, dtype=np.float32),  # pyright: ignore[reportArgumentType]
-        np.ascontiguousarray(faces, dtype=np.int32),
-        target_count=count,
-    )
-    return np.asarray(arrays[0], dtype=np.float64), np.asarray(arrays[1], dtype=np.int64)
-
-
-def simplify(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return about `count` faces by quadric decimation, or by clustering vertices where that wrecks the mesh."""
-    before = _merge_vertices(vertices, faces)
-    vertices, faces = decimate(*before, count)
-    is_sound = len(faces) > 0 and np.isfinite(vertices).all()
-    if is_sound:
-        low, high = before[0].min(axis=0), before[0].max(axis=0)
-        reach = 0.02 * float((high - low).max())
-        is_sound = bool((vertices >= low - reach).all() and (vertices <= high + reach).all())
-    if not is_sound or len(faces) > 2 * count:
-        cell = float(np.ptp(before[0], axis=0).max()) / np.sqrt(count)
-        _, first, group = np.unique(
-            np.floor(before[0] / cell).astype(np.int64), axis=0, return_index=True, return_inverse=True
-        )
-        vertices, faces = before[0][first], group.ravel()[before[1]]
-    return vertices, _drop_flat_faces(vertices, faces)
-
-
-def _split_pinched(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split_pinched(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
     """Give every fan of faces a vertex of its own: faces belong together where two share an edge."""
     corners = np.arange(faces.size).reshape(faces.shape)
     starts, ends = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
@@ -179,9 +128,9 @@ def _split_pinched(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray,
 
 
 def _spread_signs(
-    first: np.ndarray, second: np.ndarray, signs: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Signs `[count]` whose products over links are the given ones along a spanning tree, and the parts."""
+    first: Int[np.ndarray, " L"], second: Int[np.ndarray, " L"], signs: Float[np.ndarray, " L"], count: int
+) -> tuple[Float[np.ndarray, " count"], Int[np.ndarray, " count"]]:
+    """Find signs whose products over links are the given ones along a spanning tree, and the connected parts."""
     links = csr_matrix((np.ones(len(first)), (first, second)), shape=[count, count])
     num_parts, part = connected_components(links, directed=False)
     # One root above all parts makes one tree of them.
@@ -203,8 +152,8 @@ def _spread_signs(
     return turn[:count], part
 
 
-def _wind(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Turn faces so that neighbours agree, then each part outwards (closed) or up (open)."""
+def _wind(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
+    """Turn faces so that neighbors agree, then each part outwards (closed) or up (open)."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
     is_up = edges[:, 0] < edges[:, 1]
