@@ -30,7 +30,7 @@ class Recipe(NamedTuple):
 
 RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
 SPACING = 0.015
-"""One point in each cube of this edge [m]: the scanner sees the places near its turns very often."""
+"""One point in each cube of this edge [m]: the scanner sees places where it turns very often."""
 TIME_LIMIT = 3600.0
 """Far more than the pieces need [s], so that a busy machine makes the same ones."""
 EXACT = ("truth", "simple")
@@ -43,13 +43,13 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
     Args:
         folder: where the arenas' folders go.
         seed: of the survey and the networks.
-        progress: told how far the work is.
+        progress: called with what is being done and the share done.
 
     Returns:
         Name -> arena, as saved.
 
     Raises:
-        ArenaError: one of these folders holds something else.
+        ArenaError: there is something else in one of these folders.
     """
     scanned = [find_scanned_name(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
     for name in (*EXACT, *scanned):
@@ -65,7 +65,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
             progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
             mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
             made = make_arena(mesh, name=name, course=course, seed=seed, time_limit=TIME_LIMIT)
-            # Equal seeds make equal files: the time it took is nobody's.
+            # Equal seeds make equal files: the time it took is left out.
             arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():
         arena.save(folder / name)

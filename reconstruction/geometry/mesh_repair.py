@@ -12,8 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.decimation import simplify
-from reconstruction.geometry.mesh_cleaning import drop_flat_faces, merge_vertices
+from reconstruction.geometry.decimation import drop_flat_faces, merge_vertices, simplify
 
 LARGEST_COORDINATE = 1e6
 """[m]; numbers in single precision are 6 cm apart out there."""

@@ -1,4 +1,4 @@
-"""What an arena must fulfil before MuJoCo sees it, wherever it comes from."""
+"""Checks of an arena before MuJoCo sees it, wherever it comes from."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from symbrion_gym.contact.kinds import HeightField
 
 FRICTION_LIMITS = (1e-3, 5.0)
-"""Sliding friction of ground and robot; MuJoCo's contacts are sound within."""
+"""Sliding friction of ground and robot; MuJoCo's contacts are sound within these."""
 _LONGEST_NAME = 200
+"""Characters of a name."""
 _SMALLEST_AREA = 1e-9
 """[m²]; of a surface, of which MuJoCo computes the inertia of a shell."""
 

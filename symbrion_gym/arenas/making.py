@@ -16,7 +16,7 @@ from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.options import ContactOptions
+from symbrion_gym.contact.options import ContactOptions, ContactTuning
 from symbrion_gym.errors import ArenaError
 
 
@@ -33,16 +33,17 @@ def make_arena(
     seed: int = 0,
     time_limit: float = 120.0,
     cache: bool | str | Path = True,
+    tuning: ContactTuning | None = None,
     progress: Progress = silent,
 ) -> Arena:
-    """Make an arena of a surface: convex pieces to touch that follow it, and the surface itself to see.
+    """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
     Planes found in a terrain make convex slabs, their union a closed solid, coacd of that the pieces; where these
-    are worse than the slabs, the slabs are kept. Any other shape goes to coacd as it is. What was reached stands
-    in `Arena.quality`; how, and why so, in `Arena.provenance`.
+    are worse than the slabs, the slabs are kept. Any other shape goes to coacd as it is. `Arena.quality` says what
+    was reached, `Arena.provenance` how, and why so.
 
     Args:
-        mesh: a terrain open at its rim, or any other surface or body, or a file of it; metres, z up.
+        mesh: a terrain open at its rim, or any other surface or body, or a file of it; meters, z up.
         accuracy: distance between pieces and surface that is good enough [m].
         max_pieces: no more convex pieces than these, where that can be had.
         kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
@@ -53,12 +54,14 @@ def make_arena(
         seed: of coacd's search.
         time_limit: building ends by then, with what there is or an error [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
+        tuning: everything else that shapes the pieces.
         progress: called with what is being done and the share done.
 
     Raises:
         ArenaError: the mesh cannot be used, or an option is out of range.
     """
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit)
+    tuning = tuning or ContactTuning()
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, tuning)
     source = "mesh"
     if not isinstance(mesh, trimesh.Trimesh):
         source = make_printable(Path(mesh).name)
@@ -67,7 +70,7 @@ def make_arena(
     progress("repairing the mesh", 0.0)
     num_faces = len(mesh.faces)
     try:
-        mesh = repair_mesh(mesh)
+        mesh = repair_mesh(mesh, tuning.repair)
     except ReconstructionError as error:
         raise ArenaError(f"{source}: {error}") from error
 

@@ -1,8 +1,8 @@
-"""Saving an arena as a folder: a kill at any moment leaves the old arena or the new one, and what is not ours stays.
+"""Saving an arena as a folder: a kill at any moment leaves the old arena or the new one, and the files of others stay.
 
 `arena.json` decides: it says where the meshes lie, and lists the arena's own files. Saving writes everything twice,
-first with the meshes in `.arena/`, then under the names that `folder` tells. Either time the meshes come first,
-`arena.json` after them, and what it names no longer is removed last.
+first with the meshes in `.arena/`, then under the names listed in `folder`. Either time the meshes are written first
+and `arena.json` after them, and what it no longer names is removed last.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ _OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.e
 
 
 class OwnFiles(NamedTuple):
-    """What a folder holds of an arena.
+    """The files of an arena in a folder.
 
     Attributes:
         place: where its meshes lie.
-        names: its files, relative to the folder; all else is somebody else's.
+        names: its files, relative to the folder; the others are somebody else's.
     """
 
     place: str
@@ -54,7 +54,7 @@ def save_arena(
         name: of the arena.
         geometry: its shapes.
         friction: sliding friction of the ground.
-        about: what `arena.json` is to say, beside its format and the names of files.
+        about: the content of `arena.json`, without its format and the names of files.
 
     Raises:
         ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
@@ -82,7 +82,7 @@ def find_own_files(folder: Path) -> OwnFiles:
     """Return which files in a folder are an arena's; none where there is no folder, or nothing in it.
 
     Raises:
-        ArenaError: it holds something else, and no arena that could be replaced.
+        ArenaError: there is something else in it, and no arena that could be replaced.
     """
     if folder.exists() and not folder.is_dir():
         raise ArenaError(f"{folder} is a file; choose another folder")
@@ -144,12 +144,12 @@ def _refuse_foreign(folder: Path, wanted: Set[str], own: Set[str]) -> None:
 
 
 def _is_inside(folder: Path, name: str) -> bool:
-    """Tell whether a name leads to that place in the folder, and by no link elsewhere."""
+    """Return whether a name leads to that place in the folder, and by no link elsewhere."""
     return (folder / name).resolve() == folder.resolve() / name
 
 
 def _drop_stale_model(folder: Path, place: str) -> None:
-    """Remove an `arena.xml` that a killed saving did not come to: its meshes are written over next."""
+    """Remove an `arena.xml` that a killed saving left behind: its meshes are overwritten next."""
     path = folder / MODEL
     if path.is_file() and (f'file="{SPARE}'.encode() in path.read_bytes()) != (place == SPARE):
         path.unlink()
@@ -162,7 +162,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
-    """Remove own files but some, what killed savings left beside them, and the folders that are empty then."""
+    """Remove own files but some, the temporary files of killed savings, and the folders that are empty then."""
     for name in names - keep:
         if _is_inside(folder, name) and (folder / name).is_file():
             (folder / name).unlink()

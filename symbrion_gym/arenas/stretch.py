@@ -1,4 +1,4 @@
-"""Arenas a little longer or shorter than their scan says: a survey knows lengths to about a centimetre."""
+"""Arenas a little longer or shorter than their scan says: a survey measures lengths to about a centimeter."""
 
 from __future__ import annotations
 

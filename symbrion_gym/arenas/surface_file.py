@@ -15,7 +15,7 @@ def load_surface(path: str | Path) -> trimesh.Trimesh:
     """Read a mesh file in any format that trimesh knows.
 
     Raises:
-        ArenaError: no such file, or it holds no triangles.
+        ArenaError: no such file, or one without triangles.
     """
     path = Path(path)
     if not path.is_file():

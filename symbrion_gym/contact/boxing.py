@@ -137,16 +137,16 @@ def _find_bent(top: _Top, config: BoxConfig) -> list[int]:
 def turn_into_boxes(
     pieces: list[trimesh.Trimesh],
     ground: Elevation,
-    is_exceeded: Callable[[], bool] = never,
     config: BoxConfig = BOX_DEFAULTS,
+    is_exceeded: Callable[[], bool] = never,
 ) -> list[trimesh.Trimesh]:
     """Return pieces with a box in place of each that can be one.
 
     Args:
         pieces: convex solids that follow a terrain from below.
         ground: heights of the terrain.
-        is_exceeded: asked now and then; once true, the other pieces stay as they are.
         config: what a box may change.
+        is_exceeded: asked now and then; once true, the other pieces stay as they are.
     """
     boxed = list(pieces)
     for i in range(len(boxed)):

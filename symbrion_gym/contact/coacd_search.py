@@ -9,7 +9,7 @@ import trimesh
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.decimation import simplify
-from symbrion_gym.contact.contact import Contact, select_better
+from symbrion_gym.contact.contact import Contact, select_best
 from symbrion_gym.contact.decomposition import decompose
 from symbrion_gym.contact.job import ContactJob
 from symbrion_gym.errors import ArenaError
@@ -33,27 +33,26 @@ def decompose_solid(job: ContactJob, solid: trimesh.Trimesh, shape: str) -> Cont
     search, max_pieces = job.tuning.search, job.options.max_pieces
     if len(solid.faces) > search.max_faces:
         solid = _simplify(solid, search.max_faces)
-    best: Contact | None = None
+    made: list[Contact] = []
     for threshold in search.thresholds:
-        if best is not None and job.budget.is_exceeded(search.finer_until):
+        if made and job.budget.is_exceeded(search.finer_until):
             break
         try:
-            made = _attempt(job, solid, shape, threshold)
-            best = select_better(best, made, max_pieces)
-            if len(made.pieces) > max_pieces and not job.budget.is_exceeded(search.fewer_until):
-                fewer = _attempt(job, solid, shape, threshold, max_convex_hull=max_pieces)
-                best = select_better(best, fewer, max_pieces)
+            found = _attempt(job, solid, shape, threshold)
+            made.append(found)
+            if len(found.pieces) > max_pieces and not job.budget.is_exceeded(search.fewer_until):
+                made.append(_attempt(job, solid, shape, threshold, max_convex_hull=max_pieces))
         except ArenaError as error:
             _logger.info("coacd at threshold %g: %s", threshold, error)
             break
         # A finer threshold gives twice as many.
-        if 2 * len(made.pieces) > max_pieces or made.quality.mean <= job.options.accuracy:
+        if 2 * len(found.pieces) > max_pieces or found.quality.mean <= job.options.accuracy:
             break
-    if best is None:
+    if not made:
         solid = _simplify(solid, int(search.last_faces * search.max_faces))
         remeshed = {"preprocess_mode": "on", "max_convex_hull": max_pieces}
-        best = _attempt(job, solid, shape, search.last_threshold, share=1.0, **remeshed)
-    return job.stop(best)
+        made.append(_attempt(job, solid, shape, search.last_threshold, share=1.0, **remeshed))
+    return job.stop(select_best(made, max_pieces))
 
 
 def _attempt(

@@ -28,13 +28,11 @@ class Contact:
     notes: dict[str, Any] = field(default_factory=dict)
 
 
-def select_better(first: Contact | None, second: Contact, max_pieces: int) -> Contact:
-    """Return the one that keeps to the number of pieces; of two, the more accurate."""
-    if first is None:
-        return second
+def select_best(candidates: list[Contact], max_pieces: int) -> Contact:
+    """Return the one that keeps to the number of pieces; of several, the most accurate, the first of equals."""
 
     def rank(contact: Contact) -> tuple[int, float]:
         too_many = max(len(contact.pieces) - max_pieces, 0)
         return too_many, contact.quality.mean + contact.quality.uncovered
 
-    return min(first, second, key=rank)
+    return min(candidates, key=rank)

@@ -13,13 +13,6 @@ from scipy.spatial import cKDTree
 
 from symbrion_gym.contact.planes import Planes
 
-_LEAST_CROSSING = 0.01
-"""Planes that meet at a smaller angle (sine, in plan) have no line in plan that is worth its noise."""
-_SAME_LINE = 1e-4
-"""Lines whose coefficients differ by less are one."""
-_LEAST_GAP = 1e-6
-"""Keeps the scale of a robust fit above zero [m]."""
-
 
 @dataclass(frozen=True)
 class CreaseConfig:
@@ -53,6 +46,12 @@ class CreaseConfig:
 
 
 CREASE_DEFAULTS = CreaseConfig()
+_LEAST_CROSSING = 0.01
+"""Planes that meet at a smaller angle (sine, in plan) have no line in plan that is worth its noise."""
+_SAME_LINE = 1e-4
+"""Lines whose coefficients differ by less are one."""
+_LEAST_GAP = 1e-6
+"""Keeps the scale of a robust fit above zero [m]."""
 
 
 def fill_labels(mesh: trimesh.Trimesh, labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, " F"]:

@@ -20,7 +20,7 @@ from symbrion_gym.errors import ArenaError
 MIN_VOLUME = 1e-6
 """Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
 MAX_HULL_VERTICES = 64
-"""MuJoCo's collisions of hulls with more corners take longer for nothing that a robot would feel."""
+"""Corners of a piece: fewer cost less in every contact."""
 _LONGEST = 1e6
 """A process can be waited for this long; longer limits are none (11 days) [s]."""
 _OUT_OF_PROCESSOR_TIME = -int(getattr(signal, "SIGXCPU", 24))

@@ -83,7 +83,7 @@ def make_prisms(mesh: trimesh.Trimesh, depth: float = 0.10) -> list[trimesh.Trim
 
     Args:
         mesh: any surface.
-        depth: of a prism [m]: more than a robot sinks in, less than a wall is thick.
+        depth: of a prism [m].
     """
     faces = np.array([[0, 1, 2], [3, 5, 4], [0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5], [2, 5, 0], [0, 5, 3]])
     corners, normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)

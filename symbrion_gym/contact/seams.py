@@ -3,8 +3,8 @@
 Pieces come with needless corners (a ragged rim, cuts next to creases) and with lips where one ends a little beyond
 the crease that it should end at. Each piece is taken as an intersection of half-spaces:
 
-1. A plane of a neighbour caps a piece that sticks out above it, where no ground of its own is lost.
-2. A side is moved outwards where that lifts no ground, so that neighbours overlap.
+1. A plane of a neighbor caps a piece that sticks out above it, where no ground of its own is lost.
+2. A side is moved outwards where that lifts no ground, so that neighbors overlap.
 3. A half-space that is not needed is dropped: fewer corners cost less in every contact.
 """
 

@@ -34,59 +34,20 @@ class UnionConfig:
         overlap: slabs are stretched by this in plan before they are united: neighbors then share more than a face.
         threshold: of coacd: concavity left, relative to half the longest extent.
         iterations: of coacd's tree search; 150, its own default, takes twice as long for the same pieces.
+        num_points: points of the ground that are compared.
         max_move: walls may move by this [m].
         max_change: ground that differs by less has not changed [m].
-        num_points: points of the ground that are compared.
     """
 
     overlap: float = 1.0005
     threshold: float = 0.01
     iterations: int = 60
+    num_points: int = 60_000
     max_move: float = 0.002
     max_change: float = 0.01
-    num_points: int = 60_000
 
 
 UNION_DEFAULTS = UnionConfig()
-
-
-def decompose_slabs(
-    slabs: list[trimesh.Trimesh],
-    planes: Planes,
-    areas: Float[np.ndarray, " F"],
-    seed: int,
-    time_limit: float,
-    processor_limit: float | None = None,
-    config: UnionConfig = UNION_DEFAULTS,
-) -> list[trimesh.Trimesh]:
-    """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls.
-
-    Args:
-        slabs: convex solids.
-        planes: those of the surface that the slabs follow.
-        areas: of the faces of that surface [m²].
-        seed: of coacd's search.
-        time_limit: coacd is stopped after this time [s].
-        processor_limit: likewise, after this processor time [s].
-        config: how they are united and decomposed.
-
-    Raises:
-        ArenaError: the union is not closed, or coacd crashed, ran out of time or found nothing.
-    """
-    heading = find_heading(planes, areas)
-    solid = unite_slabs(slabs, heading, config.overlap)
-    pieces = decompose(
-        solid,
-        config.threshold,
-        seed,
-        time_limit,
-        processor_limit,
-        preprocess_mode="off",
-        max_convex_hull=-1,
-        mcts_iterations=config.iterations,
-    )
-    back = trimesh.transformations.rotation_matrix(heading, [0.0, 0.0, 1.0])
-    return [piece.apply_transform(back) for piece in pieces]
 
 
 def find_heading(planes: Planes, areas: Float[np.ndarray, " F"]) -> float:
@@ -128,6 +89,45 @@ def unite_slabs(
     if not len(solid.faces) or not solid.is_watertight:
         raise ArenaError(f"the union of {len(slabs)} slabs is not a closed solid")
     return solid
+
+
+def decompose_slabs(
+    slabs: list[trimesh.Trimesh],
+    planes: Planes,
+    areas: Float[np.ndarray, " F"],
+    seed: int,
+    time_limit: float,
+    processor_limit: float | None = None,
+    config: UnionConfig = UNION_DEFAULTS,
+) -> list[trimesh.Trimesh]:
+    """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls.
+
+    Args:
+        slabs: convex solids.
+        planes: those of the surface that the slabs follow.
+        areas: of the faces of that surface [m²].
+        seed: of coacd's search.
+        time_limit: coacd is stopped after this time [s].
+        processor_limit: likewise, after this processor time [s].
+        config: how they are united and decomposed.
+
+    Raises:
+        ArenaError: the union is not closed, or coacd crashed, ran out of time or found nothing.
+    """
+    heading = find_heading(planes, areas)
+    solid = unite_slabs(slabs, heading, config.overlap)
+    pieces = decompose(
+        solid,
+        config.threshold,
+        seed,
+        time_limit,
+        processor_limit,
+        preprocess_mode="off",
+        max_convex_hull=-1,
+        mcts_iterations=config.iterations,
+    )
+    back = trimesh.transformations.rotation_matrix(heading, [0.0, 0.0, 1.0])
+    return [piece.apply_transform(back) for piece in pieces]
 
 
 def has_moved(

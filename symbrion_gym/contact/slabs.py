@@ -40,10 +40,10 @@ class SlabConfig:
         creases: where it may be cut.
         num_points: about how many points of the ground are looked at.
         max_planes: planes that a cap is selected from, those with the most ground first.
-        max_pairs_of: so many slabs are tried in every pair; of more, only neighbors and those with a common plane.
+        max_pairs_of: slabs tried in every pair; of more, only neighbors and those with a common plane.
         max_cells: cutting ends at this many times the pieces that are wanted: joining leaves fewer.
         min_gain: a cut must leave this share, or less, of the pairs of points that one cap does not serve.
-        allowed_points: so many points may lie farther off than the accuracy: single spikes ...
+        allowed_points: this number of points may lie farther off than the accuracy: single spikes ...
         allowed_share: ... or this share of a cell's points.
         join_accuracy: slabs are joined within this share of the accuracy.
         max_lift: a joint may lie above other ground by this share of the accuracy it is joined within.
@@ -69,7 +69,7 @@ class SlabConfig:
     preview_slack: float = 2.0
 
     def allow(self, num_points: int) -> float:
-        """Return the weight of points that may lie farther off than the accuracy, of so many."""
+        """Return the weight of points, of a number, that may lie farther off than the accuracy."""
         return max(self.allowed_points, self.allowed_share * num_points)
 
 

@@ -57,22 +57,19 @@ class ShapeConfig:
 SHAPE_DEFAULTS = ShapeConfig()
 
 
-def find_shape(
-    mesh: trimesh.Trimesh, elevation: Elevation | None = None, config: ShapeConfig = SHAPE_DEFAULTS
-) -> Shape:
+def find_shape(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig = SHAPE_DEFAULTS) -> Shape:
     """Tell a terrain (seen whole from above) from an open surface with overhangs and from a closed body.
 
     A closed body that is a terrain with a flat underside counts as terrain.
 
     Args:
         mesh: consistently wound.
-        elevation: its heights, where they are at hand.
+        elevation: its heights.
         config: what counts as what.
     """
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
     if float(areas @ np.abs(rises)) < config.min_ground * float(areas.sum()):
         return "overhang"  # nothing but walls: there is no ground to follow
-    elevation = elevation or Elevation(mesh)
     if not mesh.is_watertight:
         hidden = _measure_hidden(mesh, elevation, config)
         return "terrain" if hidden <= config.max_overhang else "overhang"

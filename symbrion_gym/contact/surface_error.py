@@ -27,7 +27,7 @@ class TerrainErrorMetric:
     def __init__(
         self,
         surface: trimesh.Trimesh,
-        ground: Elevation | None = None,
+        ground: Elevation,
         *,
         region: trimesh.Trimesh | None = None,
         spacing: float = 0.01,
@@ -37,7 +37,7 @@ class TerrainErrorMetric:
 
         Args:
             surface: as for `measure_arena`, like the others.
-            ground: its heights, where they are at hand.
+            ground: its heights.
             region: where to look.
             spacing: of the grid [m].
             margin: around walls [m].
@@ -46,7 +46,7 @@ class TerrainErrorMetric:
         spacing = max(spacing, float(np.sqrt(np.prod(high - low) / _MAX_RAYS)))
         grid = sample_cells(low, high, spacing)
         self._x, self._y = grid[..., 0], grid[..., 1]
-        self._wanted = (ground or Elevation(surface)).height(self._x, self._y)
+        self._wanted = ground.height(self._x, self._y)
         self._is_there = np.isfinite(self._wanted)
         if region is not None:
             self._is_there &= np.isfinite(Elevation(region).height(self._x, self._y))
@@ -107,7 +107,8 @@ def measure_arena(
         margin: distance around walls (a rise of more than 2 per 1) that is left out [m].
         seconds: to be noted in the result.
     """
-    return TerrainErrorMetric(surface, region=region, spacing=spacing, margin=margin).measure(pieces, seconds)
+    metric = TerrainErrorMetric(surface, Elevation(surface), region=region, spacing=spacing, margin=margin)
+    return metric.measure(pieces, seconds)
 
 
 def _find_relief(heights: Float[np.ndarray, "X Y"], radius: float) -> Float[np.ndarray, "X Y"]:

@@ -10,7 +10,7 @@ import trimesh
 from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym.contact.coacd_search import decompose_solid
-from symbrion_gym.contact.contact import Contact, select_better
+from symbrion_gym.contact.contact import Contact, select_best
 from symbrion_gym.contact.job import ContactJob
 from symbrion_gym.contact.planes import Planes, find_planes
 from symbrion_gym.contact.primitives import find_uncovered, make_boxes
@@ -41,14 +41,15 @@ def follow_terrain(job: ContactJob, top: trimesh.Trimesh) -> Contact:
     if job.is_enough(best, enough):
         return _prefer_coacd(job, best, planes, top, ground)
     if slabs and not job.budget.is_exceeded():
-        best = select_better(best, _fit_caps(job, top, ground, planes, slabs, best), options.max_pieces)
+        fitted = _fit_caps(job, top, ground, planes, slabs, best)
+        best = select_best([best, fitted], options.max_pieces)
     if job.is_enough(best, tuning.selection.fitted_accuracy * options.accuracy):
         return _prefer_coacd(job, best, planes, top, ground)
     if best.pieces and job.budget.is_exceeded():
         return best
     try:
         solid = simplify_solid(close_downwards(top, options.thickness), tuning.shapes)
-        return select_better(best, decompose_solid(job, solid, "terrain"), options.max_pieces)
+        return select_best([best, decompose_solid(job, solid, "terrain")], options.max_pieces)
     except ArenaError as error:
         if not best.pieces:
             raise
@@ -207,4 +208,4 @@ def _mend(job: ContactJob, pieces: list[trimesh.Trimesh], ground: Elevation) -> 
 def _box(job: ContactJob, pieces: list[trimesh.Trimesh], ground: Elevation) -> list[trimesh.Trimesh]:
     most = min(job.options.max_pieces, max(job.tuning.selection.max_parts, len(pieces)))
     parts = split_at_creases(pieces, most, job.tuning.boxes)
-    return turn_into_boxes(parts, ground, job.ends_at(job.tuning.selection.time[5]), job.tuning.boxes)
+    return turn_into_boxes(parts, ground, job.tuning.boxes, job.ends_at(job.tuning.selection.time[5]))
