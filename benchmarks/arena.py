@@ -27,13 +27,16 @@ from benchmarks.material.arena_surfaces import (
 from benchmarks.material.ray_casts import compare_with_embree, measure_scans
 from benchmarks.material.sleds import compare_drawn
 from benchmarks.report import load_record, write_results
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from reconstruction.geometry.mesh_repair import repair_mesh
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.contact.decomposition import decompose
-from symbrion_gym.contact.mesh_repair import repair_mesh
-from symbrion_gym.contact.quality import ArenaQuality, measure_arena
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.contact.solid import close_downwards
+from symbrion_gym.contact.surface_error import measure_arena
 
 _PIT = 0.40
 _EASY_PIT = 0.30

@@ -14,8 +14,8 @@ from typing import Any, Protocol
 from benchmarks.report import describe_moment
 from evolution.champions.playback import judge
 from evolution.search.validation import Champion
-from symbrion_gym.arenas.arena import load_arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
 
 TRIALS = 20
 """Trials in the true arena, which the search never saw."""

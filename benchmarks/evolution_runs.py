@@ -17,8 +17,9 @@ from evolution.search.run import Run
 from evolution.search.validation import Champion, find_candidates
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import load_arena, make_arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.ready_made import SPACING
 from symbrion_gym.sensing.survey import survey
 

@@ -38,7 +38,8 @@ from reconstruction.files.atomic_write import write_atomically
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.formats import load_points
-from symbrion_gym.arenas.arena import Arena, make_arena
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.making import make_arena
 
 SCAN = Path(__file__).parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 UNITS, SPACING, SQUEEZE = 1500, 0.03, 0.15

@@ -11,8 +11,10 @@ from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
 
 if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+    from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.course import Course, StairsCourse
+    from symbrion_gym.arenas.loading import load_arena
+    from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv

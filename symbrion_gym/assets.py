@@ -1,4 +1,4 @@
-"""Where the files lie that the package ships, and the arenas that have a name."""
+"""The folder of files that ship with the package, and the names of arenas."""
 
 from pathlib import Path
 
@@ -10,13 +10,13 @@ NAMED_ARENAS = ("truth", "simple", "stairs", *SCANNED_PITS)
 
 
 def find_assets() -> Path:
-    """Return the folder `assets`: inside the package in a wheel, beside it in a checkout.
+    """Return the folder `assets`: inside the package in a wheel, next to it in a checkout.
 
     Raises:
-        ArenaError: neither is there.
+        ArenaError: there is none.
     """
     package = Path(__file__).resolve().parent
     for folder in (package / "assets", package.parent / "assets"):
         if folder.is_dir():
             return folder
-    raise ArenaError(f"the folder 'assets' is neither in {package} nor beside it; install the package again")
+    raise ArenaError(f"the folder 'assets' is neither in {package} nor next to it; install the package again")

@@ -7,8 +7,10 @@ from typing import NamedTuple
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena, name_scanned
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import find_scanned_name, load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.saving import find_own_files
 from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.sensing.survey import survey
@@ -28,7 +30,7 @@ class Recipe(NamedTuple):
 
 RECIPES = {"gsrm": Recipe("gsrm", 2200), "gg": Recipe("gg", 7000)}
 SPACING = 0.015
-"""One point in each cube of this edge [m]: the scanner sees the places near its turns very often."""
+"""One point in each cube of this edge [m]: the scanner sees places where it turns very often."""
 TIME_LIMIT = 3600.0
 """Far more than the pieces need [s], so that a busy machine makes the same ones."""
 EXACT = ("truth", "simple")
@@ -41,15 +43,15 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
     Args:
         folder: where the arenas' folders go.
         seed: of the survey and the networks.
-        progress: told how far the work is.
+        progress: called with what is being done and the share done.
 
     Returns:
         Name -> arena, as saved.
 
     Raises:
-        ArenaError: one of these folders holds something else.
+        ArenaError: there is something else in one of these folders.
     """
-    scanned = [name_scanned(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
+    scanned = [find_scanned_name(method, pit) for method, pits in SCANNED_PITS.items() for pit in pits]
     for name in (*EXACT, *scanned):
         find_own_files(folder / name)  # refuses now what saving would refuse in the end
     arenas = {name: load_arena(name) for name in EXACT}
@@ -59,11 +61,11 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
         course = Course(pit=pit)
         points = thin(preprocess(survey(load_arena("truth", course), seed=seed)), SPACING)
         for method, recipe in RECIPES.items():
-            name = name_scanned(method, pit)
+            name = find_scanned_name(method, pit)
             progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
             mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
             made = make_arena(mesh, name=name, course=course, seed=seed, time_limit=TIME_LIMIT)
-            # Equal seeds make equal files: the time it took is nobody's.
+            # Equal seeds make equal files: the time it took is left out.
             arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():
         arena.save(folder / name)

@@ -11,7 +11,7 @@ import trimesh
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.formats import load_points
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.contact.mesh_repair import load_surface
+from symbrion_gym.arenas.surface_file import load_surface
 
 STAIRS = Path(__file__).resolve().parents[3] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 BUNNY = STAIRS.with_name("stanford-bunny.obj")

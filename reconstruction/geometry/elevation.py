@@ -8,19 +8,19 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 _EDGE_TOLERANCE = 1e-9
-"""How far outside a triangle (barycentric) a point still counts as inside: neighbors must leave no gap."""
-_NO_AREA = 1e-12
-"""Triangles of less than half this area from above are vertical [m²]."""
-_MAX_CELLS = 2000.0
-"""Most cells of the grid along a side: it takes 32 MB at most, also where the triangles are long and thin."""
-_MIN_EXTENT = 1e-9
-"""Extent of the grid where the mesh has none [m]."""
+"""How far outside a triangle (barycentric) a point still counts as inside: neighbors must leave no crack."""
+_SEEN_AREA = 1e-12
+"""A triangle with less than half of this area in plan is vertical [m²]."""
+_MOST_CELLS = 2000.0
+"""Cells of the grid along the longer side: bounds its memory where triangles lie far apart."""
+_LEAST_EXTENT = 1e-9
+"""Extent of a grid whose triangles are one point in plan [m]."""
 
 
 class Elevation:
     """The highest point of meshes above every (x, y): a uniform grid of triangle lists, built once.
 
-    Vertical triangles have no area from above and are left out; where a wall stands, its upper rim counts.
+    Vertical triangles have no area in plan and are left out: where a wall stands, its upper rim counts.
     """
 
     def __init__(self, *meshes: trimesh.Trimesh) -> None:
@@ -29,10 +29,10 @@ class Elevation:
         corners = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
         side_1, side_2 = (corners[:, i, :2] - corners[:, 0, :2] for i in (1, 2))
         area = side_1[:, 0] * side_2[:, 1] - side_1[:, 1] * side_2[:, 0]
-        is_seen = np.abs(area) > _NO_AREA
+        is_seen = np.abs(area) > _SEEN_AREA
         self._corners = corners[is_seen]
         self._faces = np.flatnonzero(is_seen)
-        # One row a triangle with all that a point in it needs: one place in memory to read.
+        # One row a triangle with all that its height takes: one place in memory to look up.
         seen = (
             self._corners[:, 0],
             side_1[is_seen],
@@ -48,8 +48,8 @@ class Elevation:
         low = self._corners[:, :, :2].min(axis=1)
         high = self._corners[:, :, :2].max(axis=1)
         self._origin = low.min(axis=0) if count else np.zeros(2)
-        extent = np.maximum(high.max(axis=0) - self._origin, _MIN_EXTENT) if count else np.ones(2)
-        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / _MAX_CELLS))
+        extent = np.maximum(high.max(axis=0) - self._origin, _LEAST_EXTENT) if count else np.ones(2)
+        self._cell = float(max(np.sqrt(extent[0] * extent[1] / max(count, 1)), extent.max() / _MOST_CELLS))
         self._shape = np.floor(extent / self._cell).astype(np.int64) + 1
         first, last = self._find_cells(low), self._find_cells(high)
         spans = last - first + 1
@@ -67,19 +67,25 @@ class Elevation:
         cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
         return np.clip(cells, 0, self._shape - 1)
 
-    def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, "*points"]:
+    def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
         """Return the height of the mesh at each (x, y) [m], NaN where there is none.
 
         Args:
-            x: `[...]` [m]; broadcasts against `y`.
-            y: `[...]` [m].
+            x: [m], of any shape; broadcasts against `y`.
+            y: [m].
         """
         return self.find_top(x, y)[0]
 
-    def find_top(
-        self, x: ArrayLike, y: ArrayLike
-    ) -> tuple[Float[np.ndarray, "*points"], Int[np.ndarray, "*points"]]:
-        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none."""
+    def find_top(self, x: ArrayLike, y: ArrayLike) -> tuple[Float[np.ndarray, " *S"], Int[np.ndarray, " *S"]]:
+        """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none.
+
+        Args:
+            x: [m], of any shape; broadcasts against `y`.
+            y: [m].
+
+        Returns:
+            Heights [m], and numbers of faces: of all meshes, in order.
+        """
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         points = np.stack([x.ravel(), y.ravel()], axis=1)
         heights = np.full(len(points), -np.inf)
@@ -100,8 +106,8 @@ class Elevation:
         return heights.reshape(x.shape), faces.reshape(x.shape)
 
     def _height_in(
-        self, triangle: Int[np.ndarray, " K"], points: Float[np.ndarray, "K 2"]
-    ) -> Float[np.ndarray, " K"]:
+        self, triangle: Int[np.ndarray, " N"], points: Float[np.ndarray, "N 2"]
+    ) -> Float[np.ndarray, " N"]:
         """Return the height of each triangle at its point, -inf outside of it (barycentric coordinates)."""
         x, y, z, b_x, b_y, c_x, c_y, b_z, c_z, area = self._table[triangle].T
         to_x, to_y = points[:, 0] - x, points[:, 1] - y

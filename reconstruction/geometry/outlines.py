@@ -1,24 +1,20 @@
-"""Convex outlines in plan, and the prisms that stand on them."""
+"""Convex outlines in plan: found, cut, measured."""
 
 from __future__ import annotations
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Num
+from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 
-from reconstruction.geometry.halfspaces import find_inner_point, make_solid
-
 _MAX_CORNERS = 24
-"""Corners of an outline: a prism on it keeps below 64 vertices."""
-_STRAIGHT = 1e-5
-"""A corner whose removal loses less than this share of the area is no corner."""
-_SMALLEST_VOLUME = 1e-6
-"""A prism of less volume is flat [m³]."""
+"""Corners of an outline: a prism on it keeps below 64 vertices, the most that MuJoCo's hulls should have."""
+_SMALL_CORNER = 1e-5
+"""A corner that takes a smaller share of the area with it is left out."""
 
 
 def find_outline(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "P 2"] | None:
-    """Return the convex outline of the part of a mesh within bounds, counter-clockwise.
+    """Return the convex outline of the part of a mesh within bounds, counter-clockwise; None without an area.
 
     Args:
         mesh: seen from above.
@@ -27,12 +23,12 @@ def find_outline(mesh: trimesh.Trimesh, bounds: Float[np.ndarray, "B 3"]) -> Flo
     triangles = np.asarray(mesh.triangles)[:, :, :2]
     for a, b, c in bounds:
         triangles = _cut_triangles(triangles, np.array([a, b]), c)
-    return hull_2d(triangles.reshape(-1, 2))
+    return find_hull_outline(triangles.reshape(-1, 2))
 
 
 def _cut_triangles(
-    triangles: Float[np.ndarray, "F 3 2"], normal: Float[np.ndarray, " 2"], offset: float
-) -> Float[np.ndarray, "K 3 2"]:
+    triangles: Float[np.ndarray, "T 3 2"], normal: Float[np.ndarray, " 2"], offset: float
+) -> Float[np.ndarray, "S 3 2"]:
     """Return the corners of triangles cut by a line, as (degenerate) triangles: enough for a hull."""
     level = triangles @ normal - offset
     whole = triangles[(level <= 0).all(axis=1)]
@@ -51,7 +47,7 @@ def _cut_triangles(
     return np.concatenate([whole, np.repeat(np.concatenate(corners)[:, None], 3, axis=1)])
 
 
-def hull_2d(points: Num[np.ndarray, "N 2"]) -> Num[np.ndarray, "P 2"] | None:
+def find_hull_outline(points: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "P 2"] | None:
     """Return the convex hull of points, counter-clockwise, of few corners; None without an area."""
     if len(points) < 3:
         return None
@@ -60,9 +56,9 @@ def hull_2d(points: Num[np.ndarray, "N 2"]) -> Num[np.ndarray, "P 2"] | None:
     except QhullError:
         return None
     while len(hull) > 3:
-        loss = _corner_areas(hull)
+        loss = _measure_corners(hull)
         corner = int(np.argmin(loss))
-        if len(hull) <= _MAX_CORNERS and loss[corner] > _STRAIGHT * polygon_area(hull):
+        if len(hull) <= _MAX_CORNERS and loss[corner] > _SMALL_CORNER * measure_area(hull):
             break
         hull = np.delete(hull, corner, axis=0)
     return hull
@@ -70,23 +66,23 @@ def hull_2d(points: Num[np.ndarray, "N 2"]) -> Num[np.ndarray, "P 2"] | None:
 
 def cut_outline(
     outline: Float[np.ndarray, "P 2"], line: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, "K 2"] | None:
+) -> Float[np.ndarray, "Q 2"] | None:
     """Return the part of a convex outline where a x + b y <= c of the line (a, b, c); None without an area."""
     level = outline @ line[:2] - line[2]
     following, next_level = np.roll(outline, -1, axis=0), np.roll(level, -1)
     crosses = (level <= 0) != (next_level <= 0)
     share = level[crosses] / (level[crosses] - next_level[crosses])
     cuts = outline[crosses] + share[:, None] * (following[crosses] - outline[crosses])
-    return hull_2d(np.concatenate([outline[level <= 0], cuts]))
+    return find_hull_outline(np.concatenate([outline[level <= 0], cuts]))
 
 
-def polygon_area(polygon: Num[np.ndarray, "P 2"]) -> float:
+def measure_area(polygon: Float[np.ndarray, "P 2"]) -> float:
     """Return the area of a simple polygon, above 0 where it is counter-clockwise."""
     x, y = polygon.T
     return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
 
 
-def outline_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"]:
+def find_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"]:
     """Return the lines (a, b, c) of a convex, counter-clockwise outline; inside is a x + b y <= c."""
     side = np.roll(outline, -1, axis=0) - outline
     normal = np.stack([side[:, 1], -side[:, 0]], axis=1)
@@ -94,35 +90,13 @@ def outline_bounds(outline: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, "P 3"
     return np.concatenate([normal, np.sum(normal * outline, axis=1, keepdims=True)], axis=1)
 
 
-def find_inside(outline: Float[np.ndarray, "P 2"], points: Num[np.ndarray, "N 2"]) -> Bool[np.ndarray, " N"]:
+def is_within(outline: Float[np.ndarray, "P 2"], points: Float[np.ndarray, "N 2"]) -> Bool[np.ndarray, " N"]:
     """Return which points lie in a convex, counter-clockwise outline."""
-    bounds = outline_bounds(outline)
+    bounds = find_bounds(outline)
     return np.all(points @ bounds[:, :2].T <= bounds[:, 2], axis=1)
 
 
-def _corner_areas(polygon: Num[np.ndarray, "P 2"]) -> Float[np.ndarray, " P"]:
-    """Return how much area the polygon loses with each corner."""
+def _measure_corners(polygon: Float[np.ndarray, "P 2"]) -> Float[np.ndarray, " P"]:
+    """Return the area of the triangle that each corner makes with its neighbors."""
     before, after = np.roll(polygon, 1, axis=0) - polygon, np.roll(polygon, -1, axis=0) - polygon
     return 0.5 * np.abs(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
-
-
-def cap_prism(
-    bounds: Float[np.ndarray, "B 3"],
-    normals: Float[np.ndarray, "K 3"],
-    offsets: Float[np.ndarray, " K"],
-    bottom: float,
-) -> trimesh.Trimesh | None:
-    """Return the convex solid above `bottom`, within bounds in plan, beneath all of some planes.
-
-    Args:
-        bounds: lines (a, b, c): inside is a x + b y <= c.
-        normals: of the planes on top.
-        offsets: normal · point on them [m].
-        bottom: height of the underside [m].
-    """
-    sides = np.stack([bounds[:, 0], bounds[:, 1], np.zeros(len(bounds)), -bounds[:, 2]], axis=1)
-    tops = np.concatenate([normals, -offsets[:, None]], axis=1)
-    halfspaces = np.concatenate([sides, tops, [[0.0, 0.0, -1.0, bottom]]])
-    inner = find_inner_point(halfspaces)
-    solid = None if inner is None else make_solid(halfspaces, inner)
-    return solid if solid is not None and solid.volume > _SMALLEST_VOLUME else None

@@ -1,4 +1,4 @@
-"""Points sampled on surfaces and over boxes in plan."""
+"""Points sampled on surfaces, and over boxes in plan: on a grid, in the middle of cells, and evenly spread."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 _PLASTIC_NUMBER = 1.32471795724474602596
 """The real root of x^3 = x + 1; its powers are the steps of the R2 sequence."""
-_GRID_MARGIN = 1e-3
-"""How far a grid reaches beyond the corners that it is laid around [m]: the rim of a solid is sampled, too."""
+_MARGIN = 1e-3
+"""Reach of a grid beyond the corners [m]: what ends at them is seen from both sides."""
 
 
 def sample_area(
@@ -54,19 +54,30 @@ def sample_surface(
     return np.asarray(found[0]), np.asarray(found[1])
 
 
-def sample_grid(corners: Float[np.ndarray, "N d"], num_lines: int) -> Float[np.ndarray, "P 2"]:
-    """Return the crossings of `num_lines` lines each way over the box around corners in plan (d is 2 or 3)."""
-    low, high = corners[:, :2].min(axis=0) - _GRID_MARGIN, corners[:, :2].max(axis=0) + _GRID_MARGIN
-    axes = [np.linspace(low[i], high[i], num_lines) for i in range(2)]
+def sample_cells(
+    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], spacing: float
+) -> Float[np.ndarray, "X Y 2"]:
+    """Return the centers (x, y) of the grid cells of a width `spacing` between two corners."""
+    axes = [np.arange(a + spacing / 2, b, spacing) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+
+def sample_grid(
+    corners: Float[np.ndarray, "V D"], count: int, margin: float = _MARGIN
+) -> Float[np.ndarray, "N 2"]:
+    """Return a grid of `count` squared points (x, y) over the box around corners in plan, and a margin [m]."""
+    low, high = corners[:, :2].min(axis=0) - margin, corners[:, :2].max(axis=0) + margin
+    axes = [np.linspace(low[i], high[i], count) for i in range(2)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def sample_box(corners: Float[np.ndarray, "N 2"], num_samples: int) -> Float[np.ndarray, "{num_samples} 2"]:
-    """Return points spread evenly over the box around corners in plan, on no grid.
+def sample_evenly(
+    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], count: int
+) -> Float[np.ndarray, "count 2"]:
+    """Return `count` points (x, y) spread evenly between two corners, in no rows.
 
     References:
         Roberts (2018), The unreasonable effectiveness of quasirandom sequences: the R2 sequence.
     """
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    index = np.arange(1, num_samples + 1)[:, None]
-    return low + (high - low) * np.mod(index / _PLASTIC_NUMBER ** np.array([1, 2]), 1.0)
+    steps = np.arange(1, count + 1)[:, None] / _PLASTIC_NUMBER ** np.array([1, 2])
+    return low + (high - low) * np.mod(steps, 1.0)

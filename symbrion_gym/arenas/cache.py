@@ -1,4 +1,4 @@
-"""Decomposed arenas in the user's cache: one file an entry, named by the hash of all that went in."""
+"""Contact geometry in the user's cache: one file an entry, named by the hash of all that went in."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from filelock import FileLock
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
 from reconstruction.files.cache import find_cache_folder
-from symbrion_gym.contact.builder import Contact, ContactOptions
+from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.quality import ArenaQuality
 
 _FORMAT = 7
@@ -74,7 +75,7 @@ def get_or_make(
         if kept is not None:
             return kept
         contact = make()
-        if contact.notes.get("was_kept_waiting"):
+        if contact.notes.get("was_disturbed"):
             return contact
         try:
             write_entry(path, contact)
@@ -95,12 +96,12 @@ def write_entry(path: Path, contact: Contact) -> None:
     if contact.height_field is not None:
         arrays |= {f"field_{name}": value for name, value in contact.height_field._asdict().items()}
     arrays["digest"] = np.array(_hash_arrays(arrays))
-    with write_atomically(path) as beside:
-        np.savez_compressed(beside, **arrays)
+    with write_atomically(path) as temporary:
+        np.savez_compressed(temporary, **arrays)
 
 
 def read_entry(path: Path) -> Contact | None:
-    """Return an entry; None where there is none, or a damaged one, which a warning tells."""
+    """Return an entry; None where there is none, or a damaged one, which is logged as a warning."""
     if not path.is_file():
         return None
     try:

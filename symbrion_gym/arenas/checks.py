@@ -1,4 +1,4 @@
-"""What an arena must fulfil before MuJoCo sees it, wherever it comes from."""
+"""Checks of an arena before MuJoCo sees it, wherever it comes from."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from symbrion_gym.contact.kinds import HeightField
 
 FRICTION_LIMITS = (1e-3, 5.0)
-"""Sliding friction of ground and robot; MuJoCo's contacts are sound within."""
+"""Sliding friction of ground and robot; MuJoCo's contacts are sound within these."""
 _LONGEST_NAME = 200
+"""Characters of a name."""
 _SMALLEST_AREA = 1e-9
 """[m²]; of a surface, of which MuJoCo computes the inertia of a shell."""
 
@@ -96,7 +97,7 @@ def check_vertices(mesh: trimesh.Trimesh, source: object) -> None:
     Raises:
         ArenaError: with the vertex.
     """
-    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
+    from reconstruction.geometry.mesh_repair import LARGEST_COORDINATE
 
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     is_wrong = ~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)
@@ -114,7 +115,7 @@ def check_height_field(field: HeightField, source: object) -> None:
     Raises:
         ArenaError: with the array that is wrong.
     """
-    from symbrion_gym.contact.mesh_repair import LARGEST_COORDINATE
+    from reconstruction.geometry.mesh_repair import LARGEST_COORDINATE
 
     for name, array in field._asdict().items():
         if not (np.issubdtype(array.dtype, np.floating) and np.isfinite(array).all()):

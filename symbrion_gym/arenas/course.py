@@ -1,7 +1,7 @@
 """Courses known exactly: two ramps and a pit, and a staircase, as profiles drawn along x.
 
-`Course()` is the truth that everything else is measured against. A course gives its exact surface (for rays
-and pictures) and its exact convex pieces (for contact).
+`Course()` is the truth that everything else is compared with. A course makes its exact surface (for rays and
+pictures) and its exact convex pieces (for contact).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int
 
 from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.geometry.hulls import make_hull
@@ -18,6 +19,8 @@ from symbrion_gym.errors import ArenaError
 
 _THICKNESS = 0.2
 """How far the ground reaches below the lowest floor [m]."""
+_STRAIGHT = 1e-12
+"""Corners that enclose less than half of this area lie on a line [m²]."""
 _LONGEST = 1e4
 """Largest size [m], and number of steps."""
 
@@ -35,6 +38,9 @@ class Course:
         plateau: length of the plateau on either side of the pit [m].
         width: extent along y [m].
         friction: sliding friction of the ground.
+
+    Raises:
+        ArenaError: a size is not above 0, or too large.
     """
 
     pit: float = 0.45
@@ -76,8 +82,8 @@ class Course:
         """(x, y) to be reached [m]: the foot of the last ramp."""
         return self.ramp_feet[1], 0.0
 
-    def profile(self) -> np.ndarray:
-        """Return the line (x, z) drawn along y, `[P, 2]` [m]; a vertical wall has the same x twice."""
+    def profile(self) -> Float[np.ndarray, "P 2"]:
+        """Return the line (x, z) drawn along y [m]; a vertical wall has the same x twice."""
         edge = self.pit / 2
         crest, foot, end = edge + self.plateau, self.ramp_feet[1], self.length / 2
         right = [(edge, self.height), (crest, self.height), (foot, 0.0), (end, 0.0)]
@@ -121,6 +127,10 @@ class StairsCourse:
         plateau: length of the level beyond the last step [m].
         width: extent along y [m].
         friction: sliding friction of the ground.
+
+    Raises:
+        ArenaError: a size, or the number of steps,
+            is not above 0, or too large.
     """
 
     steps: int = 5
@@ -149,8 +159,8 @@ class StairsCourse:
         """(x, y) to be reached [m]: the middle of the upper level."""
         return (self.steps - 1) * self.run + self.plateau / 2, 0.0
 
-    def profile(self) -> np.ndarray:
-        """Return the line (x, z) drawn along y, `[P, 2]` [m]; a vertical wall has the same x twice."""
+    def profile(self) -> Float[np.ndarray, "P 2"]:
+        """Return the line (x, z) drawn along y [m]; a vertical wall has the same x twice."""
         line = [(-self.floor, 0.0)]
         for step in range(self.steps):
             line += [(step * self.run, step * self.rise), (step * self.run, (step + 1) * self.rise)]
@@ -222,11 +232,12 @@ def _refuse_unless_positive(course: Course | StairsCourse, names: tuple[str, ...
             )
 
 
-def _place(line: np.ndarray, y: float) -> np.ndarray:
+def _place(line: Float[np.ndarray, "P 2"], y: float) -> Float[np.ndarray, "P 3"]:
+    """Return the line (x, z) at one y."""
     return np.stack([line[:, 0], np.full(len(line), y), line[:, 1]], axis=1)
 
 
-def _extrude_line(line: np.ndarray, width: float) -> trimesh.Trimesh:
+def _extrude_line(line: Float[np.ndarray, "P 2"], width: float) -> trimesh.Trimesh:
     """Draw the line (x, z) from y = -width/2 to width/2: two triangles a segment, normals to its left."""
     count = len(line)
     vertices = np.concatenate([_place(line, -width / 2), _place(line, width / 2)])
@@ -236,7 +247,7 @@ def _extrude_line(line: np.ndarray, width: float) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, np.stack([near, far], axis=1).reshape(-1, 3), process=False)
 
 
-def _extrude_convex(outline: np.ndarray, width: float) -> trimesh.Trimesh:
+def _extrude_convex(outline: Float[np.ndarray, "P 2"], width: float) -> trimesh.Trimesh:
     """Draw a convex outline (x, z) over the width, as a closed solid."""
     solid = make_hull(np.concatenate([_place(outline, -width / 2), _place(outline, width / 2)]))
     if solid is None:
@@ -244,8 +255,13 @@ def _extrude_convex(outline: np.ndarray, width: float) -> trimesh.Trimesh:
     return solid
 
 
-def _clip_ears(polygon: np.ndarray) -> np.ndarray:
-    """Triangulate a simple polygon `[P, 2]` without new points, `[P - 2, 3]`, by clipping ears."""
+def _clip_ears(polygon: Float[np.ndarray, "P 2"]) -> Int[np.ndarray, "P-2 3"]:
+    """Triangulate a simple polygon without new points, by clipping ears.
+
+    Raises:
+        ArenaError: it crosses itself.
+    """
+    # Not manifold3d.triangulate: it makes other triangles, so another arena "simple".
     x, z = polygon.T
     is_clockwise = np.sum(x * np.roll(z, -1) - np.roll(x, -1) * z) < 0
     left = list(range(len(polygon)))[:: -1 if is_clockwise else 1]
@@ -262,14 +278,14 @@ def _clip_ears(polygon: np.ndarray) -> np.ndarray:
     return np.array([*triangles, tuple(left)])
 
 
-def _is_ear(polygon: np.ndarray, ear: tuple[int, int, int], left: list[int]) -> bool:
+def _is_ear(polygon: Float[np.ndarray, "P 2"], ear: tuple[int, int, int], left: list[int]) -> bool:
     a, b, c = (polygon[i] for i in ear)
-    if _turn(a, b, c) <= 1e-12:
+    if _turn(a, b, c) <= _STRAIGHT:
         return False
     others = [polygon[i] for i in left if i not in ear]
-    return not any(min(_turn(a, b, p), _turn(b, c, p), _turn(c, a, p)) >= -1e-12 for p in others)
+    return not any(min(_turn(a, b, p), _turn(b, c, p), _turn(c, a, p)) >= -_STRAIGHT for p in others)
 
 
-def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
-    """Twice the signed area of a, b, c: above zero for a turn to the left."""
+def _turn(a: Float[np.ndarray, " 2"], b: Float[np.ndarray, " 2"], c: Float[np.ndarray, " 2"]) -> float:
+    """Return twice the signed area of a, b, c: above zero for a turn to the left."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

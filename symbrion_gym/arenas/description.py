@@ -1,4 +1,4 @@
-"""`arena.json`: what an arena's folder says of itself, checked by type and range."""
+"""`arena.json`, the description of an arena's folder, checked by type and range."""
 
 from __future__ import annotations
 
@@ -47,6 +47,9 @@ class ArenaDescription:
         course: as `Course.as_dict` returned it; None where there is no course.
         place: where the meshes lie, relative to the folder.
         files: the arena's own files, where the folder lists them.
+
+    Raises:
+        ArenaError: a field is out of range.
     """
 
     format: int
@@ -92,7 +95,7 @@ class ArenaDescription:
         """Return the files of geometry that the arena in a folder consists of.
 
         Raises:
-            ArenaError: the folder, or its list of files, holds more pieces or fewer than `num_pieces`.
+            ArenaError: there are more pieces in the folder, or in its list of files, or fewer than `num_pieces`.
         """
         meshes = folder / self.place
         pieces = [f"pieces/{index:03d}.obj" for index in range(self.num_pieces)]

@@ -26,7 +26,7 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
     """Return the fields of the arena in a folder.
 
     Raises:
-        ArenaError: it holds no arena, or a damaged one; the message names file and field.
+        ArenaError: there is no arena in it, or a damaged one; the message names file and field.
     """
     folder = Path(folder)
     fields, files = load_description(folder / "arena.json")

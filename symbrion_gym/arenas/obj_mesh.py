@@ -6,16 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from jaxtyping import Float, Int
 
 from reconstruction.files.printable import make_printable
 from symbrion_gym.errors import ArenaError
 
 _LARGEST = 2**30
-"""Bytes of one mesh; a million faces have 0.06 GB."""
+"""Bytes of one mesh; a million faces take 0.06 GB."""
 
 
 def load_obj(path: Path) -> trimesh.Trimesh:
-    """Read a mesh as it stands in the file.
+    """Read a mesh exactly as the file has it.
 
     Raises:
         ArenaError: missing, too large, or something else than vertices and triangles.
@@ -33,7 +34,8 @@ def load_obj(path: Path) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _parse(text: str) -> tuple[np.ndarray, np.ndarray]:
+def _parse(text: str) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
+    """Return vertices and faces."""
     rows: dict[str, list[list[str]]] = {"v": [], "f": []}
     for line in text.splitlines():
         kind, _, rest = line.partition(" ")

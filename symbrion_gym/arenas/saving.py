@@ -1,8 +1,8 @@
-"""Saving an arena as a folder: a kill at any moment leaves the old arena or the new one, and what is not ours stays.
+"""Saving an arena as a folder: a kill at any moment leaves the old arena or the new one, and the files of others stay.
 
 `arena.json` decides: it says where the meshes lie, and lists the arena's own files. Saving writes everything twice,
-first with the meshes in `.arena/`, then under the names that `folder` tells. Either time the meshes come first,
-`arena.json` after them, and what it names no longer is removed last.
+first with the meshes in `.arena/`, then under the names listed in `folder`. Either time the meshes are written first
+and `arena.json` after them, and what it no longer names is removed last.
 """
 
 from __future__ import annotations
@@ -13,19 +13,18 @@ import os
 import re
 from collections.abc import Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 import trimesh
 
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from reconstruction.files.typed_json import read_json
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
+from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
 
 ABOUT, MODEL = "arena.json", "arena.xml"
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
@@ -35,26 +34,36 @@ _OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.e
 
 
 class OwnFiles(NamedTuple):
-    """What a folder holds of an arena.
+    """The files of an arena in a folder.
 
     Attributes:
         place: where its meshes lie.
-        names: its files, relative to the folder; all else is somebody else's.
+        names: its files, relative to the folder; the others are somebody else's.
     """
 
     place: str
     names: frozenset[str]
 
 
-def save_arena(arena: Arena, folder: str | Path) -> None:
-    """Write an arena as a folder; of what is there, the files of a former arena alone are replaced.
+def save_arena(
+    folder: str | Path, name: str, geometry: ArenaGeometry, friction: float, about: dict[str, Any]
+) -> None:
+    """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
+
+    Args:
+        folder: new, empty, or that of a former arena.
+        name: of the arena.
+        geometry: its shapes.
+        friction: sliding friction of the ground.
+        about: the content of `arena.json`, without its format and the names of files.
 
     Raises:
-        ArenaError: the folder holds files that are no arena's, and no arena or one of the new one's names.
+        ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
     """
     folder = Path(folder)
-    meshes, about = _format_meshes(arena), _describe(arena)
-    model = _format_model(arena, meshes)
+    meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
+    spec = make_arena_spec(name, geometry, friction, use_files=True)
+    model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)
     wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
@@ -74,7 +83,7 @@ def find_own_files(folder: Path) -> OwnFiles:
     """Return which files in a folder are an arena's; none where there is no folder, or nothing in it.
 
     Raises:
-        ArenaError: it holds something else, and no arena that could be replaced.
+        ArenaError: there is something else in it, and no arena that could be replaced.
     """
     if folder.exists() and not folder.is_dir():
         raise ArenaError(f"{folder} is a file; choose another folder")
@@ -136,12 +145,12 @@ def _refuse_foreign(folder: Path, wanted: Set[str], own: Set[str]) -> None:
 
 
 def _is_inside(folder: Path, name: str) -> bool:
-    """Tell whether a name leads to that place in the folder, and by no link elsewhere."""
+    """Return whether a name leads to that place in the folder, and by no link elsewhere."""
     return (folder / name).resolve() == folder.resolve() / name
 
 
 def _drop_stale_model(folder: Path, place: str) -> None:
-    """Remove an `arena.xml` that a killed saving did not come to: its meshes are written over next."""
+    """Remove an `arena.xml` that a killed saving left behind: its meshes are overwritten next."""
     path = folder / MODEL
     if path.is_file() and (f'file="{SPARE}'.encode() in path.read_bytes()) != (place == SPARE):
         path.unlink()
@@ -149,12 +158,12 @@ def _drop_stale_model(folder: Path, place: str) -> None:
 
 def _write(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_bytes(content)
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
-    """Remove own files but some, what killed savings left beside them, and the folders that are empty then."""
+    """Remove own files but some, the temporary files of killed savings, and the folders that are empty then."""
     for name in names - keep:
         if _is_inside(folder, name) and (folder / name).is_file():
             (folder / name).unlink()
@@ -166,34 +175,20 @@ def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
             (folder / place).rmdir()
 
 
-def _format_meshes(arena: Arena) -> dict[str, bytes]:
+def _format_meshes(geometry: ArenaGeometry) -> dict[str, bytes]:
     """Return name -> content."""
-    files = {"surface.obj": _format_obj(arena.surface, _SURFACE_DIGITS)}
-    for i, piece in enumerate(arena.pieces):
+    files = {"surface.obj": _format_obj(geometry.surface, _SURFACE_DIGITS)}
+    for i, piece in enumerate(geometry.pieces):
         files[f"pieces/{i:03d}.obj"] = _format_obj(piece, _PIECE_DIGITS)
-    if arena.height_field is not None:
+    if geometry.height_field is not None:
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **arena.height_field._asdict())
+        np.savez_compressed(buffer, **geometry.height_field._asdict())
         files["height_field.npz"] = buffer.getvalue()
     return files
 
 
-def _describe(arena: Arena) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "name": arena.name,
-        "kind": arena.kind,
-        "friction": arena.friction,
-        "num_pieces": len(arena.pieces),
-        "course": arena.course.as_dict() if arena.course is not None else None,
-        "quality": arena.quality.as_dict(),
-        "provenance": arena.provenance,
-    }
-
-
-def _format_model(arena: Arena, meshes: dict[str, bytes]) -> str:
+def _format_model(spec: mujoco.MjSpec, meshes: dict[str, bytes]) -> str:
     """Return `arena.xml`; it compiles."""
-    spec = make_arena_spec(arena, use_files=True)
     spec.assets = meshes
     spec.compile()
     return spec.to_xml()

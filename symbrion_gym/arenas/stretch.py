@@ -1,4 +1,4 @@
-"""Arenas a little longer or shorter than their scan says: a survey knows lengths to about a centimetre."""
+"""Arenas a little longer or shorter than their scan says: a survey measures lengths to about a centimeter."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
+from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.spec import find_box
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:

@@ -1,4 +1,4 @@
-"""coacd in a process of its own: it can crash or never end, and takes its caller along.
+"""coacd in a process of its own: it can crash, or never end, and would take its caller along.
 
 Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the rest of the package; see
 `decomposition.py`.
@@ -7,16 +7,18 @@ Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the r
 from __future__ import annotations
 
 import json
-import resource
 import sys
 
 import numpy as np
 
 
 def main(source: str, target: str, processor_limit: str = "") -> None:
-    """Decompose `vertices`, `faces` of one file into pieces in another, within so many seconds of processor time."""
+    """Decompose `vertices` and `faces` of one file into pieces in another, within seconds of processor time.
+
+    Where the system limits no processor time (Windows), the caller's limit by the clock remains.
+    """
     if processor_limit:
-        resource.setrlimit(resource.RLIMIT_CPU, (int(processor_limit), int(processor_limit) + 1))
+        _limit_processor_time(int(processor_limit))
     import coacd
 
     with np.load(source, allow_pickle=False) as given:
@@ -29,6 +31,14 @@ def main(source: str, target: str, processor_limit: str = "") -> None:
         arrays[f"vertices_{i}"] = np.asarray(vertices, dtype=np.float64)
         arrays[f"faces_{i}"] = np.asarray(faces, dtype=np.int64)
     np.savez(target, count=len(pieces), **arrays)
+
+
+def _limit_processor_time(seconds: int) -> None:
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
 
 
 if __name__ == "__main__":

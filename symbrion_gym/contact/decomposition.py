@@ -1,4 +1,4 @@
-"""A closed solid as convex pieces, by coacd, which is kept at arm's length."""
+"""A closed solid as convex pieces, by coacd in a process of its own."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 
 from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.errors import ArenaError
@@ -19,6 +20,11 @@ from symbrion_gym.errors import ArenaError
 MIN_VOLUME = 1e-6
 """Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
 MAX_HULL_VERTICES = 64
+"""Corners of a piece: fewer cost less in every contact."""
+_LONGEST = 1e6
+"""A process can be waited for this long; longer limits are none (11 days) [s]."""
+_OUT_OF_PROCESSOR_TIME = -int(getattr(signal, "SIGXCPU", 24))
+"""Exit of a process that used up its processor time, on systems that limit it."""
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
@@ -38,7 +44,7 @@ def decompose(
         solid: closed mesh.
         threshold: concavity left, relative to half the longest extent.
         seed: of coacd's search.
-        time_limit: the process is ended after this time, by the clock [s].
+        time_limit: the process is stopped after this time, by the clock [s]; any number above 0.
         processor_limit: likewise after this processor time, which other work does not change [s].
         options: more options of `coacd.run_coacd`.
 
@@ -53,18 +59,20 @@ def decompose(
     with tempfile.TemporaryDirectory(prefix="symbrion-coacd-") as folder:
         source, target = Path(folder) / "solid.npz", Path(folder) / "pieces.npz"
         np.savez(source, vertices=solid.vertices, faces=solid.faces, options=json.dumps(options))
-        # As a file, not as a module: the package itself would be imported, a second for nothing.
+        # As a file, not as a module: that would import the package itself, which takes a second.
         command = [sys.executable, "-P", str(_WORKER), str(source), str(target)]
-        if processor_limit is not None:
+        if processor_limit is not None and processor_limit < _LONGEST:
             command.append(str(max(int(np.ceil(processor_limit)), 1)))
         try:
-            done = subprocess.run(command, capture_output=True, timeout=time_limit, check=False)
+            done = subprocess.run(
+                command, capture_output=True, timeout=min(time_limit, _LONGEST), check=False
+            )
         except subprocess.TimeoutExpired as error:
             raise ArenaError(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
                 "ask for less accuracy or allow more time"
             ) from error
-        if done.returncode == -signal.SIGXCPU:
+        if done.returncode == _OUT_OF_PROCESSOR_TIME:
             raise ArenaError(
                 f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
                 "the mesh, ask for less accuracy or allow more time"
@@ -80,7 +88,7 @@ def decompose(
     return pieces
 
 
-def make_piece(points: np.ndarray) -> trimesh.Trimesh | None:
+def make_piece(points: Float[np.ndarray, "N 3"]) -> trimesh.Trimesh | None:
     """Return the convex hull of points, of at most 64 vertices; None where it is flat."""
     hull = make_hull(points)
     if hull is not None and len(hull.vertices) > MAX_HULL_VERTICES:
@@ -88,8 +96,8 @@ def make_piece(points: np.ndarray) -> trimesh.Trimesh | None:
     return hull if hull is not None and hull.volume > MIN_VOLUME else None
 
 
-def _take_extremes(points: np.ndarray) -> np.ndarray:
-    """The points farthest out, each farthest from those taken before."""
+def _take_extremes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "M 3"]:
+    """Return the points farthest out, each farthest from those taken before."""
     taken = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     distance = np.linalg.norm(points - points[taken[0]], axis=1)
     while len(taken) < MAX_HULL_VERTICES:

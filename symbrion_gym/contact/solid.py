@@ -2,40 +2,85 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import trimesh
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from reconstruction.geometry.decimation import decimate
 from reconstruction.geometry.elevation import Elevation
-from symbrion_gym.contact.mesh_repair import decimate
+from reconstruction.geometry.sampling import sample_grid
 
 Shape = Literal["terrain", "overhang", "closed"]
 
-_MAX_OVERHANG = 0.03
-"""Share of the area that may lie beneath other ground in a terrain: folds of a noisy map."""
+_LEAST_VOLUME = 1e-12
+"""Keeps divisions by the volume of nothing finite [m³]."""
 
 
-def find_shape(mesh: trimesh.Trimesh) -> Shape:
+@dataclass(frozen=True)
+class ShapeConfig:
+    """What counts as a terrain, and how surfaces are closed.
+
+    Attributes:
+        max_overhang: share of the area that may lie beneath other ground in a terrain: folds of a noisy map.
+        min_ground: share of the area that a terrain has in plan, at least; less is nothing but walls.
+        wall_rise: faces whose normal rises less are walls, not hidden ground.
+        hidden_depth: ground this far beneath other ground is hidden, relative to the extent.
+        block_points: points a side of the grid on which a closed body is compared with a block.
+        block_error: share of its volume by which a block may differ from the space beneath its top.
+        underside: faces this close to the lowest level belong to the underside, relative to the height.
+        side_rise: faces whose normal rises less, and that reach the lowest level, are the sides of a block.
+        top_rise: faces whose normal rises less look down: they are no part of the top.
+        max_fans: area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open.
+        num_faces: of a solid that is simplified for coacd.
+        volume_error: share of its volume by which a simplified solid may differ.
+    """
+
+    max_overhang: float = 0.03
+    min_ground: float = 0.05
+    wall_rise: float = 0.3
+    hidden_depth: float = 0.01
+    block_points: int = 120
+    block_error: float = 0.05
+    underside: float = 1e-3
+    side_rise: float = 0.05
+    top_rise: float = -0.2
+    max_fans: float = 0.02
+    num_faces: int = 400
+    volume_error: float = 0.02
+
+
+SHAPE_DEFAULTS = ShapeConfig()
+
+
+def find_shape(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig = SHAPE_DEFAULTS) -> Shape:
     """Tell a terrain (seen whole from above) from an open surface with overhangs and from a closed body.
 
     A closed body that is a terrain with a flat underside counts as terrain.
+
+    Args:
+        mesh: consistently wound.
+        elevation: its heights.
+        config: what counts as what.
     """
     areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
-    if float(areas @ np.abs(rises)) < 0.05 * float(areas.sum()):
+    if float(areas @ np.abs(rises)) < config.min_ground * float(areas.sum()):
         return "overhang"  # nothing but walls: there is no ground to follow
     if not mesh.is_watertight:
-        return "terrain" if _measure_hidden(mesh) <= _MAX_OVERHANG else "overhang"
-    return "terrain" if _is_block(mesh) else "closed"
+        hidden = _measure_hidden(mesh, elevation, config)
+        return "terrain" if hidden <= config.max_overhang else "overhang"
+    return "terrain" if _is_block(mesh, elevation, config) else "closed"
 
 
-def take_top(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+def take_top(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
     """Return the part of a mesh that is ground or wall, without an underside."""
-    is_top = mesh.face_normals[:, 2] > -0.2
+    is_top = mesh.face_normals[:, 2] > config.top_rise
     if mesh.is_watertight:
-        is_top &= ~_find_underside(mesh)
+        is_top &= ~_find_underside(mesh, config)
     top = trimesh.Trimesh(mesh.vertices, mesh.faces[is_top], process=False)
     top.remove_unreferenced_vertices()
     return top
@@ -59,23 +104,22 @@ def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     return _stitch(mesh, mesh.vertices - thickness * mesh.vertex_normals)
 
 
-def simplify_solid(solid: trimesh.Trimesh, num_faces: int = 400) -> trimesh.Trimesh:
+def simplify_solid(solid: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
     """Return the solid with about `num_faces` faces, or as it was where that would wreck it."""
-    simple = trimesh.Trimesh(*decimate(solid.vertices, solid.faces, num_faces), process=False)
-    is_sound = simple.is_watertight and abs(simple.volume / max(solid.volume, 1e-12) - 1.0) < 0.02
+    simple = trimesh.Trimesh(*decimate(solid.vertices, solid.faces, config.num_faces), process=False)
+    ratio = simple.volume / max(solid.volume, _LEAST_VOLUME)
+    is_sound = simple.is_watertight and abs(ratio - 1.0) < config.volume_error
     return simple if is_sound else solid
 
 
-def close_holes(mesh: trimesh.Trimesh, max_share: float = 0.02) -> trimesh.Trimesh:
+def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
     """Return the mesh with a fan in every hole, if the holes are small against the mesh.
 
     Args:
         mesh: a body with holes where it was not seen.
-        max_share: area of all fans, relative to that of the mesh: a tube shorter than 50 radii stays open.
+        config: which holes are small.
     """
-    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, first, number = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    rim = edges[first[number == 1]]
+    rim = find_rim(mesh)
     if not len(rim):
         return mesh
     count = len(mesh.vertices)
@@ -88,41 +132,48 @@ def close_holes(mesh: trimesh.Trimesh, max_share: float = 0.02) -> trimesh.Trime
     fans = np.column_stack([rim[:, 1], rim[:, 0], count + number])
     vertices, faces = np.concatenate([mesh.vertices, middles]), np.concatenate([mesh.faces, fans])
     closed = trimesh.Trimesh(vertices, faces, process=False)
-    return closed if closed.area <= (1.0 + max_share) * mesh.area else mesh
+    return closed if closed.area <= (1.0 + config.max_fans) * mesh.area else mesh
 
 
-def _stitch(mesh: trimesh.Trimesh, other_side: np.ndarray) -> trimesh.Trimesh:
-    count = len(mesh.vertices)
-    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+def find_rim(mesh: trimesh.Trimesh) -> Int[np.ndarray, "E 2"]:
+    """Return the edges with one face, as that face runs along them."""
+    edges = np.asarray(mesh.faces)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     _, first, number = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
-    rim = edges[first[number == 1]]
+    return edges[first[number == 1]]
+
+
+def _stitch(mesh: trimesh.Trimesh, other_side: Float[np.ndarray, "V 3"]) -> trimesh.Trimesh:
+    """Return a mesh, turned-over faces on its other side, and a band between their rims."""
+    count = len(mesh.vertices)
+    rim = find_rim(mesh)
     near = np.stack([rim[:, 1], rim[:, 0], rim[:, 0] + count], axis=1)
     far = np.stack([rim[:, 1], rim[:, 0] + count, rim[:, 1] + count], axis=1)
     faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, near, far])
     return trimesh.Trimesh(np.concatenate([mesh.vertices, other_side]), faces, process=False)
 
 
-def _measure_hidden(mesh: trimesh.Trimesh) -> float:
-    """Share of the area that has something else more than 1 % of the extent above it; walls do not count."""
+def _measure_hidden(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> float:
+    """Return the share of the area that has something else above it; walls do not count."""
     areas, centers = mesh.area_faces, mesh.triangles_center
-    above = Elevation(mesh).height(centers[:, 0], centers[:, 1]) - centers[:, 2]
-    is_hidden = (np.abs(mesh.face_normals[:, 2]) > 0.3) & (above > 0.01 * float(mesh.extents.max()))
+    above = elevation.height(centers[:, 0], centers[:, 1]) - centers[:, 2]
+    is_ground = np.abs(mesh.face_normals[:, 2]) > config.wall_rise
+    is_hidden = is_ground & (above > config.hidden_depth * float(mesh.extents.max()))
     return float(areas[is_hidden].sum() / areas.sum())
 
 
-def _is_block(mesh: trimesh.Trimesh) -> bool:
-    """Whether all between the top, seen from above, and the lowest level is filled."""
+def _is_block(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> bool:
+    """Return whether all between the top, seen from above, and the lowest level is filled."""
     low, high = mesh.bounds
-    axes = [np.linspace(low[i], high[i], 120) for i in range(2)]
-    step = float(np.prod([axis[1] - axis[0] for axis in axes]))
-    x, y = (axis.ravel() for axis in np.meshgrid(*axes))
-    heights = Elevation(mesh).height(x, y)
+    step = float(np.prod((high - low)[:2] / (config.block_points - 1)))
+    points = sample_grid(np.asarray(mesh.bounds), config.block_points, margin=0.0)
+    heights = elevation.height(*points.T)
     filled = float(np.nansum(heights - low[2])) * step
-    return filled > 0 and bool(abs(mesh.volume / filled - 1.0) < 0.05)
+    return filled > 0 and bool(abs(mesh.volume / filled - 1.0) < config.block_error)
 
 
-def _find_underside(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Faces at the lowest level, and vertical ones that reach down to it."""
-    level = mesh.bounds[0, 2] + 1e-3 * np.ptp(mesh.bounds[:, 2])
+def _find_underside(mesh: trimesh.Trimesh, config: ShapeConfig) -> Bool[np.ndarray, " F"]:
+    """Return which faces lie at the lowest level, or are vertical and reach down to it."""
+    level = mesh.bounds[0, 2] + config.underside * np.ptp(mesh.bounds[:, 2])
     is_low = mesh.triangles[:, :, 2] < level
-    return is_low.all(axis=1) | (is_low.any(axis=1) & (np.abs(mesh.face_normals[:, 2]) < 0.05))
+    is_side = np.abs(mesh.face_normals[:, 2]) < config.side_rise
+    return is_low.all(axis=1) | (is_low.any(axis=1) & is_side)

@@ -1,40 +1,59 @@
-"""Coarse meshes cut finer: what looks at neighbouring faces needs some on every plane."""
+"""Coarse meshes cut finer: what compares neighboring faces needs some on every plane."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import trimesh
+from jaxtyping import Int
 
-_MAX_EDGE = 1.0 / 25.0
-"""Longest edge, relative to the extent, of a mesh cut finer."""
-_COARSE = 1.0 / 20.0
-"""A face with an edge longer than this, relative to the extent, is coarse."""
-_MAX_FACES = 8000
-"""Halving ends beyond: a broken mesh can be large and all slivers."""
-_COARSE_SHARE = 0.2
-"""Meshes with less of their area in coarse faces stay as they are."""
+_MOST_ROUNDS = 60
+"""Halving edges so often would make any of them vanish: the loop ends long before."""
 
 
-def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+@dataclass(frozen=True)
+class SubdivisionConfig:
+    """Which meshes are cut finer.
+
+    Attributes:
+        max_edge: longest edge, relative to the extent, of a mesh cut finer.
+        coarse_edge: a face with an edge longer than this, relative to the extent, is coarse.
+        coarse_share: meshes with less of their area in coarse faces stay as they are.
+        max_faces: halving ends beyond: a broken mesh can be large and all slivers.
+    """
+
+    max_edge: float = 1.0 / 25.0
+    coarse_edge: float = 1.0 / 20.0
+    coarse_share: float = 0.2
+    max_faces: int = 8000
+
+
+SUBDIVISION_DEFAULTS = SubdivisionConfig()
+
+
+def split_long_edges(
+    mesh: trimesh.Trimesh, config: SubdivisionConfig = SUBDIVISION_DEFAULTS
+) -> trimesh.Trimesh:
     """Return the same surface without long edges, if coarse faces make up much of it; else the mesh itself.
 
-    The longest edges of faces are halved until there are none, or faces abound. Neighbours are cut to suit.
+    The longest edges of faces are halved until there are none, or too many faces. Their neighbors are cut to suit.
     """
     extent = float(mesh.extents.max())
     lengths = np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, -1, axis=1), axis=2)
-    is_coarse = lengths.max(axis=1) > _COARSE * extent
-    if mesh.area_faces[is_coarse].sum() < _COARSE_SHARE * mesh.area:
+    is_coarse = lengths.max(axis=1) > config.coarse_edge * extent
+    if mesh.area_faces[is_coarse].sum() < config.coarse_share * mesh.area:
         return mesh
     vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)
-    for _ in range(60):
+    for _ in range(_MOST_ROUNDS):
         edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         edges, number = np.unique(edges, axis=0, return_inverse=True)
         length = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
         number = number.reshape(-1, 3)
         is_longest = np.zeros(len(edges), dtype=bool)
         is_longest[number[np.arange(len(faces)), np.argmax(length[number], axis=1)]] = True
-        is_long = is_longest & (length > _MAX_EDGE * extent)
-        if not is_long.any() or len(faces) > _MAX_FACES:
+        is_long = is_longest & (length > config.max_edge * extent)
+        if not is_long.any() or len(faces) > config.max_faces:
             break
         middle = np.full(len(edges), -1)
         middle[is_long] = len(vertices) + np.arange(is_long.sum())
@@ -43,12 +62,12 @@ def split_long_edges(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _cut_faces(faces: np.ndarray, middles: np.ndarray) -> np.ndarray:
-    """Faces cut at the middles of their edges.
+def _cut_faces(faces: Int[np.ndarray, "F 3"], middles: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "G 3"]:
+    """Cut faces at the middles of their edges.
 
     Args:
-        faces: `[F, 3]`.
-        middles: `[F, 3]` vertex in the middle of the edges 01, 12 and 20; -1 where the edge stays whole.
+        faces: corners.
+        middles: vertex in the middle of the edges 01, 12 and 20; -1 where the edge stays whole.
     """
     count = (middles >= 0).sum(axis=1)
     # The whole edge of two, or the cut edge of one, goes to a known place.

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose, make_quaternion
-from symbrion_gym.arenas.arena import Arena, load_arena
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.assets import SCANNED_PITS

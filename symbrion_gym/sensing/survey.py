@@ -180,7 +180,8 @@ def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarr
 def _find_surface(arena: Any) -> trimesh.Trimesh:
     surface = arena
     if isinstance(arena, (str, os.PathLike)):
-        from symbrion_gym.arenas.arena import NAMED_ARENAS, load_arena
+        from symbrion_gym.arenas.loading import load_arena
+        from symbrion_gym.assets import NAMED_ARENAS
 
         if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
             surface = load_arena(str(arena))
@@ -196,7 +197,7 @@ def _find_surface(arena: Any) -> trimesh.Trimesh:
 
 def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh.Trimesh:
     """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
-    from symbrion_gym.contact.mesh_repair import load_surface
+    from symbrion_gym.arenas.surface_file import load_surface
 
     try:
         surface = load_surface(path)

@@ -7,7 +7,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.experiments.paper.config import PaperConfig
 from evolution.experiments.paper.networks import name_network
-from symbrion_gym.contact.quality import measure_arena
+from symbrion_gym.contact.surface_error import measure_arena
 
 
 class Recipe(NamedTuple):

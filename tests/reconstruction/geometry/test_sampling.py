@@ -3,8 +3,15 @@
 import numpy as np
 import trimesh
 
-from reconstruction.geometry.sampling import sample_area, sample_box, sample_grid, sample_surface
+from reconstruction.geometry.sampling import (
+    sample_area,
+    sample_cells,
+    sample_evenly,
+    sample_grid,
+    sample_surface,
+)
 
+LOW, HIGH = np.array([-1.0, 2.0]), np.array([1.0, 3.0])
 SQUARE = trimesh.Trimesh([[0, 0, 1], [2, 0, 1], [2, 2, 1], [0, 2, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
 
 
@@ -32,12 +39,20 @@ def test_surface_samples_are_those_of_trimesh():
     np.testing.assert_array_equal(faces, expected[1])
 
 
-def test_a_grid_reaches_just_beyond_its_corners():
-    grid = sample_grid(np.array([[0.0, 0.0, 9.0], [1.0, 2.0, 9.0]]), 3)
-    assert grid.shape == (9, 2)
-    np.testing.assert_allclose([grid[0], grid[4], grid[-1]], [[-1e-3, -1e-3], [0.5, 1], [1.001, 2.001]])
+def test_cells_have_their_centers_inside():
+    cells = sample_cells(LOW, HIGH, 0.5)
+    assert cells.shape == (4, 2, 2)
+    np.testing.assert_allclose(cells[0, 0], [-0.75, 2.25])
+    np.testing.assert_allclose(cells[-1, -1], [0.75, 2.75])
 
 
-def test_a_box_is_covered_evenly_without_a_generator():
-    points = sample_box(np.array([[0.0, 0.0], [2.0, 2.0]]), 4000)
-    np.testing.assert_allclose(count_in_quarters(points), 1000, rtol=0.01)
+def test_a_grid_reaches_its_margin():
+    points = sample_grid(np.stack([LOW, HIGH]), 5, margin=0.1)
+    assert points.shape == (25, 2)
+    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [LOW - 0.1, HIGH + 0.1])
+
+
+def test_even_points_fill_every_part_alike():
+    points = sample_evenly(LOW, HIGH, 4000)
+    counts, *_ = np.histogram2d(*points.T, bins=(4, 5), range=np.stack([LOW, HIGH]).T)
+    assert np.abs(counts - 200).max() <= 12

@@ -12,12 +12,15 @@ from damage import flip_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from reconstruction.geometry.rectangles import find_box
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP, find_box
-from symbrion_gym.contact.budget import Watch
-from symbrion_gym.contact.quality import measure_arena
+from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym.contact.budget import TimeBudget
+from symbrion_gym.contact.surface_error import measure_arena
 from symbrion_gym.errors import ArenaError
 
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
@@ -325,12 +328,12 @@ def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
 
 def test_what_a_busy_machine_cut_short_is_not_kept(tmp_path, monkeypatch):
     walls = make_walls()
-    monkeypatch.setattr(Watch, "was_kept_waiting", property(lambda watch: True))
+    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: True))
     arena = make_arena(walls, cache=tmp_path, kind="prisms")
-    assert arena.provenance["was_kept_waiting"]
+    assert arena.provenance["was_disturbed"]
     assert not list(tmp_path.glob("*.npz"))
-    monkeypatch.setattr(Watch, "was_kept_waiting", property(lambda watch: False))
-    assert "was_kept_waiting" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
+    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: False))
+    assert "was_disturbed" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
     assert len(list(tmp_path.glob("*.npz"))) == 1
 
 

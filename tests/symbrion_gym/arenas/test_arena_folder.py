@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena, load_arena, make_arena
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.checks import check_piece
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.arena import Arena, load_arena
+from reconstruction.geometry.rectangles import find_box
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.spec import find_box
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 

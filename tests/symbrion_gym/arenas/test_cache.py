@@ -8,8 +8,9 @@ import trimesh
 from damage import flip_bits
 
 from symbrion_gym.arenas.cache import get_or_make, read_entry, write_entry
-from symbrion_gym.contact.builder import Contact, ContactOptions
+from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.quality import ArenaQuality
 
 BOX = trimesh.creation.box((1.0, 2.0, 0.1))

@@ -2,36 +2,36 @@
 
 import time
 
-from symbrion_gym.contact.budget import Watch
+from symbrion_gym.contact.budget import TimeBudget
 
 
 def test_waiting_is_not_work():
-    watch = Watch(0.4)
+    budget = TimeBudget(0.4)
     time.sleep(0.1)
-    assert not watch.is_late(0.2)
-    assert watch.left() < 0.31
+    assert not budget.is_exceeded(0.2)
+    assert budget.left() < 0.31
 
 
 def test_work_uses_up_the_limit():
-    watch = Watch(0.2)
-    while watch.spent < 0.11:
+    budget = TimeBudget(0.2)
+    while budget.spent < 0.11:
         sum(range(1000))
-    assert watch.is_late(0.5)
-    assert not Watch(1e6).is_late(0.5)
+    assert budget.is_exceeded(0.5)
+    assert not TimeBudget(1e6).is_exceeded(0.5)
 
 
 def test_the_clock_guards():
-    watch = Watch(0.01)
+    budget = TimeBudget(0.01)
     time.sleep(0.02)
-    assert watch.is_late()
-    assert watch.left() == 0.0
-    assert watch.was_kept_waiting
+    assert budget.is_exceeded()
+    assert budget.left() == 0.0
+    assert budget.is_disturbed
 
 
 def test_own_work_is_no_waiting(monkeypatch):
-    monkeypatch.setattr(Watch, "elapsed", property(lambda watch: watch.spent))
-    watch = Watch(0.1)
-    while watch.spent < 0.06:
+    monkeypatch.setattr(TimeBudget, "elapsed", property(lambda budget: budget.spent))
+    budget = TimeBudget(0.1)
+    while budget.spent < 0.06:
         sum(range(1000))
-    assert watch.is_late(0.5)
-    assert not watch.was_kept_waiting
+    assert budget.is_exceeded(0.5)
+    assert not budget.is_disturbed

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from reconstruction.geometry.mesh_repair import repair_mesh
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact import builder as contact_builder
-from symbrion_gym.contact.builder import ContactOptions, make_contact
-from symbrion_gym.contact.mesh_repair import repair_mesh
+from symbrion_gym.contact import terrain
+from symbrion_gym.contact.builder import make_contact
+from symbrion_gym.contact.options import ContactOptions, ContactTuning, SelectionConfig
 from symbrion_gym.errors import ArenaError
 
 
@@ -47,7 +48,7 @@ def fail(*_arguments, **_options):
     ],
 )
 def test_slabs_are_kept_where_coacd_does_worse(mesh, monkeypatch, decompose, reason):
-    monkeypatch.setattr(contact_builder, "decompose_slabs", decompose)
+    monkeypatch.setattr(terrain, "decompose_slabs", decompose)
     contact = make_contact(mesh, ContactOptions())
     assert contact.notes["way"] == "slabs"
     assert "slabs are kept" in contact.notes["why"]
@@ -56,23 +57,23 @@ def test_slabs_are_kept_where_coacd_does_worse(mesh, monkeypatch, decompose, rea
 
 
 def test_pieces_as_good_as_the_slabs_are_taken(mesh, monkeypatch):
-    monkeypatch.setattr(contact_builder, "decompose_slabs", lambda slabs, *_: list(slabs))
+    monkeypatch.setattr(terrain, "decompose_slabs", lambda slabs, *_: list(slabs))
     contact = make_contact(mesh, ContactOptions())
     assert contact.notes["way"] == "coacd of slabs"
 
 
 def test_many_slabs_never_go_to_coacd(monkeypatch):
-    monkeypatch.setattr(contact_builder, "_MAX_SLABS_FOR_COACD", 3)
-    monkeypatch.setattr(contact_builder, "decompose_slabs", fail)
+    monkeypatch.setattr(terrain, "decompose_slabs", fail)
     stairs = repair_mesh(make_scanned_surface(StairsCourse(rise=0.1).profile(), num_vertices=1000))
-    contact = make_contact(stairs, ContactOptions())
+    tuning = ContactTuning(selection=SelectionConfig(max_slabs=3))
+    contact = make_contact(stairs, ContactOptions(tuning=tuning))
     assert "too long" in contact.notes["why"]
     assert contact.quality.mean < 0.003
 
 
 @pytest.mark.slow
 def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
-    monkeypatch.setattr(contact_builder, "decompose_slabs", fail)
-    monkeypatch.setattr(contact_builder, "turn_into_boxes", shift)
+    monkeypatch.setattr(terrain, "decompose_slabs", fail)
+    monkeypatch.setattr(terrain, "turn_into_boxes", shift)
     contact = make_contact(mesh, ContactOptions())
     assert contact.quality.mean < 0.003

@@ -7,8 +7,8 @@ import trimesh
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.halfspaces import find_halfspaces, find_inner_point, find_tops, make_solid
 from reconstruction.geometry.hulls import make_hull
+from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.spec import find_box
 from symbrion_gym.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym.contact.seams import mend_pieces
 
@@ -34,8 +34,8 @@ def find_change(before, after, margin: float = 0.0) -> float:
 
 
 @pytest.fixture
-def surface() -> trimesh.Trimesh:
-    return Course(pit=0.40).surface()
+def ground() -> Elevation:
+    return Elevation(Course(pit=0.40).surface())
 
 
 def test_halfspaces_give_the_solid_back():
@@ -51,38 +51,38 @@ def test_halfspaces_give_the_solid_back():
     np.testing.assert_allclose(tops, [0.25, 0.125, -np.inf], atol=1e-6)
 
 
-def test_a_lip_at_a_crest_is_cut_off(surface):
+def test_a_lip_at_a_crest_is_cut_off(ground):
     high = [(-0.2, -0.2), (-0.2, 0.25), (-0.72, 0.25), (-0.72, -0.2)]  # 5 mm above the ramp at its end
     ramp = [(-0.6, -0.2), (-0.6, 0.25), (-0.7, 0.25), (-1.7, 0.0), (-1.7, -0.2)]
     exact = extrude(FLOOR, WEDGE, mirror(WEDGE))
     rough = extrude(FLOOR, WEDGE, high, ramp)
     assert find_change(exact, rough) > 4e-3
-    assert find_change(exact, mend_pieces(rough, surface), margin=1e-3) < 1e-3
+    assert find_change(exact, mend_pieces(rough, ground), margin=1e-3) < 1e-3
 
 
-def test_corners_that_nobody_needs_go(surface):
+def test_corners_that_nobody_needs_go(ground):
     ragged = np.array([(x, y, z) for x in (-3.3, 3.3) for y in (-1.0, 1.0) for z in (-0.2, 0.0)])
     bites = np.array([(x, y, z) for x in (-2.0, 0.0, 1.5) for y in (-1.01, 1.02) for z in (-0.2, 0.0)])
     floor = make_hull(np.concatenate([ragged, bites]))
     assert floor is not None
     assert len(floor.vertices) == 16
-    mended = mend_pieces([floor, *extrude(WEDGE, mirror(WEDGE))], surface)
+    mended = mend_pieces([floor, *extrude(WEDGE, mirror(WEDGE))], ground)
     assert len(mended[0].vertices) <= 10
     assert find_change([floor, *extrude(WEDGE, mirror(WEDGE))], mended) < 1e-3
 
 
-def test_cut_coplanar_pieces_overlap_afterwards(surface):
+def test_cut_coplanar_pieces_overlap_afterwards(ground):
     left = [(-3.3, -0.2), (-3.3, 0.0), (0.0, 0.0), (0.0, -0.2)]
-    mended = mend_pieces(extrude(left, mirror(left)), Course(height=1e-6, pit=0.0).surface())
+    mended = mend_pieces(extrude(left, mirror(left)), Elevation(Course(height=1e-6, pit=0.0).surface()))
     assert mended[0].bounds[1, 0] > 0.02
     assert mended[1].bounds[0, 0] < -0.02
 
 
-def test_a_course_becomes_boxes(surface):
+def test_a_course_becomes_boxes(ground):
     pieces = extrude(FLOOR, WEDGE, mirror(WEDGE))
     parts = split_at_creases(pieces, 16)
     assert len(parts) == 5
-    boxes = turn_into_boxes(parts, surface)
+    boxes = turn_into_boxes(parts, ground)
     assert all(find_box(box) is not None for box in boxes)
     assert find_change(pieces, boxes, margin=2e-3) < 2e-3
 
@@ -91,14 +91,14 @@ def test_no_more_parts_than_wanted():
     assert len(split_at_creases(extrude(FLOOR, WEDGE, mirror(WEDGE)), 4)) == 4
 
 
-def test_a_wall_is_not_left_hollow(surface):
+def test_a_wall_is_not_left_hollow():
     """A box under a slope that ends at a wall must reach to the wall's foot, or the piece stays."""
     slope = [(0.2, 0.0), (0.2, 0.35), (1.7, 0.0)]
     course = extrude(FLOOR, slope)
     line = np.array([(-3.3, 0.0), (0.2, 0.0), (0.2, 0.35), (1.7, 0.0), (3.3, 0.0)])
     corners = np.array([[(x, y, z) for y in (-1.0, 1.0)] for x, z in line])
     faces = [(2 * i + a, 2 * i + b, 2 * i + c) for i in range(4) for a, b, c in ((0, 2, 1), (1, 2, 3))]
-    ground = trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False)
+    ground = Elevation(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False))
     boxes = turn_into_boxes(course, ground)
     inside = np.array([0.205, 0.0, 0.0]) + np.linspace(0.02, 0.33, 20)[:, None] * [0, 0, 1]
     levels = [(inside @ h[:, :3].T + h[:, 3]).max(axis=1) for h in (find_halfspaces(box) for box in boxes)]

@@ -7,7 +7,8 @@ import trimesh
 from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact.builder import ContactOptions, make_contact
+from symbrion_gym.contact.builder import make_contact
+from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.planes import find_planes
 from symbrion_gym.contact.slab_union import find_heading, has_moved, unite_slabs
 from symbrion_gym.errors import ArenaError

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from reconstruction.geometry.elevation import Elevation
+from reconstruction.geometry.mesh_repair import repair_mesh
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.contact.mesh_repair import repair_mesh
 from symbrion_gym.contact.solid import close_downwards, close_holes, find_shape, take_top, thicken
 
 
@@ -36,10 +37,13 @@ def test_thickened_surface_is_closed(terrain):
 
 
 def test_shapes(terrain):
-    assert find_shape(terrain) == "terrain"
-    assert find_shape(close_downwards(terrain, 0.2)) == "terrain"
-    assert find_shape(trimesh.creation.icosphere()) == "closed"
-    assert find_shape(make_tunnel()) == "overhang"
+    def find(mesh):
+        return find_shape(mesh, Elevation(mesh))
+
+    assert find(terrain) == "terrain"
+    assert find(close_downwards(terrain, 0.2)) == "terrain"
+    assert find(trimesh.creation.icosphere()) == "closed"
+    assert find(make_tunnel()) == "overhang"
 
 
 def test_the_top_of_a_closed_terrain_is_the_terrain(terrain):

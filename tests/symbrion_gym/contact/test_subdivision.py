@@ -6,7 +6,8 @@ import trimesh
 
 from symbrion_gym.arenas.course import Course, StairsCourse, make_simple_surface
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact.builder import ContactOptions, make_contact
+from symbrion_gym.contact.builder import make_contact
+from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.subdivision import split_long_edges
 
 EXACT = {

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym.arenas.arena import load_arena
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv

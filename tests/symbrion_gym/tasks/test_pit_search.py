@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.arena import Arena, load_arena
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.tasks.pit_search import find_pit

@@ -62,7 +62,7 @@ def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
 
 def test_a_finer_surface_is_compared_with_more_readings():
     """Three for each of its 5000 faces; of its very many old readings so many are asked as suffice."""
-    change = weigh_evidence(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04)
+    change = detect_changes(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04, CONFIG)
     assert len(change.compared) == 12_000
     assert change.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.1)
     assert not (change.is_moved | change.is_gone).any()

@@ -1,21 +1,26 @@
 """Bad meshes are mended or refused."""
 
-import zipfile
-
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import Delaunay
 
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact import mesh_repair
-from symbrion_gym.contact.mesh_repair import load_surface, repair_mesh
-from symbrion_gym.errors import ArenaError
+from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.decimation import simplify
+from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 
 
 @pytest.fixture(scope="module")
-def terrain():
-    return make_scanned_surface(Course().profile(), num_vertices=600)
+def terrain() -> trimesh.Trimesh:
+    """Random points of a ramp with waves, triangulated in plan, normals up."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform([0, 0], [4, 2], (600, 2))
+    faces = Delaunay(points).simplices
+    corners = points[faces]
+    (x1, y1), (x2, y2) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    heights = 0.2 * points[:, 0] + 0.1 * np.sin(3 * points[:, 1])
+    faces = np.where((x1 * y2 < y1 * x2)[:, None], faces[:, ::-1], faces)
+    return trimesh.Trimesh(np.column_stack([points, heights]), faces, process=False)
 
 
 def test_flipped_faces_are_turned_up(terrain):
@@ -50,23 +55,20 @@ def test_useless_faces_go(terrain):
     ],
 )
 def test_refusals_name_the_trouble(vertices, faces, words):
-    with pytest.raises(ArenaError, match=words):
+    with pytest.raises(ReconstructionError, match=words):
         repair_mesh(trimesh.Trimesh(vertices, faces, process=False))
 
 
-def test_files_that_are_no_meshes(tmp_path):
-    with pytest.raises(ArenaError, match="no mesh file"):
-        load_surface(tmp_path / "absent.ply")
-    (tmp_path / "bad.ply").write_text("not a mesh")
-    with pytest.raises(ArenaError, match=r"bad\.ply"):
-        load_surface(tmp_path / "bad.ply")
+def test_large_meshes_are_simplified_and_loose_specks_dropped(terrain):
+    speck = trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation([0, 0, 2])
+    repaired = repair_mesh(terrain + speck, RepairConfig(max_faces=300))
+    assert 200 < len(repaired.faces) <= 330
+    assert repaired.bounds[1, 2] < 1.5
+    assert repaired.area == pytest.approx(terrain.area, rel=0.05)
 
 
-def test_a_packed_mesh_is_unpacked_within_the_limit(tmp_path, monkeypatch):
-    box = trimesh.creation.box().export(file_type="obj")
-    with zipfile.ZipFile(tmp_path / "box.zip", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("box.obj", box + "#" + " " * 1_000_000)
-    assert len(load_surface(tmp_path / "box.zip").faces) == 12
-    monkeypatch.setattr(mesh_repair, "MAX_BYTES", 1e5)
-    with pytest.raises(ArenaError, match=r"box\.zip: .*limit"):
-        load_surface(tmp_path / "box.zip")
+def test_simplifying_keeps_the_place(terrain):
+    vertices, faces = simplify(np.array(terrain.vertices), np.array(terrain.faces), 200)
+    assert len(faces) <= 220
+    np.testing.assert_allclose(vertices.min(axis=0), terrain.bounds[0], atol=0.1)
+    np.testing.assert_allclose(vertices.max(axis=0), terrain.bounds[1], atol=0.1)

@@ -1,0 +1,23 @@
+"""What of an arena has a shape: the surface, and what stands in for it in contact."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import trimesh
+
+from symbrion_gym.contact.kinds import HeightField
+
+
+class ArenaGeometry(NamedTuple):
+    """The shapes of an arena.
+
+    Attributes:
+        surface: the exact surface, for rays and pictures.
+        pieces: convex solids, for contact.
+        height_field: in place of pieces, for the kind "hfield".
+    """
+
+    surface: trimesh.Trimesh
+    pieces: list[trimesh.Trimesh]
+    height_field: HeightField | None

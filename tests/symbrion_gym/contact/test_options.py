@@ -1,0 +1,31 @@
+"""Options of contact geometry, and everything that tunes it."""
+
+from dataclasses import fields
+
+import pytest
+
+from symbrion_gym.contact.options import ContactOptions, ContactTuning, SelectionConfig
+from symbrion_gym.errors import ArenaError
+
+
+@pytest.mark.parametrize(
+    "changes", [{"kind": "jelly"}, {"accuracy": 0.0}, {"time_limit": float("inf")}, {"max_pieces": 0}]
+)
+def test_options_out_of_range_are_refused(changes):
+    with pytest.raises(ArenaError, match=next(iter(changes))):
+        ContactOptions(**changes)
+
+
+def test_tuning_is_noted_where_it_is_not_the_default():
+    assert "tuning" not in ContactOptions().as_dict()
+    tuned = ContactOptions(tuning=ContactTuning(selection=SelectionConfig(max_slabs=3)))
+    assert tuned.as_dict()["tuning"]["selection"]["max_slabs"] == 3
+
+
+def test_every_number_that_tunes_is_documented():
+    for field in fields(ContactTuning):
+        config = getattr(ContactTuning(), field.name)
+        missing = [
+            each.name for each in fields(config) if f"{each.name}: " not in (type(config).__doc__ or "")
+        ]
+        assert not missing, f"{type(config).__name__} says nothing of {missing}"
