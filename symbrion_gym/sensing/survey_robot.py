@@ -5,30 +5,36 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from jaxtyping import Float
 
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.errors import SurveyError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 
 
 @dataclass(frozen=True)
 class SurveyRobot:
-    """A differential-drive robot with a mast: speeds, places of its scanners, its shaking, its wheels' errors.
+    """A differential-drive robot with a mast: speeds, positions of its scanners, its sway, its wheels' errors.
 
     Attributes:
-        scanner: both scanners' model.
+        scanner: model of both scanners.
         speed: driving speed [m/s].
         turn_rate: turning speed on the spot [rad/s].
         scan_rate: scans a second [Hz]; the LMS 200 reaches 75 Hz at one degree, 37.5 Hz at half a degree.
-        rest: standing still at the start [s]: the sway averages out of the first place.
+        rest: standing still at the start [s]: the sway averages out of the first pose.
         mast: height of the vertical scanner above the ground [m]; more over high arenas, see `survey`.
         tilt: its middle beam points to the right and this far below the horizon [rad]; at 60 degrees it sees
-            the ground on both sides of the robot, which levelling needs.
+            the ground on both sides of the robot, which leveling needs.
         low_height: height of the horizontal scanner above the ground [m].
-        shake: standard deviation of roll and pitch [rad], about the point of contact with the ground.
-        shake_memory: correlation of the shaking from one scan to the next.
+        shake: standard deviation of the sway in roll and pitch [rad], about the point of contact with the ground.
+        shake_memory: correlation of the sway from one scan to the next.
         distance_drift, turn_drift: relative error of the wheels in distance and turning, drawn once a survey
             (standard deviations).
-        step_noise: random error of the wheels, per square root of a metre [m] (and [rad]).
+        step_noise: random error of the wheels, per square root of a meter [m] (and [rad]).
+        turn_weight: meters that a turn of one radian counts as in that error.
+        head_room: the mast is at least this much higher than the arena [m].
+
+    Raises:
+        SurveyError: a number is out of range.
     """
 
     scanner: LaserScanner = field(default_factory=LaserScanner)
@@ -44,20 +50,30 @@ class SurveyRobot:
     distance_drift: float = 0.01
     turn_drift: float = 0.02
     step_noise: float = 0.005
+    turn_weight: float = 0.2
+    head_room: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("speed", "turn_rate", "scan_rate", "mast", "low_height"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ArenaError(f"SurveyRobot: {name} must be above 0, got {getattr(self, name)}")
-        for name in ("rest", "shake", "distance_drift", "turn_drift", "step_noise"):
+                raise SurveyError(f"SurveyRobot: {name} must be above 0, got {getattr(self, name)}")
+        for name in (
+            "rest",
+            "shake",
+            "distance_drift",
+            "turn_drift",
+            "step_noise",
+            "turn_weight",
+            "head_room",
+        ):
             if not 0 <= getattr(self, name) < np.inf:
-                raise ArenaError(f"SurveyRobot: {name} must be 0 or more, got {getattr(self, name)}")
+                raise SurveyError(f"SurveyRobot: {name} must be 0 or more, got {getattr(self, name)}")
         if not 0 <= self.shake_memory < 1:
-            raise ArenaError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
+            raise SurveyError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
 
     @property
-    def vertical_mount(self) -> np.ndarray:
-        """Pose of the vertical scanner in the robot, `[4, 4]`; its plane is the robot's y-z plane."""
+    def vertical_mount(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the vertical scanner in the robot; its plane is the robot's y-z plane."""
         c, s = np.cos(self.tilt), np.sin(self.tilt)
         mount = np.eye(4)
         mount[:3, :3] = np.array([[0, -c, -s], [0, -s, c], [-1, 0, 0]]).T
@@ -65,8 +81,8 @@ class SurveyRobot:
         return mount
 
     @property
-    def horizontal_mount(self) -> np.ndarray:
-        """Pose of the horizontal scanner in the robot, `[4, 4]`: its middle beam ahead."""
+    def horizontal_mount(self) -> Float[np.ndarray, "4 4"]:
+        """Pose of the horizontal scanner in the robot: its middle beam ahead."""
         mount = np.eye(4)
         mount[2, 3] = self.low_height
         return mount
