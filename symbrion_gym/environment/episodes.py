@@ -55,7 +55,7 @@ class Start(NamedTuple):
 
 @dataclass(slots=True)
 class Episode:
-    """The memory of one episode beside the physics.
+    """The memory of one episode, apart from the physics.
 
     Attributes:
         track_speed: [m/s].

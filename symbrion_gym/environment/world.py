@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.arenas.arena import Arena, load_arena
-from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.assets import SCANNED_PITS
+from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.rendering import add_scene
-from symbrion_gym.errors import ArenaError, OrganismError
+from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.organism_sensors import add_sensors
-from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
 from symbrion_gym.tasks.route import find_route
 from symbrion_gym.tasks.success_check import SuccessCheck
@@ -88,7 +84,7 @@ class World:
     def __init__(self, config: SnakePitConfig, image_size: tuple[int, int] = (640, 400)) -> None:
         self._image_size = image_size
         self.config = config
-        on_map = _find_arena(config)
+        on_map = find_arena(config)
         self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
@@ -265,52 +261,6 @@ class World:
                 f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self.arena.name!r}"
             )
         return np.interp(np.arange(len(heights)), known, heights[known])
-
-
-def _find_arena(config: SnakePitConfig) -> Arena:
-    """Return the arena of the options; `pit` resizes the arenas made in code.
-
-    Raises:
-        ArenaError: there is no such arena, or its pit cannot be resized.
-    """
-    arena = config.arena
-    if isinstance(arena, Arena):
-        if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
-            raise ArenaError(f"the pit of a ready arena cannot be set to {config.pit}; build another arena")
-        return arena
-    if not isinstance(arena, str | Path):
-        raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
-    is_named = arena in ("truth", "simple", *SCANNED_PITS)
-    pit = config.default_pit if is_named and config.pit is None else config.pit
-    if pit is None:
-        return load_arena(arena)
-    if is_named:
-        return load_arena(arena, course=Course(pit=pit))
-    loaded = load_arena(arena)
-    if getattr(loaded.course, "pit", None) != config.pit:
-        raise ArenaError(
-            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with named courses only"
-        )
-    return loaded
-
-
-def find_organism(config: SnakePitConfig, friction: float) -> Organism:
-    """Return the organism of the options.
-
-    Raises:
-        OrganismError: neither a number of modules nor an Organism, or one that cannot be.
-    """
-    if isinstance(config.modules, Organism):
-        return config.modules
-    if not isinstance(config.modules, int | np.integer):
-        raise OrganismError(f"modules must be a number or an Organism, got {config.modules!r}")
-    scout = ScoutConfig(
-        friction=friction,
-        hinge_torque=config.hinge_torque,
-        track_speed=config.track_speed,
-        tracks=config.tracks,
-    )
-    return snake(int(config.modules), scout)
 
 
 def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:

@@ -245,7 +245,7 @@ def _find_rigid_groups(organism: Organism) -> dict[Part, RigidGroup]:
 
 
 def _exclude_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
-    """Let wheels ignore the parts that their own part is hinged to, as geoms of neighbours always do."""
+    """Let wheels ignore the parts that their own part is hinged to, as geoms of neighbors always do."""
     for child in body.bodies:
         if "_wheel_" in child.name:
             continue

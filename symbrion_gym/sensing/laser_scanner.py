@@ -1,4 +1,4 @@
-"""A SICK LMS 200 as it measures: noise, millimetre steps, a beam with a width, and mixed pixels at edges."""
+"""A SICK LMS 200 as it measures: noise, millimeter steps, a beam with a width, and mixed pixels at edges."""
 
 from __future__ import annotations
 

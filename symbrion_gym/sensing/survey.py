@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
 
 _FIRST_WAYPOINT = 2
-"""The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
+"""The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
 
 _LARGEST = 200.0
 """The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
@@ -63,10 +63,10 @@ def survey(
         room: around the arena; None for the default.
 
     Returns:
-        Poses come from localisation: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Levelling
+        Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
         finds its lean in the plane of each scan (`level_floor`). A pitch not found moves a point by its height above
         the ground times the pitch, 1.3 mm at 0.25 m. `truth` holds the true poses and mixed beams, for comparison;
-        `report` the localisation's errors against them.
+        `report` the errors of localization against them.
 
     Raises:
         ArenaError: the arena is unknown.
@@ -215,7 +215,7 @@ def _find_surface(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> trimesh
     extent = float(surface.extents.max())
     if extent > _LARGEST:
         raise SurveyError(
-            f"survey: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimetre, "
+            f"survey: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimeter, "
             "scale it first: mesh.apply_scale(0.001)"
         )
     return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface

@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Float, Int
 
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
-"""Geom groups: the arena, the ground beside it, black skirting, and the room's walls."""
+"""Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
 _THICKNESS = 0.2
 """Of the walls [m]; rays see their insides alone."""
 _SKIRT_DEPTH = 0.02

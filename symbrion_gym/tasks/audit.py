@@ -67,6 +67,20 @@ class Trajectory(NamedTuple):
     qpos: Float[np.ndarray, "T 7+h"]
 
 
+class _Motion(NamedTuple):
+    """What the modules did, worked out from the coordinates.
+
+    Attributes:
+        time: [s].
+        centers: of the modules [m].
+        rotations: of the modules.
+    """
+
+    time: Float[np.ndarray, " T"]
+    centers: Float[np.ndarray, "T n 3"]
+    rotations: Float[np.ndarray, "T n 3 3"]
+
+
 @dataclass(frozen=True)
 class Audit:
     """What the audit found.
@@ -131,14 +145,13 @@ def audit(
     scout, limits = scout or ScoutConfig(), limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():
         return Audit(False, ("a coordinate is not finite",))
-    centers, rotations = place_modules(trajectory.qpos, scout.pitch)
-    time, angles = trajectory.time, trajectory.qpos[:, 7:]
+    motion = _Motion(trajectory.time, *place_modules(trajectory.qpos, scout.pitch))
     faults = [
-        *_find_bad_hinges(angles, scout.hinge_range + limits.hinge_slack),
-        *_find_bad_motion(time, centers, rotations, limits),
-        *_find_bad_course(time, centers, track_speed, half_width, limits),
-        *_find_overlaps(centers, height, limits),
-        *_find_bad_end(time, centers, rotations, height, far_edge, limits),
+        *_find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
+        *_find_bad_motion(motion, limits),
+        *_find_bad_course(motion, track_speed, half_width, limits),
+        *_find_overlaps(motion.centers, height, limits),
+        *_find_bad_end(motion, height, far_edge, limits),
     ]
     return Audit(not faults, tuple(faults))
 
@@ -147,13 +160,8 @@ def _find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[s
     return ["a hinge is beyond its range"] if (np.abs(angles) > largest).any() else []
 
 
-def _find_bad_motion(
-    time: Float[np.ndarray, " T"],
-    centers: Float[np.ndarray, "T n 3"],
-    rotations: Float[np.ndarray, "T n 3 3"],
-    limits: AuditLimits,
-) -> list[str]:
-    faults = []
+def _find_bad_motion(motion: _Motion, limits: AuditLimits) -> list[str]:
+    faults, (time, centers, rotations) = [], motion
     step = np.diff(time)
     if not (step > 0).all():
         faults.append("time does not go on")
@@ -166,13 +174,9 @@ def _find_bad_motion(
 
 
 def _find_bad_course(
-    time: Float[np.ndarray, " T"],
-    centers: Float[np.ndarray, "T n 3"],
-    track_speed: float,
-    half_width: float,
-    limits: AuditLimits,
+    motion: _Motion, track_speed: float, half_width: float, limits: AuditLimits
 ) -> list[str]:
-    faults = []
+    faults, (time, centers, _) = [], motion
     if np.abs(centers[:, :, 1]).max() > half_width:
         faults.append("a module left the course at the side")
     middle = centers[:, :, 0].mean(axis=1)
@@ -195,15 +199,9 @@ def _find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: 
     return faults
 
 
-def _find_bad_end(
-    time: Float[np.ndarray, " T"],
-    centers: Float[np.ndarray, "T n 3"],
-    rotations: Float[np.ndarray, "T n 3 3"],
-    height: Height,
-    far_edge: float,
-    limits: AuditLimits,
-) -> list[str]:
+def _find_bad_end(motion: _Motion, height: Height, far_edge: float, limits: AuditLimits) -> list[str]:
     """Check that at the end every corner of every module is beyond the edge, and every module stands upright."""
+    time, centers, rotations = motion
     last = time > time[-1] - limits.hold_time + _ROUNDING
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = centers[last][:, :, None] + np.einsum("tnij,cj->tnci", rotations[last], signs * limits.corner)

@@ -194,5 +194,5 @@ def _follow_surface(
 def _read_point(name: str, value: Point) -> Float[np.ndarray, " 2"]:
     point = np.asarray(value, dtype=np.float64).ravel()[:2]
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise ArenaError(f"{name} must be a place (x, y) in metres, got {value!r}")
+        raise ArenaError(f"{name} must be a place (x, y) in meters, got {value!r}")
     return point

@@ -133,8 +133,8 @@ def test_any_mesh_is_surveyed(tmp_path):
     assert (np.abs(points[:, :2]) < [0.31, 0.21]).all()
 
 
-def test_a_mesh_in_millimetres_is_refused_with_the_remedy():
-    with pytest.raises(ArenaError, match=r"4000 m large.*millimetre.*apply_scale"):
+def test_a_mesh_in_millimeters_is_refused_with_the_remedy():
+    with pytest.raises(ArenaError, match=r"4000 m large.*millimeter.*apply_scale"):
         survey(trimesh.creation.box((4000, 2000, 300)))
 
 
