@@ -12,6 +12,7 @@ import numpy as np
 
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
@@ -137,13 +138,10 @@ class SnakePitConfig:
     sensor_noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:
-        for name in _NOT_NEGATIVE:
-            _check(self, name, 0.0, True)
-        for name in _POSITIVE:
-            _check(self, name, 0.0, False)
-        for name in ("pit", "default_pit", "friction"):
-            if getattr(self, name) is not None:
-                _check(self, name, 0.0, name != "friction")
+        check_not_negative(self, _NOT_NEGATIVE, OptionError)
+        check_positive(self, _POSITIVE, OptionError)
+        check_not_negative(self, self._find_given("pit", "default_pit"), OptionError)
+        check_positive(self, self._find_given("friction"), OptionError)
         if isinstance(self.modules, bool) or (
             isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= MAX_MODULES
         ):
@@ -187,21 +185,14 @@ class SnakePitConfig:
             _check_choice("option", name, names)
         return cls(**given)
 
+    def _find_given(self, *names: str) -> list[str]:
+        """Return those of some options that are not None."""
+        return [name for name in names if getattr(self, name) is not None]
+
     @property
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
-
-
-def _check(config: SnakePitConfig, name: str, low: float, is_low_allowed: bool) -> None:
-    """Refuse a number that is not finite or below its range."""
-    value = getattr(config, name)
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise OptionError(f"{name} must be a number, got {value!r}") from None
-    if not (low <= number if is_low_allowed else low < number) or not number < np.inf:
-        raise OptionError(f"{name} must be {'at least' if is_low_allowed else 'above'} {low:g}, got {value}")
 
 
 def _check_choice(what: str, value: Any, choices: Iterable[Any]) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-
 from symbrion_gym.errors import OrganismError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 
 TRACK_MODELS = ("spheres", "wheels", "cylinders")
 SIDES = ("front", "back", "left", "right")
@@ -91,13 +90,9 @@ class ScoutConfig:
             "hinge_stiffness track_radius wheel_mass wheel_gain friction dock_force acceleration_range contact_range "
             "ir_range laser_range"
         )
-        for name in positive.split():
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise OrganismError(f"ScoutConfig: {name} must be above 0, got {getattr(self, name)}")
+        check_positive(self, positive.split(), OrganismError)
         not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"
-        for name in not_negative.split():
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise OrganismError(f"ScoutConfig: {name} must not be negative, got {getattr(self, name)}")
+        check_not_negative(self, not_negative.split(), OrganismError)
         if (
             isinstance(self.laser_beams, bool)
             or not isinstance(self.laser_beams, int)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_not_negative
 
 
 @dataclass(frozen=True)
@@ -22,6 +25,9 @@ class SensorNoise:
         odometry: [m]; the paper's robot was localized within 1 cm.
         track_odometry: of each reading [m]; slip comes from the physics.
         laser: of a distance [m].
+
+    Raises:
+        OptionError: a number is negative.
     """
 
     hinge_angle: float = 0.005
@@ -34,3 +40,6 @@ class SensorNoise:
     odometry: float = 0.01
     track_odometry: float = 0.01
     laser: float = 0.006
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.errors import SurveyError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""
@@ -54,12 +55,10 @@ class LaserScanner:
             raise SurveyError(f"LaserScanner: num_beams must be at least 2, got {self.num_beams}")
         if not 0 < self.field_of_view <= 2 * np.pi:
             raise SurveyError(f"LaserScanner: field_of_view must lie in (0, 2 pi], got {self.field_of_view}")
-        for name in ("max_range", "edge_step"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise SurveyError(f"LaserScanner: {name} must be above 0, got {getattr(self, name)}")
-        for name in ("noise", "noise_per_meter", "resolution", "spot", "divergence"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise SurveyError(f"LaserScanner: {name} must be 0 or more, got {getattr(self, name)}")
+        check_positive(self, ("max_range", "edge_step"), SurveyError)
+        check_not_negative(
+            self, ("noise", "noise_per_meter", "resolution", "spot", "divergence"), SurveyError
+        )
 
     @property
     def angles(self) -> Float[np.ndarray, " B"]:

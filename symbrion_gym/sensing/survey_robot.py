@@ -8,7 +8,18 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.errors import SurveyError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 from symbrion_gym.sensing.laser_scanner import LaserScanner
+
+_NOT_NEGATIVE = (
+    "rest",
+    "shake",
+    "distance_drift",
+    "turn_drift",
+    "step_noise",
+    "turn_weight",
+    "head_room",
+)
 
 
 @dataclass(frozen=True)
@@ -54,20 +65,8 @@ class SurveyRobot:
     head_room: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("speed", "turn_rate", "scan_rate", "mast", "low_height"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise SurveyError(f"SurveyRobot: {name} must be above 0, got {getattr(self, name)}")
-        for name in (
-            "rest",
-            "shake",
-            "distance_drift",
-            "turn_drift",
-            "step_noise",
-            "turn_weight",
-            "head_room",
-        ):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise SurveyError(f"SurveyRobot: {name} must be 0 or more, got {getattr(self, name)}")
+        check_positive(self, ("speed", "turn_rate", "scan_rate", "mast", "low_height"), SurveyError)
+        check_not_negative(self, _NOT_NEGATIVE, SurveyError)
         if not 0 <= self.shake_memory < 1:
             raise SurveyError(f"SurveyRobot: shake_memory must lie in [0, 1), got {self.shake_memory}")
 

@@ -10,6 +10,9 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from symbrion_gym.errors import SurveyError
+from symbrion_gym.number_checks import check_not_negative, check_positive
+
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
 _THICKNESS = 0.2
@@ -39,6 +42,9 @@ class SurveyRoom:
         first_pilaster: smallest and largest distance of the first from the corner [m].
         last_pilaster: distance of the last from the other corner, at least [m].
         seed: of the pilasters; another room for another seed.
+
+    Raises:
+        SurveyError: a number is out of range.
     """
 
     gap: float = 0.10
@@ -50,6 +56,14 @@ class SurveyRoom:
     first_pilaster: tuple[float, float] = (0.4, 1.0)
     last_pilaster: float = 0.6
     seed: int = 1
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, ("gap", "margin", "last_pilaster"), SurveyError)
+        check_positive(self, ("height",), SurveyError)
+        for name in ("pilaster_width", "pilaster_depth", "pilaster_spacing", "first_pilaster"):
+            low, high = getattr(self, name)
+            if not 0 < low <= high < np.inf:
+                raise SurveyError(f"SurveyRoom: {name} must be (low, high) above 0, got {(low, high)}")
 
 
 _ALL_BUT_WALLS = np.array([1, 1, 1, 1, 0, 0], np.uint8)

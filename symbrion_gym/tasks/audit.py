@@ -8,12 +8,14 @@ hinges beyond their range, energy from nowhere.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -40,6 +42,9 @@ class AuditLimits:
         hinge_slack: how far hinges give beyond their range under load [rad].
         track_slip: an organism is faster than its tracks by no more than this factor.
         speed_slack: what it may be ahead of their path besides, for falling forwards [m].
+
+    Raises:
+        OptionError: a number is out of range.
     """
 
     hold_time: float = 0.3
@@ -53,6 +58,13 @@ class AuditLimits:
     hinge_slack: float = 0.12
     track_slip: float = 1.02
     speed_slack: float = 0.06
+
+    def __post_init__(self) -> None:
+        names = [each.name for each in fields(self) if each.name not in ("upright", "rolled_over")]
+        check_not_negative(self, names, OptionError)
+        for name in ("upright", "rolled_over"):
+            if not -1.0 <= getattr(self, name) <= 1.0:
+                raise OptionError(f"AuditLimits: {name} must lie in [-1, 1], got {getattr(self, name)!r}")
 
 
 class Trajectory(NamedTuple):

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_positive
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,9 @@ class PitSearch:
         max_width: a wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long.
         lanes: offsets to the left of the way [m]; the profile is their median, so that one lane through a
             hole of the scan does not count.
+
+    Raises:
+        OptionError: a number is out of range.
     """
 
     step: float = 0.01
@@ -28,6 +33,13 @@ class PitSearch:
     depth: float = 0.08
     max_width: float = 1.5
     lanes: tuple[float, ...] = (-0.3, -0.15, 0.0, 0.15, 0.3)
+
+    def __post_init__(self) -> None:
+        check_positive(self, ("step", "depth", "max_width"), OptionError)
+        if isinstance(self.wall_steps, bool) or not isinstance(self.wall_steps, int) or self.wall_steps < 1:
+            raise OptionError(f"PitSearch: wall_steps must be 1 or more, got {self.wall_steps!r}")
+        if not len(self.lanes):
+            raise OptionError("PitSearch: lanes are empty; give at least one offset")
 
 
 def find_pit(

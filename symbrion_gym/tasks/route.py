@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.pit_search import PitSearch, find_pit
 
@@ -33,6 +34,9 @@ class RouteMargins:
         before_rim: room behind the tail at the start on a surface without a course [m].
         goal_to_rim: room ahead of the goal on such a surface [m].
         below: a module this far below the lowest ground has fallen off [m].
+
+    Raises:
+        OptionError: a distance is negative.
     """
 
     before_foot: float = 0.10
@@ -40,6 +44,9 @@ class RouteMargins:
     before_rim: float = 0.25
     goal_to_rim: float = 0.2
     below: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)
 
 
 @dataclass(frozen=True)

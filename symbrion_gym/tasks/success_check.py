@@ -18,6 +18,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_not_negative, check_positive
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -51,6 +54,9 @@ class SuccessCriteria:
         touch_band: a module this close to the floor of the pit touches it [m].
         max_rate: a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing
             in an arena is.
+
+    Raises:
+        OptionError: a number is out of range.
     """
 
     hold_time: float = 0.3
@@ -61,6 +67,16 @@ class SuccessCriteria:
     corner: float = 0.05
     touch_band: float = 0.01
     max_rate: float = 50.0
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, ("hold_time", "speed_slack", "corner", "touch_band"), OptionError)
+        check_positive(self, ("max_rate",), OptionError)
+        for name in ("upright", "rolled_over"):
+            if not -1.0 <= getattr(self, name) <= 1.0:
+                raise OptionError(f"SuccessCriteria: {name} must lie in [-1, 1], got {getattr(self, name)!r}")
+        low, high = self.ground_band
+        if not low < high:
+            raise OptionError(f"SuccessCriteria: ground_band must be (low, high), got {self.ground_band!r}")
 
 
 class OrganismState(NamedTuple):
