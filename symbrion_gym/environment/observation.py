@@ -39,6 +39,26 @@ def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[s
     return joined
 
 
+def _find_bounds(world: World, num_actions: int) -> dict[str, tuple[int, float, float]]:
+    """Return name -> size, smallest and largest value of each part of an observation."""
+    n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
+    return {
+        "hinge_angle": (h, -_ANGLE_MARGIN * scout.hinge_range, _ANGLE_MARGIN * scout.hinge_range),
+        "hinge_rate": (h, -_LARGEST_RATE, _LARGEST_RATE),
+        "pitch": (n, -pi / 2, pi / 2),
+        "roll": (n, -pi, pi),
+        "acceleration": (6 * n, -scout.acceleration_range, scout.acceleration_range),
+        "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
+        "contact": (n, 0.0, scout.contact_range),
+        "previous_action": (num_actions, -1.0, 1.0),
+        "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
+        "dock_force": (3 * h, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
+        "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "laser": (scout.laser_beams, 0.0, scout.laser_range),
+    }
+
+
 class Observer:
     """Reads observations of N simulations.
 
@@ -62,22 +82,7 @@ class Observer:
     def __init__(
         self, world: World, action: Float[np.ndarray, "N A"], target: Float[np.ndarray, "N h"]
     ) -> None:
-        n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
-        parts = {
-            "hinge_angle": (h, -_ANGLE_MARGIN * scout.hinge_range, _ANGLE_MARGIN * scout.hinge_range),
-            "hinge_rate": (h, -_LARGEST_RATE, _LARGEST_RATE),
-            "pitch": (n, -pi / 2, pi / 2),
-            "roll": (n, -pi, pi),
-            "acceleration": (6 * n, -scout.acceleration_range, scout.acceleration_range),
-            "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
-            "contact": (n, 0.0, scout.contact_range),
-            "previous_action": (action.shape[1], -1.0, 1.0),
-            "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
-            "dock_force": (3 * h, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
-            "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-            "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-            "laser": (scout.laser_beams, 0.0, scout.laser_range),
-        }
+        parts, scout = _find_bounds(world, action.shape[1]), world.organism.scout
         self.structure: dict[str, slice] = {}
         selected, start, measured = [(name, *parts[name]) for name in world.config.sensors], 0, 0
         self._measured: dict[str, slice] = {}
