@@ -153,7 +153,7 @@ def measure_speed(surface: trimesh.Trimesh, repeats: int) -> dict[str, float]:
 
     def cast() -> None:
         for pose in poses:
-            robot.scanner.scan(world.see_arena, pose, rng)
+            robot.scanner.scan(world.cast_on_arena, pose, rng)
 
     tracemalloc.start()
     preprocess(million)

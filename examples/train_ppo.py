@@ -26,7 +26,7 @@ OPTIONS = {
     "stuck_time": 6.0,
     "frame_skip": 20,  # ten decisions a second
     "sensors": ("hinge_angle", "pitch", "roll", "ir", "contact", "odometry"),
-    "randomise": {"friction": (0.55, 0.7), "start_offset": (-0.05, 0.05), "yaw": (-0.05, 0.05)},
+    "randomize": {"friction": (0.55, 0.7), "start_offset": (-0.05, 0.05), "yaw": (-0.05, 0.05)},
 }
 
 

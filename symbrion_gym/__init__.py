@@ -18,13 +18,20 @@ if TYPE_CHECKING:
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
-    from symbrion_gym.errors import ArenaError, OrganismError
+    from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
+    from symbrion_gym.robot.sensor_noise import SensorNoise
+    from symbrion_gym.sensing.laser_scanner import LaserScanner
     from symbrion_gym.sensing.rangefinder import RangeFinder
     from symbrion_gym.sensing.survey import survey
+    from symbrion_gym.sensing.survey_robot import SurveyRobot
+    from symbrion_gym.sensing.survey_world import SurveyRoom
     from symbrion_gym.sensing.timing import Timing, timing
-    from symbrion_gym.tasks.audit import Audit, Trajectory, audit
+    from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
+    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.route import RouteMargins
+    from symbrion_gym.tasks.success_check import SuccessCriteria
 
 register()
 
@@ -33,15 +40,26 @@ __all__ = [
     "Arena",
     "ArenaError",
     "Audit",
+    "AuditLimits",
     "Course",
     "Docking",
+    "LaserScanner",
+    "OptionError",
     "Organism",
     "OrganismError",
+    "PitSearch",
     "RangeFinder",
+    "RouteMargins",
     "ScoutConfig",
+    "SensorNoise",
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",
+    "SuccessCriteria",
+    "SurveyError",
+    "SurveyRobot",
+    "SurveyRoom",
+    "SymbrionGymError",
     "Timing",
     "Trajectory",
     "audit",

@@ -1,4 +1,4 @@
-"""Render without a display: on Linux, MuJoCo is told to use EGL where there is none.
+"""Render without a display: on Linux, choose EGL for MuJoCo where there is none.
 
 MuJoCo reads the choice when it is first imported, so this module is imported before it.
 """

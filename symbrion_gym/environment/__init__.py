@@ -1,1 +1,1 @@
-"""The Gymnasium environments: episodes, observation, judges, pictures, many at once."""
+"""The Gymnasium environments: episodes, observation, images, one simulation and many at once."""

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
-from symbrion_gym.errors import OrganismError
+from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.number_checks import check_not_negative, check_positive
+
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.robot.organism import Organism
+    from symbrion_gym.robot.sensor_noise import SensorNoise
+    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.route import Point, RouteMargins, StartName
+    from symbrion_gym.tasks.success_check import SuccessCriteria
 
 SENSORS = (
     "hinge_angle",
@@ -39,20 +50,65 @@ RANDOM_LIMITS = {
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
+MAX_MODULES = 50
+"""More than any organism in use; the time of a step grows faster than their number."""
+MAX_TIMESTEP = 0.02
+"""Contacts are not resolved by longer physics steps [s]."""
+RENAMED_OPTIONS = {"randomise": "randomize"}
+"""Old name -> new name of options; the old ones are deprecated."""
+_NOT_NEGATIVE = (
+    "track_speed",
+    "noise",
+    "forward_weight",
+    "success_bonus",
+    "effort_weight",
+    "stuck_progress",
+)
+_POSITIVE = ("stretch", "hinge_torque", "timestep", "duration", "stuck_time")
 
 
 @dataclass(frozen=True)
 class SnakePitConfig:
-    """What an environment is made of; `SnakePitEnv` explains each.
+    """What an environment is made of.
+
+    Attributes:
+        arena: a name, a folder, a mesh file or an `Arena`.
+        modules: length of the snake, or an `Organism`.
+        pit: width of the pit of the named courses [m]; None for `default_pit`.
+        default_pit: the same, of an id in the registry; None for the arena's own.
+        stretch: factor on all lengths along x: what a scan may be wrong by.
+        friction: sliding friction of tracks and bodies on everything; None for the arena's own.
+        track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
+        hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
+        sensors: parts of the observation, in order, of `SENSORS`.
+        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) [m].
+        goal: (x, y) to be reached by the head [m]; None for the far side of the course or the pit.
+        noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
+        abyss: whether touching the floor of the pit ends the episode.
+        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
+        tracks: how tracks are modeled; see `ScoutConfig`.
+        timestep: physics step [s].
+        frame_skip: physics steps in a control tick.
+        duration: an episode is truncated after this [s].
+        stuck_time: and after this without progress [s].
+        forward_weight: reward per meter of progress.
+        success_bonus: reward of a success.
+        effort_weight: cost per joule of the hinges' work.
+        timers: whether `info` holds what MuJoCo's timers measured.
+        randomize: reset options for every episode: name -> a number, or a pair (low, high) to draw from.
+        stuck_progress: progress that counts as moving on [m].
+        criteria: what a success must fulfill; None for the defaults of `SuccessCriteria`.
+        margins: distances that the route keeps; None for the defaults of `RouteMargins`.
+        pit_search: what counts as a pit of a surface without a course; None for the defaults of `PitSearch`.
+        sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
 
     Raises:
-        ValueError: an option is out of range; the message names option, value and what is allowed.
-        OrganismError: an impossible body.
-        ArenaError: an impossible arena.
+        OptionError: an option is out of range; the message names option, value and what is allowed.
+        OrganismError: an impossible number of modules.
     """
 
-    arena: Any = "truth"
-    modules: Any = 8
+    arena: str | Path | Arena = "truth"
+    modules: int | Organism = 8
     pit: float | None = None
     default_pit: float | None = None
     stretch: float = 1.0
@@ -60,8 +116,8 @@ class SnakePitConfig:
     track_speed: float = 0.10
     hinge_torque: float = 4.5
     sensors: tuple[str, ...] = DEFAULT_SENSORS
-    start: Any = "floor"
-    goal: Any = None
+    start: StartName | Point = "floor"
+    goal: Point | None = None
     noise: float = 0.0
     abyss: bool = False
     track_control: str = "constant"
@@ -74,50 +130,64 @@ class SnakePitConfig:
     success_bonus: float = 1.0
     effort_weight: float = 0.002
     timers: bool = False
-    randomise: Mapping[str, Any] = field(default_factory=dict)
+    randomize: Mapping[str, Any] = field(default_factory=dict)
+    stuck_progress: float = 0.02
+    criteria: SuccessCriteria | None = None
+    margins: RouteMargins | None = None
+    pit_search: PitSearch | None = None
+    sensor_noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:
-        for name in ("track_speed", "noise", "forward_weight", "success_bonus", "effort_weight"):
-            _check(self, name, 0.0, True)
-        for name in ("stretch", "hinge_torque", "timestep", "duration", "stuck_time"):
-            _check(self, name, 0.0, False)
-        for name in ("pit", "default_pit", "friction"):
-            if getattr(self, name) is not None:
-                _check(self, name, 0.0, name != "friction")
+        check_not_negative(self, _NOT_NEGATIVE, OptionError)
+        check_positive(self, _POSITIVE, OptionError)
+        check_not_negative(self, self._find_given("pit", "default_pit"), OptionError)
+        check_positive(self, self._find_given("friction"), OptionError)
         if isinstance(self.modules, bool) or (
-            isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= 50
+            isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= MAX_MODULES
         ):
-            raise OrganismError(f"modules must be 1 to 50, or an Organism, got {self.modules!r}")
+            raise OrganismError(f"modules must be 1 to {MAX_MODULES}, or an Organism, got {self.modules!r}")
         if (
             isinstance(self.frame_skip, bool)
             or int(self.frame_skip) != self.frame_skip
             or self.frame_skip < 1
         ):
-            raise ValueError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
-        if self.timestep > 0.02:
-            raise ValueError(f"timestep must be at most 0.02 s, got {self.timestep}")
+            raise OptionError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
+        if self.timestep > MAX_TIMESTEP:
+            raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
         _check_choice("track_control", self.track_control, TRACK_CONTROLS)
         if isinstance(self.start, str):
             _check_choice("start", self.start, STARTS)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
-            raise ValueError(f"sensors must be a sequence of names, got {self.sensors!r}")
+            raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
             _check_choice("sensors", name, SENSORS)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
-        for name in self.randomise:
-            _check_choice("randomise", name, RANDOM_OPTIONS)
+        for name in self.randomize:
+            _check_choice("randomize", name, RANDOM_OPTIONS)
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> SnakePitConfig:
         """Return the configuration of keyword arguments.
 
         Raises:
-            ValueError: an option that does not exist.
+            OptionError: an option that does not exist, is given under two names, or is out of range.
+            OrganismError: an impossible number of modules.
         """
+        given = dict(options)
+        for old, new in RENAMED_OPTIONS.items():
+            if old in given and new in given:
+                raise OptionError(f"the options {old!r} and {new!r} are the same; give {new!r} alone")
+            if old in given:
+                warnings.warn(f"option {old!r} is now called {new!r}", DeprecationWarning, stacklevel=3)
+                given[new] = given.pop(old)
         names = [entry.name for entry in fields(cls)]
-        for name in options:
+        for name in given:
             _check_choice("option", name, names)
-        return cls(**options)
+        return cls(**given)
+
+    def _find_given(self, *names: str) -> list[str]:
+        """Return those of some options that are not None."""
+        return [name for name in names if getattr(self, name) is not None]
 
     @property
     def dt(self) -> float:
@@ -125,16 +195,7 @@ class SnakePitConfig:
         return self.timestep * self.frame_skip
 
 
-def _check(config: SnakePitConfig, name: str, low: float, is_low_allowed: bool) -> None:
-    value = getattr(config, name)
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name} must be a number, got {value!r}") from None
-    if not (low <= number if is_low_allowed else low < number) or not number < np.inf:
-        raise ValueError(f"{name} must be {'at least' if is_low_allowed else 'above'} {low:g}, got {value}")
-
-
-def _check_choice(what: str, value: Any, choices: Any) -> None:
+def _check_choice(what: str, value: Any, choices: Iterable[Any]) -> None:
+    """Refuse a value that is not among the choices."""
     if value not in choices:
-        raise ValueError(f"{what}: there is no {value!r}; there are: {', '.join(map(str, choices))}")
+        raise OptionError(f"{what}: there is no {value!r}; there are: {', '.join(map(str, choices))}")

@@ -1,23 +1,24 @@
-"""Episodes of N simulations: commands in, verdicts and rewards out. Single and vector environment share it.
+"""Episodes of N simulations: commands in, rewards and endings out. Single and vector environment share it.
 
-What is wide is done for all simulations at once; what is narrow, one by one in plain Python, which is faster
-than small arrays. Every row comes out alike whatever N is, to the bit.
+Commands and observations are computed for all simulations at once. How a tick ended is computed one by one in
+plain Python, which is faster than small arrays; `vectorized_episodes` does that for many simulations. Every row
+comes out alike whatever N is, to the bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
-from symbrion_gym.tasks.success_check import ROLLED_OVER, SPEED_SLACK, Body, Judge
+from symbrion_gym.tasks.success_check import OrganismState, SuccessCheck
 
-STUCK_PROGRESS = 0.02
-"""Progress that counts as moving on [m]."""
 NUMBERS = (
     "x_position",
     "progress",
@@ -38,19 +39,33 @@ Tick = tuple[float, bool, bool, dict[str, float | bool]]
 `FLAGS` in their order."""
 
 
+class Start(NamedTuple):
+    """The start of an episode in one simulation.
+
+    Attributes:
+        row: which simulation.
+        track_speed: [m/s].
+        check: of success, where the simulation is in another world than before.
+    """
+
+    row: int
+    track_speed: float
+    check: SuccessCheck | None = None
+
+
 @dataclass(slots=True)
 class Episode:
-    """The memory of one episode beside the physics.
+    """The memory of one episode, apart from the physics.
 
     Attributes:
         track_speed: [m/s].
-        start: mean place of the modules at the start, along the route [m].
+        start: mean position of the modules at the start, along the route [m].
         start_progress: progress at the start [m].
         progress: progress at the last tick [m].
-        best: progress at which the body last moved on [m].
+        best: progress at which the organism last moved on [m].
         best_tick: when that was.
         ticks: since the start.
-        held: ticks for which the body has arrived.
+        held: ticks for which the organism has arrived.
     """
 
     track_speed: float = 0.0
@@ -67,9 +82,10 @@ class Episodes:
     """The memory of N episodes, and how a tick changes it.
 
     Attributes:
-        target: `[N, h]` where the servos are told to go [rad].
+        target: `[N, h]` commanded angles of the servos [rad].
         action: `[N, A]` the last action as it was used.
         num_tracks: how many numbers of an action are track speeds.
+        check: of success, in the world that the simulations begin in.
     """
 
     def __init__(self, world: World, num: int) -> None:
@@ -77,13 +93,13 @@ class Episodes:
         config, hinges = world.config, world.num_hinges
         self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
         self.num_actions = hinges + self.num_tracks
-        self.judge = Judge(world)
+        self.check = world.make_success_check()
         self.target = np.zeros((num, hinges))
         self.action = np.zeros((num, self.num_actions))
         self.observer = Observer(world, self.action, self.target)
-        self._judges = [self.judge] * num
-        self._seen: Physics | None = None
-        self._bodies: list[Body | None] = [None] * num
+        self._checks = [self.check] * num
+        self._viewed: Physics | None = None
+        self._states: list[OrganismState | None] = [None] * num
         self._episodes = [Episode() for _ in range(num)]
         self._start_head = np.zeros(num)
         self._has_driven = np.zeros(num, dtype=bool)
@@ -98,60 +114,52 @@ class Episodes:
         self._num_hinges = hinges
         self._last_tick = round(config.duration / config.dt)
         self._stuck_ticks = round(config.stuck_time / config.dt)
+        self._stuck_progress = config.stuck_progress
         self._weights = (config.forward_weight, config.success_bonus, -config.effort_weight * config.dt)
         servos, dofs = world.hinge_servos, world.hinge_dof
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
 
-    def begin(
-        self,
-        rows: Iterable[int],
-        physics: Physics,
-        track_speeds: Iterable[float],
-        judges: Iterable[Judge] | None = None,
-    ) -> None:
-        """Start episodes in the given rows from the present physics.
+    def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
+        """Start episodes from the present physics.
 
         Args:
-            rows: which simulations.
             physics: of all simulations.
-            track_speeds: of these [m/s].
-            judges: of these, where they live in other worlds than before.
+            starts: which simulations begin, and what differs between them.
         """
         hinges = self.world.num_hinges
-        for row, judge in zip(rows, judges or (), strict=False):
-            self._judges[row] = judge
-        for row, speed in zip(rows, track_speeds, strict=True):
+        for row, speed, check in starts:
+            self._checks[row] = check or self._checks[row]
             self.target[row] = physics.qpos[row, self.world.hinge_qpos]
             self.action[row, :hinges] = np.clip(self.target[row] / self._range[row], -1.0, 1.0)
             self.action[row, hinges:] = 1.0
-            measured = self._judges[row].measure(self._find_body(physics, row))
+            measured = self._checks[row].measure(self._find_state(physics, row))
             start = measured.progress
             self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
             self._speed[row] = speed
             self._has_driven[row] = False
-            self.observer.track_odometry[row] = self.judge.start
+            self.observer.track_odometry[row] = self.check.start
 
     def command(
-        self, actions: np.ndarray, listens: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Take actions `[N, A]`: move the servos' targets at their speed.
+        self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None = None
+    ) -> tuple[Float[np.ndarray, "N h"], Float[np.ndarray, "N tracks"]]:
+        """Take actions: move the servos' targets at their speed.
 
         A number that is not one leaves what it commands as it was; the others are clipped to ±1.
 
         Args:
             actions: of all simulations.
-            listens: `[N]` which simulations do; None for all.
+            active: which simulations are stepped; None for all.
 
         Returns:
-            Targets `[N, h]` [rad] and track speeds `[N, 1 or n]` [m/s].
+            Targets [rad] and track speeds, one per simulation or one per module [m/s].
         """
         used = self.action
         if isnan(np.vdot(actions, actions)):
             actions = np.where(np.isnan(actions), used, actions)
-        if listens is not None:
-            actions = np.where(listens[:, None], actions, used)
+        if active is not None:
+            actions = np.where(active[:, None], actions, used)
         np.maximum(actions, self._lowest_action, out=used)
         np.minimum(used, self._highest_action, out=used)
         target, turn = self.target, self._turn
@@ -159,20 +167,21 @@ class Episodes:
         np.subtract(turn, target, turn)
         np.maximum(turn, self._smallest_turn, out=turn)
         np.minimum(turn, self._largest_turn, out=turn)
-        if listens is None:
+        if active is None:
             np.add(target, turn, target)
         else:
-            np.add(target, turn, out=target, where=listens[:, None])
-        self._has_driven[:] = True if listens is None else listens
+            np.add(target, turn, out=target, where=active[:, None])
+        self._has_driven[:] = True if active is None else active
         return target, self._find_track_speed()
 
     def _find_track_speed(self) -> np.ndarray:
+        """Return commanded track speeds [m/s], `[N, 1 or n]`."""
         return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
 
-    def observe(self, physics: Physics) -> np.ndarray:
-        """Return noiseless observations `[N, O]`, within their bounds."""
+    def observe(self, physics: Physics) -> Float[np.ndarray, "N O"]:
+        """Return noiseless observations, within their bounds."""
         if self.observer.has_odometry:
-            way = self.judge.find_distance(physics.position)[:, 0] - self._start_head
+            way = self.check.find_distance(physics.position)[:, 0] - self._start_head
             self.observer.odometry[:, 0] = way
         if self.observer.has_track_odometry:
             self._integrate_track_odometry(physics)
@@ -187,31 +196,35 @@ class Episodes:
 
     def describe_start(self, physics: Physics, row: int) -> dict[str, float | bool]:
         """Return the `info` of a reset in one row."""
-        measured = self._judges[row].measure(self._find_body(physics, row))
+        measured = self._checks[row].measure(self._find_state(physics, row))
         numbers = (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, measured.lowest, measured.uprightness)
         return dict(zip(NUMBERS + FLAGS, numbers + (False,) * len(FLAGS), strict=True))
 
     def finish_tick(self, physics: Physics, row: int = 0) -> Tick:
-        """Judge and reward the tick whose physics has just been stepped, in one row."""
-        episode, judge = self._episodes[row], self._judges[row]
-        head, mean, is_across, progress, aside, lowest, uprightness, power, is_sound = judge.measure(
-            self._find_body(physics, row)
+        """Return how the tick ended whose physics has just been stepped, and its reward, in one row."""
+        episode, check = self._episodes[row], self._checks[row]
+        criteria = check.criteria
+        head, mean, is_across, progress, lateral, lowest, uprightness, power, is_sound = check.measure(
+            self._find_state(physics, row)
         )
         episode.ticks += 1
         time = episode.ticks * self._dt
         rolled_over = fell = touched = False
         if is_sound:
-            rolled_over = uprightness < ROLLED_OVER
-            fell = aside > judge.farthest_aside or lowest < judge.lowest
-            touched = judge.is_abyss and judge.has_touched_pit(physics, row)
+            rolled_over = uprightness < criteria.rolled_over
+            fell = lateral > check.max_lateral or lowest < check.lowest
+            touched = check.is_abyss and check.has_touched_pit(physics.position[row], physics.rotation[row])
         else:
             head, progress = episode.start, episode.progress
         has_failed = rolled_over or fell or touched or not is_sound
         has_arrived = is_across and not has_failed
-        has_arrived = has_arrived and mean <= episode.start + episode.track_speed * time + SPEED_SLACK
-        episode.held = episode.held + 1 if has_arrived and judge.is_standing(physics, row) else 0
-        success = episode.held >= judge.hold_ticks
-        if progress > episode.best + STUCK_PROGRESS:
+        has_arrived = (
+            has_arrived and mean <= episode.start + episode.track_speed * time + criteria.speed_slack
+        )
+        has_arrived = has_arrived and check.is_standing(physics.position[row], physics.rotation[row])
+        episode.held = episode.held + 1 if has_arrived else 0
+        success = episode.held >= check.hold_ticks
+        if progress > episode.best + self._stuck_progress:
             episode.best, episode.best_tick = progress, episode.ticks
         stuck = episode.ticks - episode.best_tick >= self._stuck_ticks
         terminated = success or has_failed
@@ -239,13 +252,14 @@ class Episodes:
         }
         return forward + bonus + cost, terminated, truncated, info
 
-    def _find_body(self, physics: Physics, row: int) -> Body:
-        """Return views of one simulation, looked up once where they stay what they are."""
-        if physics is not self._seen or not self._is_live:
-            self._seen, self._bodies = physics, [None] * len(self._bodies)
-        body = self._bodies[row]
-        if body is None:
+    def _find_state(self, physics: Physics, row: int) -> OrganismState:
+        """Return views of one simulation, looked up once where they stay valid while it goes on."""
+        if physics is not self._viewed or not self._is_live:
+            self._viewed, self._states = physics, [None] * len(self._states)
+        state = self._states[row]
+        if state is None:
             torque, rate = physics.actuator_force[row, self._servos], physics.qvel[row, self._dofs]
-            places, up = physics.position[row].T, physics.rotation[row, :, 8]
-            body = self._bodies[row] = Body(physics.qvel[row], places, up, torque, rate)
-        return body
+            positions, up = physics.position[row].T, physics.rotation[row, :, 8]
+            state = OrganismState(physics.qvel[row], positions, up, torque, rate)
+            self._states[row] = state
+        return state

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 from mujoco.batch import Batch
 
+from symbrion_gym.environment.randomization import ModelFields
 from symbrion_gym.environment.world import World
 from symbrion_gym.errors import ArenaError
 
@@ -19,6 +20,15 @@ _VARIED = ("geom_friction", "actuator_forcerange", "geom_surfacevel")
 
 class LayoutError(ArenaError):
     """Arenas differ in more than lengths, so that one batch cannot hold them."""
+
+
+@dataclass(slots=True)
+class FieldViews:
+    """Views of one simulation's part of a batch's model fields; see `ModelFields`."""
+
+    geom_friction: np.ndarray
+    actuator_forcerange: np.ndarray
+    geom_surfacevel: np.ndarray
 
 
 class SharedModel:
@@ -33,19 +43,19 @@ class SharedModel:
         self._world = world
         self._fields = {name: batch.expand(name) for name in _VARIED}
 
-    def choose(self, row: int, index: int) -> Any:
-        """Return what holds the own fields of a simulation that begins in world `index`."""
-        return SimpleNamespace(**{name: values[row] for name, values in self._fields.items()})
+    def select(self, row: int, index: int) -> ModelFields:
+        """Return the fields of a simulation's own when it begins in world `index`."""
+        return FieldViews(**{name: values[row] for name, values in self._fields.items()})
 
     def commit(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: what is written is in the batch at once."""
 
-    def write_track_speed(self, speed: np.ndarray) -> None:
-        """Write track speeds `[N, 1 or n]` [m/s]."""
+    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
+        """Write track speeds [m/s], one per simulation or one per module."""
         self._world.write_track_speed(self._fields["geom_surfacevel"], speed)
 
 
-class OwnModels:
+class IndividualModels:
     """A model for each simulation, of the world that it began in.
 
     Models that are not in use wait in a pool, so that there are few more of them than simulations.
@@ -78,7 +88,7 @@ class OwnModels:
         spare = self._spare[index]
         return spare.pop() if spare else self._worlds[index].model.__copy__()
 
-    def choose(self, row: int, index: int) -> Any:
+    def select(self, row: int, index: int) -> ModelFields:
         """Return the model of a simulation that begins in world `index`."""
         if self._index[row] != index:
             self._spare[self._index[row]].append(self._models[row])
@@ -86,11 +96,11 @@ class OwnModels:
         return self._models[row]
 
     def commit(self) -> None:
-        """Let the batch know what was written."""
+        """Pass to the batch what was written."""
         self._batch.set_models(self._models)
 
-    def write_track_speed(self, speed: np.ndarray) -> None:
-        """Write track speeds `[N, 1 or n]` [m/s]."""
+    def write_track_speed(self, speed: Float[np.ndarray, "N tracks"]) -> None:
+        """Write track speeds [m/s], one per simulation or one per module."""
         for row, model in enumerate(self._models):
             self._worlds[0].write_track_speed(model.geom_surfacevel[None], speed[row : row + 1])
         self.commit()

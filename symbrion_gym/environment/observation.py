@@ -1,36 +1,30 @@
-"""What the body senses: the layout of the observation, its bounds, and how it is read from the physics."""
+"""What the organism senses: the layout of the observation, its bounds, and how it is read from the physics."""
 
 from __future__ import annotations
 
 from math import isnan, pi
 
 import numpy as np
+from jaxtyping import Float
 
 from symbrion_gym.environment.world import Physics, World, make_slice
 from symbrion_gym.robot.organism_sensors import MEASURED, find_free_sides
-from symbrion_gym.robot.scout_sensors import LARGEST_ACCELERATION, LARGEST_TOUCH, NUM_LASER_BEAMS
+from symbrion_gym.robot.sensor_noise import SensorNoise
 
 _LARGEST_RATE = 20.0
+"""Bound of the hinges' rates [rad/s], beyond what their servos reach."""
 _LARGEST_DISTANCE = 100.0
+"""Bound of distances along the route [m], beyond any arena."""
+_ANGLE_MARGIN = 1.1
+"""Hinges give a little beyond their range under load: factor on its bounds."""
+_FORCE_MARGIN = 5
+"""Docks never tear: factor on the force that they hold, for the bounds of what they may read."""
 _NOTHING_HIT = 1.0
 """A ray that hits nothing reads -1, which as a distance is beyond a shorter range than this [m]."""
-_NOISE = {
-    "hinge_angle": 0.005,
-    "hinge_rate": 0.05,
-    "pitch": 0.01,
-    "roll": 0.01,
-    "acceleration": 0.3,
-    "ir": 0.003,
-    "contact": 0.5,
-    "odometry": 0.01,
-    "track_odometry": 0.01,
-    "laser": 0.006,
-}
-"""Standard deviation at `noise=1` [unit of the part] (estimates)."""
 
 
 def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[str, slice | np.ndarray]]:
-    """Return (source, ids) for each part of the observation, neighbours among MuJoCo's sensors as one."""
+    """Return (source, ids) for each part of the observation, neighbors among MuJoCo's sensors as one."""
     ids = {"hinge_angle": world.hinge_qpos, "hinge_rate": world.hinge_dof}
     joined: list[tuple[str, slice | np.ndarray]] = []
     for name, measured in parts:
@@ -45,60 +39,68 @@ def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[s
     return joined
 
 
+def _find_bounds(world: World, num_actions: int) -> dict[str, tuple[int, float, float]]:
+    """Return name -> size, smallest and largest value of each part of an observation."""
+    n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
+    return {
+        "hinge_angle": (h, -_ANGLE_MARGIN * scout.hinge_range, _ANGLE_MARGIN * scout.hinge_range),
+        "hinge_rate": (h, -_LARGEST_RATE, _LARGEST_RATE),
+        "pitch": (n, -pi / 2, pi / 2),
+        "roll": (n, -pi, pi),
+        "acceleration": (6 * n, -scout.acceleration_range, scout.acceleration_range),
+        "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
+        "contact": (n, 0.0, scout.contact_range),
+        "previous_action": (num_actions, -1.0, 1.0),
+        "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
+        "dock_force": (3 * h, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
+        "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "laser": (scout.laser_beams, 0.0, scout.laser_range),
+    }
+
+
 class Observer:
     """Reads observations of N simulations.
 
     Args:
         world: in which they live.
-        action: `[N, A]` the last action as it was used, kept up to date by the caller.
-        target: `[N, h]` where the servos are told to go [rad], likewise.
+        action: the last action as it was used, kept up to date by the caller.
+        target: commanded angles of the servos [rad], likewise.
 
     Attributes:
         structure: name -> slice of the observation.
         size: length of one observation.
         low: `[size]` smallest values.
         high: `[size]` largest values.
-        has_odometry: whether the observation tells it.
+        has_odometry: whether the observation contains it.
         odometry: `[N, 1]` way of the head since the start [m], to be kept up to date.
-        has_track_odometry: whether the observation tells it.
-        track_odometry: `[N, 1]` place of the head by its tracks [m], to be kept up to date.
+        has_track_odometry: whether the observation contains it.
+        track_odometry: `[N, 1]` position of the head by its tracks [m], to be kept up to date.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 
-    def __init__(self, world: World, action: np.ndarray, target: np.ndarray) -> None:
-        n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
-        parts = {
-            "hinge_angle": (h, -1.1 * scout.hinge_range, 1.1 * scout.hinge_range),
-            "hinge_rate": (h, -_LARGEST_RATE, _LARGEST_RATE),
-            "pitch": (n, -pi / 2, pi / 2),
-            "roll": (n, -pi, pi),
-            "acceleration": (6 * n, -LARGEST_ACCELERATION, LARGEST_ACCELERATION),
-            "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
-            "contact": (n, 0.0, LARGEST_TOUCH),
-            "previous_action": (action.shape[1], -1.0, 1.0),
-            "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
-            "dock_force": (3 * h, -5 * scout.dock_force, 5 * scout.dock_force),
-            "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-            "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-            "laser": (NUM_LASER_BEAMS, 0.0, scout.laser_range),
-        }
+    def __init__(
+        self, world: World, action: Float[np.ndarray, "N A"], target: Float[np.ndarray, "N h"]
+    ) -> None:
+        parts, scout = _find_bounds(world, action.shape[1]), world.organism.scout
         self.structure: dict[str, slice] = {}
-        chosen, start, measured = [(name, *parts[name]) for name in world.config.sensors], 0, 0
+        selected, start, measured = [(name, *parts[name]) for name in world.config.sensors], 0, 0
         self._measured: dict[str, slice] = {}
-        for name, size, _, _ in chosen:
+        for name, size, _, _ in selected:
             self.structure[name] = slice(start, start + size)
             start += size
             if name in MEASURED:
                 self._measured[name] = slice(measured, measured + size)
                 measured += size
         self.size = start
-        self.low = np.concatenate([np.full(size, low) for _, size, low, _ in chosen])
-        self.high = np.concatenate([np.full(size, high) for _, size, _, high in chosen])
+        self.low = np.concatenate([np.full(size, low) for _, size, low, _ in selected])
+        self.high = np.concatenate([np.full(size, high) for _, size, _, high in selected])
+        deviations = world.config.sensor_noise or SensorNoise()
         self.noise = world.config.noise * np.concatenate(
-            [np.full(size, _NOISE.get(name, 0.0)) for name, size, _, _ in chosen]
+            [np.full(size, getattr(deviations, name, 0.0)) for name, size, _, _ in selected]
         )
         self.odometry, self.track_odometry = np.zeros((2, len(action), 1))
-        self._told = {
+        self._internal = {
             "previous_action": action,
             "hinge_target": target,
             "odometry": self.odometry,
@@ -121,8 +123,8 @@ class Observer:
         self._is_live = all(isinstance(ids, slice) for _, ids in self._sources)
         self._physics: Physics | None = None
 
-    def read(self, physics: Physics) -> np.ndarray:
-        """Return noiseless observations `[N, size]`, within their bounds; not a number becomes 0."""
+    def read(self, physics: Physics) -> Float[np.ndarray, "N size"]:
+        """Return noiseless observations, within their bounds; not a number becomes 0."""
         if physics is not self._physics or not self._is_live:
             self._bind(physics)
         raw, flat = self._raw, self._flat
@@ -168,10 +170,12 @@ class Observer:
             return physics.qvel[:, ids]
         if name == "roll":
             return np.empty(physics.rotation.shape[:2])
-        return self._told[name] if name in self._told else physics.rotation[:, :, 6]
+        return self._internal[name] if name in self._internal else physics.rotation[:, :, 6]
 
 
-def add_noise(observation: np.ndarray, observer: Observer, generator: np.random.Generator) -> np.ndarray:
-    """Return one observation `[size]` with sensor noise, within its bounds."""
-    noisy = observation + observer.noise * generator.standard_normal(observer.size)
+def add_noise(
+    observation: Float[np.ndarray, " size"], observer: Observer, rng: np.random.Generator
+) -> Float[np.ndarray, " size"]:
+    """Return one observation with sensor noise, within its bounds."""
+    noisy = observation + observer.noise * rng.standard_normal(observer.size)
     return np.clip(noisy, observer.low, observer.high)

@@ -1,26 +1,47 @@
-"""Pictures of a simulation: light, sky and a camera that follows the body."""
+"""Images of a simulation: light, sky and a camera that follows the organism."""
 
 from __future__ import annotations
 
 import logging
 import os
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from symbrion_gym.arenas.spec import SURFACE_GROUP
 from symbrion_gym.robot.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
-log = logging.getLogger(__name__)
-_LAG = 0.5
-"""Time after which the camera has gone two thirds of the way to the body [s]."""
+logger = logging.getLogger(__name__)
+_MAX_GEOMS = 4000
+"""Geoms that an image can hold; more are left out."""
 
 
-def add_stage(spec: mujoco.MjSpec, width: int, height: int) -> None:
-    """Add sky, soft light and room for pictures of the given size to a model under construction."""
+@dataclass(frozen=True)
+class CameraConfig:
+    """Where the camera stands, and how it follows. It changes images alone.
+
+    Attributes:
+        lag: time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother.
+        distance: from the organism [m] ...
+        distance_per_length: ... and per meter of its length, so that all of it is seen.
+        azimuth: relative to the heading of the route [deg]; 90 is from its right side, more looks back.
+        elevation: negative looks down [deg].
+    """
+
+    lag: float = 0.5
+    distance: float = 0.75
+    distance_per_length: float = 0.95
+    azimuth: float = 105.0
+    elevation: float = -18.0
+
+
+def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
+    """Add sky, soft light and room for images of the given size [pixel] to a model under construction."""
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -41,11 +62,11 @@ def add_stage(spec: mujoco.MjSpec, width: int, height: int) -> None:
     getattr(visual, "global").offheight = max(height, 480)
 
 
-class Pictures:
-    """Draws one simulation off screen, or in a window.
+class SceneRenderer:
+    """Renders one simulation off screen, or in a window.
 
     Attributes:
-        camera: looks at the body from the side; may be changed between pictures.
+        camera: looks at the organism from the side; may be changed between images.
     """
 
     def __init__(
@@ -56,25 +77,29 @@ class Pictures:
         height: int,
         length: float,
         heading: float,
+        config: CameraConfig | None = None,
     ) -> None:
-        """Prepare; windows and graphics contexts are made at the first picture.
+        """Prepare; windows and graphics contexts are made at the first image.
 
         Args:
             model: what is drawn.
             data: its state.
-            width: of a picture [pixel].
-            height: of a picture [pixel].
-            length: of the body [m]; sets how far away the camera stays.
+            width: of an image [pixel].
+            height: of an image [pixel].
+            length: of the organism [m]; sets how far away the camera stays.
             heading: of the route [rad]; the camera stands to its right.
+            config: of the camera; None for the defaults.
         """
+        config = config or CameraConfig()
+        self._lag = config.lag
         self._model, self._data, self._size = model, data, (width, height)
         self._renderer: mujoco.Renderer | None = None
         self._window: Any = None
         self.camera = mujoco.MjvCamera()
         self.camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-        self.camera.distance = 0.75 + 0.95 * length
-        self.camera.azimuth = 105.0 + np.degrees(heading)
-        self.camera.elevation = -18.0
+        self.camera.distance = config.distance + config.distance_per_length * length
+        self.camera.azimuth = config.azimuth + np.degrees(heading)
+        self.camera.elevation = config.elevation
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
@@ -82,25 +107,25 @@ class Pictures:
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None
         self._time = 0.0
-        self._has_complained = False
+        self._has_warned = False
 
-    def follow(self, position: np.ndarray, at_once: bool = False) -> None:
-        """Move the camera towards the middle of the modules, `[n, 3]`."""
+    def follow(self, position: Float[np.ndarray, "n 3"], at_once: bool = False) -> None:
+        """Move the camera towards the middle of the modules [m]."""
         middle = np.mean(position, axis=0)
         passed = self._data.time - self._time
         self._time = self._data.time
         if self._middle is None or at_once or passed < 0.0:
             self._middle = middle
-        self._middle = self._middle + (1.0 - np.exp(-passed / _LAG)) * (middle - self._middle)
+        self._middle = self._middle + (1.0 - np.exp(-passed / self._lag)) * (middle - self._middle)
         self.camera.lookat[:] = self._middle
 
-    def draw(self, mode: str) -> Any:
-        """Return a picture: `[H, W, 3]` bytes, depth `[H, W]` [m], both, or None for a window."""
+    def render(self, mode: str) -> Any:
+        """Return an image: `[H, W, 3]` bytes, depth `[H, W]` [m], both, or None for a window."""
         if mode == "human":
-            return self._draw_window()
+            return self._render_window()
         if self._renderer is None:
             width, height = self._size
-            self._renderer = mujoco.Renderer(self._model, height, width, max_geom=4000)
+            self._renderer = mujoco.Renderer(self._model, height, width, max_geom=_MAX_GEOMS)
         renderer = self._renderer
         renderer.update_scene(self._data, self.camera, self._option)
         images = []
@@ -112,11 +137,13 @@ class Pictures:
             renderer.disable_depth_rendering()
         return tuple(images) if mode == "rgbd_tuple" else images[0]
 
-    def _draw_window(self) -> None:
+    def _render_window(self) -> None:
         if not _has_display():
-            if not self._has_complained:
-                log.warning("no display: the window is left out; render_mode='rgb_array' works without one")
-            self._has_complained = True
+            if not self._has_warned:
+                logger.warning(
+                    "no display: the window is left out; render_mode='rgb_array' works without one"
+                )
+            self._has_warned = True
             return
         if self._window is None:
             from mujoco import viewer

@@ -1,4 +1,4 @@
-"""The Gymnasium environment: a body of docked Scouts has to get across."""
+"""The Gymnasium environment: an organism of docked Scouts has to get across."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ import numpy as np
 from gymnasium import spaces
 
 from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.episodes import Episodes
+from symbrion_gym.environment.episodes import Episodes, Start
 from symbrion_gym.environment.observation import add_noise
-from symbrion_gym.environment.randomisation import apply_domain, draw_domain, make_usual_domain
-from symbrion_gym.environment.rendering import RENDER_MODES, Pictures
+from symbrion_gym.environment.randomization import apply_domain, draw_domain, make_nominal_domain
+from symbrion_gym.environment.rendering import RENDER_MODES, SceneRenderer
 from symbrion_gym.environment.world import Physics, World
+from symbrion_gym.errors import OptionError
 from symbrion_gym.sensing.timing import timing
 
 
 class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
-    """A body of docked Scouts has to cross a pit, climb stairs or a ramp, or reach a place on scanned ground.
+    """An organism of docked Scouts has to cross a pit, climb stairs or a ramp, or reach a place on scanned ground.
 
     Two ramps, a plateau with a pit between them, and a snake of modules with tracks that always run (paper,
     section III). The search is for what the hinges do. This text is the specification.
@@ -53,15 +54,15 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `ir`              | 2 a free side | distance [m] of front, back, left, right of each module | 0 ... 0.2 |
     | `contact`         | n      | sum of the normal forces on a module [N]                   | 0 ... 50   |
     | `previous_action` | A      | as it was used                                             | ±1         |
-    | `hinge_target`*   | h      | where the servo is told to go [rad]                        | ±π/2       |
-    | `dock_force`*     | 3h     | force between neighbours [N]                               | ±500       |
+    | `hinge_target`*   | h      | commanded angle of the servo [rad]                         | ±π/2       |
+    | `dock_force`*     | 3h     | force between neighbors [N]                                | ±500       |
     | `odometry`*       | 1      | exact way of the head along the route since the start [m]  | ±100       |
     | `track_odometry`* | 1      | place of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | range of the head's upright fan, -60° to 30° [m]           | 0 ... 4    |
 
     * only where asked for.
 
-    `odometry` is what an external localization would tell. `track_odometry` is what the robot knows by itself: it
+    `odometry` is what an external localization would measure. `track_odometry` is what the robot knows by itself: it
     begins at the start as the map has it (without a pit, from the origin of the map) and adds what the head's
     tracks run in a tick, times the cosine of its pitch. It knows neither slip nor `start_offset`, `yaw` and
     `stretch`.
@@ -70,17 +71,17 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
 
     | term in `info`   | value                                                                         |
     |------------------|-------------------------------------------------------------------------------|
-    | `reward_forward` | `forward_weight` x progress [m]: how far the modules are, none beyond the finish, in the mean |
+    | `reward_forward` | `forward_weight` x progress [m]: mean of how far the modules are, none beyond the finish |
     | `reward_success` | `success_bonus` once, on success                                              |
     | `reward_effort`  | -`effort_weight` x work of the hinges [J]                                     |
 
     ## Episode
 
     Success: every module lies beyond the finish (a whole module beyond the far edge of the pit), at ground
-    height and upright (z of its up axis above 0.5) for 0.3 s, and the body came no faster than its tracks.
+    height and upright (z of its up axis above 0.5) for 0.3 s, and the organism came no faster than its tracks.
     Terminated: on success; `rolled_over`, a module's up axis below -0.3; `fell` off the side; `touched_pit`,
     with `abyss`; `diverged`, physics gone wrong, with a finite reward. Truncated: after `duration`, or
-    `stuck`, less than 2 cm of progress in `stuck_time`. Modules collide with each other, all but neighbours.
+    `stuck`, no more than `stuck_progress` in `stuck_time`. Modules collide with each other, all but neighbors.
 
     ## Options
 
@@ -105,11 +106,16 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `frame_skip`          | 4         | physics steps in a tick                                         |
     | `duration`            | 90        | [s]                                                             |
     | `stuck_time`          | 15        | [s]                                                             |
-    | `forward_weight`      | 1         | per metre                                                       |
+    | `forward_weight`      | 1         | per meter                                                       |
     | `success_bonus`       | 1         |                                                                 |
     | `effort_weight`       | 0.002     | per joule                                                       |
     | `timers`              | False     | `info` holds `physics_us`, `collision_us`, `raycast_us`         |
-    | `randomise`           | {}        | reset options for every episode                                 |
+    | `randomize`           | {}        | reset options for every episode                                 |
+    | `stuck_progress`      | 0.02      | progress that counts as moving on [m]                           |
+    | `criteria`            | None      | a `SuccessCriteria`: what a success must fulfill                |
+    | `margins`             | None      | a `RouteMargins`: distances that the route keeps                |
+    | `pit_search`          | None      | a `PitSearch`: what counts as a pit of a scanned surface        |
+    | `sensor_noise`        | None      | a `SensorNoise`: standard deviations at `noise` 1               |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 
     Sphere tracks and wheels with joints are the same shape and cross alike. The authors' cylinders are smaller
@@ -118,16 +124,16 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
 
     Reset options, each a number or a pair (low, high) to draw from: `friction`, `torque_scale` (factor on the
     hinge torque), `start_offset` (along the route [m]), `start_lateral` (to its left [m]), `yaw` (about the
-    head [rad]), `track_speed` [m/s]. `info` of a reset tells what was drawn.
+    head [rad]), `track_speed` [m/s]. `info` of a reset holds what was drawn.
 
     `info` further holds `x_position` (of the head along the route; x on courses [m]), `progress` [m], `time`
     [s], `lowest_module` (height [m]), `least_upright` (z of the up axis of the module that leans most), and
     the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`, `stuck`.
 
     Raises:
-        ValueError: an option is unknown or out of range; the message tells what is allowed.
+        OptionError: an option is unknown or out of range (a `ValueError`); the message says what is allowed.
         ArenaError: there is no such arena, or it has no such start.
-        OrganismError: an impossible body.
+        OrganismError: an impossible organism.
 
     References:
         Russo et al. (2013), IEEE/ASME Trans. Mechatronics 18(6): the Scout.
@@ -143,7 +149,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         **options: Any,
     ) -> None:
         if render_mode not in (None, *RENDER_MODES):
-            raise ValueError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")
+            raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES)}")
         self.config = SnakePitConfig.from_options(options)
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.config.dt)}
         self.render_mode, self.width, self.height = render_mode, width, height
@@ -154,8 +160,8 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         self.observation_structure = self._episodes.observer.structure
         self.action_space, self.observation_space = make_spaces(self._episodes)
         self._action_shape = self.action_space.shape
-        self.domain = self._usual = make_usual_domain(self.world)
-        self._pictures: Pictures | None = None
+        self.domain = self._nominal = make_nominal_domain(self.world)
+        self._renderer: SceneRenderer | None = None
         self._find_views()
 
     def _find_views(self) -> None:
@@ -177,18 +183,18 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Lay the body down at the start.
+        """Lay the organism down at the start.
 
         Args:
             seed: of everything random from here on.
-            options: what is special about this episode; see the class.
+            options: what differs in this episode; see the class.
 
         Raises:
-            ValueError: an unknown option or a value out of range.
+            OptionError: an unknown option or a value out of range.
         """
         super().reset(seed=seed)
-        world, wanted = self.world, {**self.config.randomise, **(options or {})}
-        self.domain = domain = draw_domain(self._usual._asdict(), wanted, self.np_random)
+        world, wanted = self.world, {**self.config.randomize, **(options or {})}
+        self.domain = domain = draw_domain(self._nominal._asdict(), wanted, self.np_random)
         apply_domain(world, self.model, domain)
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
@@ -196,11 +202,11 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         world.write_control(self._control, target, speed)
         mujoco.mj_forward(self.model, self.data)
         physics = self.physics
-        self._episodes.begin([0], physics, [domain.track_speed])
+        self._episodes.begin(physics, [Start(0, domain.track_speed)])
         observation = self._episodes.observe(physics)
         info = {**self._episodes.describe_start(physics, 0), **domain._asdict()}
-        if self._pictures is not None:
-            self._pictures.follow(physics.position[0], at_once=True)
+        if self._renderer is not None:
+            self._renderer.follow(physics.position[0], at_once=True)
         if self.render_mode == "human":
             self.render()
         return self._add_noise(observation)[0], info
@@ -232,7 +238,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         return observation[0], reward, terminated, truncated, {**info, **measured} if measured else info
 
     def _advance(self) -> dict[str, float]:
-        """Step the physics of a tick; return what MuJoCo's timers tell, where it was asked for."""
+        """Step the physics of a tick; return what MuJoCo's timers measured, where it was asked for."""
         if not self.config.timers:
             mujoco.mj_step(self.model, self.data, nstep=self.config.frame_skip)
             return {}
@@ -241,31 +247,31 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         return {name: getattr(measured, name) for name in ("physics_us", "collision_us", "raycast_us")}
 
     def render(self) -> Any:
-        """Return a picture in the render mode; None without one and in a window."""
+        """Return an image in the render mode; None without one and in a window."""
         if self.render_mode is None:
             gym.logger.warn("render() does nothing without a render_mode; give one of render_modes to make()")
             return None
-        if self._pictures is None:
+        if self._renderer is None:
             length = self.world.num_modules * self.world.organism.scout.pitch
             size = (self.width, self.height)
-            self._pictures = Pictures(self.model, self.data, *size, length, self.world.route.heading)
-        self._pictures.follow(self.physics.position[0])
-        return self._pictures.draw(self.render_mode)
+            self._renderer = SceneRenderer(self.model, self.data, *size, length, self.world.route.heading)
+        self._renderer.follow(self.physics.position[0])
+        return self._renderer.render(self.render_mode)
 
     def close(self) -> None:
-        """Free what pictures and windows need."""
-        if self._pictures is not None:
-            self._pictures.close()
-            self._pictures = None
+        """Free what images and windows need."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> SnakePitEnv:
         """Return an independent copy in the same state, without window or graphics context."""
         twin = object.__new__(type(self))
         memo[id(self)] = twin
-        shared = {"world", "config", "_pictures", "_physics", "_control"}
+        shared = {"world", "config", "_renderer", "_physics", "_control"}
         for name, value in self.__dict__.items():
             twin.__dict__[name] = value if name in shared else copy.deepcopy(value, memo)
-        twin._pictures = None
+        twin._renderer = None
         twin._find_views()
         return twin
 

@@ -1,58 +1,66 @@
-"""A body in an arena, compiled: the model, what is where in it, and how a body is laid on the ground."""
+"""An organism in an arena, compiled: the model, what is where in it, and how the organism is laid on the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.geometry.pose import PlanarPose, make_quaternion
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.assets import SCANNED_PITS
+from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
 from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.rendering import add_stage
-from symbrion_gym.errors import ArenaError, OrganismError
+from symbrion_gym.environment.rendering import add_scene
+from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.organism_sensors import add_sensors
-from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
 from symbrion_gym.tasks.route import find_route
+from symbrion_gym.tasks.success_check import SuccessCheck
 
 _LIFT = 0.002
-"""Gap between the tracks and the ground at the start [m]."""
+"""Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
 _SAMPLES = 0.005
-"""Spacing of the heights along the start line [m]."""
+"""Spacing of the heights along the start line [m], small against a module."""
+_LINE_MARGIN = 0.2
+"""The line of heights reaches this much farther than the organism at both ends [m]."""
+_FOOTPRINT = 0.06 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
+"""Points of a module over which the highest ground is taken where organisms are no snakes [m]: a little beyond its
+sides, which are 0.0525 m from its center."""
+_NUM_ITERATIONS = 8
+"""Of the fixed-point iteration that puts a module's end on the ground."""
+_SMALLEST_STEP = 0.2
+"""A module stands no steeper than this share of its length along the ground."""
+_SAME = 1e-9
+"""Numbers closer than this are equal but for rounding."""
 
 
 class Physics(NamedTuple):
     """The state of N simulations, as live views or copies.
 
     Attributes:
-        qpos: `[N, nq]`.
-        qvel: `[N, nv]`.
-        position: `[N, n, 3]` centres of the modules [m], one physics step behind qpos.
-        rotation: `[N, n, 9]` their rotation matrices, row by row, likewise.
-        sensordata: `[N, S]`, likewise.
-        actuator_force: `[N, h]` torque of the hinges [N m], likewise.
+        qpos: generalized coordinates.
+        qvel: their velocities.
+        position: centers of the modules [m], one physics step behind qpos.
+        rotation: their rotation matrices, row by row, likewise.
+        sensordata: of MuJoCo's sensors, likewise.
+        actuator_force: of the hinges [N m], then of the wheels, likewise.
     """
 
-    qpos: np.ndarray
-    qvel: np.ndarray
-    position: np.ndarray
-    rotation: np.ndarray
-    sensordata: np.ndarray
-    actuator_force: np.ndarray
+    qpos: Float[np.ndarray, "N nq"]
+    qvel: Float[np.ndarray, "N nv"]
+    position: Float[np.ndarray, "N n 3"]
+    rotation: Float[np.ndarray, "N n 9"]
+    sensordata: Float[np.ndarray, "N S"]
+    actuator_force: Float[np.ndarray, "N nu"]
 
 
 class World:
-    """A compiled arena with a body in it.
+    """A compiled arena with an organism in it.
 
     Attributes:
         config: the options.
@@ -60,7 +68,7 @@ class World:
         organism: who.
         route: the way to go.
         map_route: the way as the map has it, without `stretch`.
-        model: the compiled model; whoever changes it takes a copy.
+        model: the compiled model; change a copy, as simulations share it.
         friction: sliding friction of the robot on everything.
         modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
         is_by_site: whether the modules are found by their sites, as some share a body.
@@ -74,15 +82,16 @@ class World:
         track_geoms: `[n, T]` ids of the geoms that drive, per module.
     """
 
-    def __init__(self, config: SnakePitConfig, picture_size: tuple[int, int] = (640, 400)) -> None:
-        self._picture_size = picture_size
+    def __init__(self, config: SnakePitConfig, image_size: tuple[int, int] = (640, 400)) -> None:
+        self._image_size = image_size
         self.config = config
-        on_map = _find_arena(config)
+        on_map = find_arena(config)
         self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
-        self.map_route = find_route(on_map, self.organism, config)
-        self.route = find_route(self.arena, self.organism, config)
+        ends = config.start, config.goal, config.margins, config.pit_search
+        self.map_route = find_route(on_map, self.organism, *ends)
+        self.route = find_route(self.arena, self.organism, *ends)
         self._poses = self.organism.find_poses()
         self._is_snake = self.organism == snake(self.organism.num_modules, self.organism.scout)
         self.model = self._make_spec().compile()
@@ -90,7 +99,7 @@ class World:
 
     def _make_spec(self) -> mujoco.MjSpec:
         spec = self.arena.spec()
-        add_stage(spec, *self._picture_size)
+        add_scene(spec, *self._image_size)
         self.organism.add_to(spec, spec.worldbody)
         add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
         for geom in spec.worldbody.geoms:
@@ -108,7 +117,7 @@ class World:
     def _find_ids(self) -> None:
         model, organism = self.model, self.organism
         sites = [model.site(f"module_{i}") for i in range(organism.num_modules)]
-        self.is_by_site = any(np.abs(site.pos).max() > 1e-9 or abs(site.quat[3]) > 1e-9 for site in sites)
+        self.is_by_site = any(np.abs(site.pos).max() > _SAME or abs(site.quat[3]) > _SAME for site in sites)
         ids = [site.id if self.is_by_site else site.bodyid[0] for site in sites]
         follow = ids == list(range(ids[0], ids[0] + len(ids)))
         self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
@@ -147,6 +156,13 @@ class World:
         """Number of working hinges."""
         return len(self.hinge_qpos)
 
+    def make_success_check(self) -> SuccessCheck:
+        """Return the success check of this arena and organism."""
+        config = self.config
+        return SuccessCheck(
+            self.arena, self.organism, self.route, self.map_route, config.dt, config.abyss, config.criteria
+        )
+
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
         """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
 
@@ -158,13 +174,18 @@ class World:
         qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
         return Physics(qpos, qvel, position, rotation, sensordata, force)
 
-    def write_control(self, control: np.ndarray, target: np.ndarray, track_speed: np.ndarray) -> None:
+    def write_control(
+        self,
+        control: Float[np.ndarray, "N nu"],
+        target: Float[np.ndarray, "N h"],
+        track_speed: Float[np.ndarray, "N tracks"],
+    ) -> None:
         """Write the servos' controls.
 
         Args:
-            control: `[N, nu]`, written in place.
-            target: `[N, h]` of the hinges [rad].
-            track_speed: `[N, 1 or n]` [m/s]; only wheels with joints read it here.
+            control: written in place.
+            target: of the hinges [rad].
+            track_speed: one per simulation or one per module [m/s]; only wheels with joints read it here.
         """
         control[:, self._servos] = target
         if len(self.wheel_servos):
@@ -173,29 +194,38 @@ class World:
                 rate, len(self.wheel_servos) // self.num_modules, axis=1
             )
 
-    def write_track_speed(self, field: np.ndarray, track_speed: np.ndarray) -> None:
+    def write_track_speed(
+        self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
+    ) -> None:
         """Write the surface velocity of sphere tracks.
 
         Args:
-            field: `[N, ngeom, 6]` values of `geom_surfacevel`, written in place.
-            track_speed: `[N, 1 or n]` [m/s].
+            field: values of `geom_surfacevel`, written in place.
+            track_speed: one per simulation or one per module [m/s].
         """
         if not len(self.wheel_servos):
             field[:, self.track_geoms, 4] = (track_speed / self.wheel_radius)[:, :, None]
 
-    def lay_down(self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0) -> np.ndarray:
-        """Return qpos `[nq]` of a body at rest on the ground at the start, bent as the ground is.
+    def lay_down(
+        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0
+    ) -> Float[np.ndarray, " nq"]:
+        """Return qpos of an organism at rest on the ground at the start, bent as the ground is.
 
         Args:
             offset: the start moved along the route [m].
             lateral: and to its left [m].
-            yaw: the body turned about its head [rad].
+            yaw: the organism turned about its head [rad].
+
+        Raises:
+            ArenaError: the start lies off the surface.
         """
         route, organism = self.route, self.organism
         head_x, head_y = (float(v) for v in route.place(route.start + offset, lateral))
         heading = route.heading + yaw
         qpos = self.model.qpos0.copy()
-        back = np.arange(-0.2, (organism.num_modules + 1) * organism.scout.pitch + 0.2, _SAMPLES)
+        back = np.arange(
+            -_LINE_MARGIN, (organism.num_modules + 1) * organism.scout.pitch + _LINE_MARGIN, _SAMPLES
+        )
         x, y = head_x - np.cos(heading) * back, head_y - np.sin(heading) * back
         heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
         if self._is_snake:
@@ -206,7 +236,7 @@ class World:
             head = PlanarPose(head_x, head_y, heading)
             world = [head.compose(pose) for pose in self._poses]
             xy = np.array([(pose.x, pose.y) for pose in world])
-            spots = np.concatenate([xy + d for d in ([0.06, 0], [-0.06, 0], [0, 0.06], [0, -0.06], [0, 0])])
+            spots = np.concatenate([xy + point for point in _FOOTPRINT])
             z = (
                 float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
                 + organism.scout.size[2] / 2
@@ -216,7 +246,9 @@ class World:
         qpos[3:7] = make_quaternion(heading, -pitch)
         return qpos
 
-    def _find_heights(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def _find_heights(
+        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
+    ) -> Float[np.ndarray, " S"]:
         """Return ground heights; beyond the rim, the nearest known one along the line."""
         heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
         known = np.flatnonzero(np.isfinite(heights))
@@ -227,74 +259,28 @@ class World:
         return np.interp(np.arange(len(heights)), known, heights[known])
 
 
-def _find_arena(config: SnakePitConfig) -> Arena:
-    """Return the arena of the options; `pit` resizes the arenas made in code.
+def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:
+    """Return how high the center of a disc rolls over ground heights sampled every `_SAMPLES`."""
+    from scipy.ndimage import grey_dilation
 
-    Raises:
-        ArenaError: there is no such arena, or its pit cannot be resized.
-    """
-    arena = config.arena
-    if isinstance(arena, Arena):
-        if config.pit is not None and getattr(arena.course, "pit", None) != config.pit:
-            raise ArenaError(f"the pit of a ready arena cannot be set to {config.pit}; build another arena")
-        return arena
-    if not isinstance(arena, str | Path):
-        raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
-    is_named = arena in ("truth", "simple", *SCANNED_PITS)
-    pit = config.default_pit if is_named and config.pit is None else config.pit
-    if pit is None:
-        return load_arena(arena)
-    if is_named:
-        return load_arena(arena, course=Course(pit=pit))
-    loaded = load_arena(arena)
-    if getattr(loaded.course, "pit", None) != config.pit:
-        raise ArenaError(
-            f"arena {str(arena)!r} has its own pit; pit={config.pit} works with named courses only"
-        )
-    return loaded
-
-
-def find_organism(config: SnakePitConfig, friction: float) -> Organism:
-    """Return the body of the options.
-
-    Raises:
-        OrganismError: neither a number of modules nor an Organism.
-    """
-    if isinstance(config.modules, Organism):
-        return config.modules
-    if not isinstance(config.modules, int | np.integer):
-        raise OrganismError(f"modules must be a number or an Organism, got {config.modules!r}")
-    scout = ScoutConfig(
-        friction=friction,
-        hinge_torque=config.hinge_torque,
-        track_speed=config.track_speed,
-        tracks=config.tracks,
-    )
-    return snake(int(config.modules), scout)
-
-
-def _roll_over(heights: np.ndarray, radius: float) -> np.ndarray:
-    """Return how high the centre of a disc rolls over ground heights sampled every `_SAMPLES`."""
     reach = int(radius / _SAMPLES)
-    padded = np.pad(heights, reach, mode="edge")
     shift = np.arange(-reach, reach + 1)
     rise = np.sqrt(np.maximum(radius**2 - (shift * _SAMPLES) ** 2, 0.0))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    return (windows + rise).max(axis=1)
+    return grey_dilation(heights, structure=rise, mode="nearest")
 
 
 def _follow_ground(
-    back: np.ndarray, heights: np.ndarray, organism: Organism
-) -> tuple[float, float, np.ndarray]:
+    back: Float[np.ndarray, " S"], heights: Float[np.ndarray, " S"], organism: Organism
+) -> tuple[float, float, Float[np.ndarray, " h"]]:
     """Lay a snake on a height line, head at 0; return head height, head pitch and hinge angles."""
     pitch, count = organism.scout.pitch, organism.num_modules
     s, z = np.zeros(count + 1), np.zeros(count + 1)
     z[0] = np.interp(0.0, back, heights)
     for i in range(1, count + 1):
         step = pitch
-        for _ in range(8):
+        for _ in range(_NUM_ITERATIONS):
             z[i] = np.interp(s[i - 1] + step, back, heights)
-            step = np.sqrt(max(pitch**2 - (z[i] - z[i - 1]) ** 2, (0.2 * pitch) ** 2))
+            step = np.sqrt(max(pitch**2 - (z[i] - z[i - 1]) ** 2, (_SMALLEST_STEP * pitch) ** 2))
         s[i] = s[i - 1] + step
     nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
     limit = organism.scout.hinge_range

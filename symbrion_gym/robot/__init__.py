@@ -1,1 +1,1 @@
-"""Scout modules and the bodies they dock into."""
+"""Scout modules and the organisms they dock into."""

@@ -1,4 +1,4 @@
-"""Bodies of docked modules: plain data, its rules, and its MuJoCo model."""
+"""Organisms, which are docked modules: plain data, its rules, and its MuJoCo model."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ from reconstruction.geometry.pose import PlanarPose
 from symbrion_gym.errors import OrganismError
 from symbrion_gym.robot.scout import add_arm, add_chassis, add_hinge
 from symbrion_gym.robot.scout_constants import ScoutConfig
+
+Part = tuple[str, int]
+"""("chassis" or "arm", module)."""
+RigidGroup = frozenset[Part]
+"""Parts that move as one body."""
+_ROUNDING = 1e-6
+"""Distances that differ by less are the same [m]."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +64,9 @@ class Organism:
         if isinstance(self.num_modules, bool) or not isinstance(self.num_modules, int | np.integer):
             raise OrganismError(f"the number of modules must be a whole number, got {self.num_modules!r}")
         if self.num_modules < 1:
-            raise OrganismError(f"a body needs at least 1 module, got {self.num_modules}")
-        _refuse_bad_dockings(self)
-        _refuse_overlap(self)
+            raise OrganismError(f"an organism needs at least 1 module, got {self.num_modules}")
+        _check_dockings(self)
+        _check_overlap(self)
 
     @property
     def hinges(self) -> tuple[int, ...]:
@@ -83,7 +90,7 @@ class Organism:
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: one body per rigid part, `root` a free joint, a servo per working hinge.
 
-        Site `module_i` marks the centre of module i, joint and actuator `hinge_i` its hinge.
+        Site `module_i` marks the center of module i, joint and actuator `hinge_i` its hinge.
         """
         spec = mujoco.MjSpec()
         spec.modelname = f"organism of {self.num_modules}"
@@ -92,7 +99,7 @@ class Organism:
         return spec
 
     def add_to(self, spec: mujoco.MjSpec, parent: mujoco.MjsBody) -> mujoco.MjsBody:
-        """Add the body to a model under construction and return its root."""
+        """Add the organism to a model under construction and return its root."""
         poses = self.find_poses()
         groups = _find_rigid_groups(self)
         root = parent.add_body(name=_name_group(groups[("chassis", 0)]))
@@ -102,7 +109,15 @@ class Organism:
             _exclude_wheels(spec, root)
         return root
 
-    def _fill(self, spec, body, part, poses, groups, done) -> None:
+    def _fill(
+        self,
+        spec: mujoco.MjSpec,
+        body: mujoco.MjsBody,
+        part: Part,
+        poses: list[PlanarPose],
+        groups: dict[Part, RigidGroup],
+        done: set[RigidGroup],
+    ) -> None:
         """Add every part of one rigid group to its body, then the groups that hang from it."""
         group = groups[part]
         origin = poses[min(group, key=_sort_key)[1]]
@@ -185,7 +200,7 @@ def _find_neighbor(side: str, other_side: str, scout: ScoutConfig) -> PlanarPose
     return dock.compose(PlanarPose(*scout.find_dock(other_side)).invert())
 
 
-def _refuse_bad_dockings(organism: Organism) -> None:
+def _check_dockings(organism: Organism) -> None:
     if len(organism.dockings) != organism.num_modules - 1:
         raise OrganismError(
             f"{organism.num_modules} modules need {organism.num_modules - 1} dockings to be one tree, "
@@ -204,11 +219,11 @@ def _refuse_bad_dockings(organism: Organism) -> None:
             raise OrganismError(f"module {docking.first} cannot dock to itself")
 
 
-def _refuse_overlap(organism: Organism) -> None:
+def _check_overlap(organism: Organism) -> None:
     poses = organism.find_poses()
     places = np.array([(pose.x, pose.y) for pose in poses])
     distance = np.abs(places[:, None] - places[None]).max(axis=-1)
-    close = np.argwhere(np.triu(distance < organism.scout.size[0] - 1e-6, k=1))
+    close = np.argwhere(np.triu(distance < organism.scout.size[0] - _ROUNDING, k=1))
     if len(close):
         first, second = close[0]
         raise OrganismError(
@@ -216,27 +231,21 @@ def _refuse_overlap(organism: Organism) -> None:
         )
 
 
-def _find_rigid_groups(organism: Organism) -> dict[tuple[str, int], frozenset]:
-    """Return for each part, ("chassis" | "arm", module), all parts that move with it."""
-    groups = {
-        (kind, i): frozenset([(kind, i)]) for i in range(organism.num_modules) for kind in ("chassis", "arm")
-    }
+def _find_rigid_groups(organism: Organism) -> dict[Part, RigidGroup]:
+    """Return for each part all parts that move with it."""
+    from scipy.cluster.hierarchy import DisjointSet
 
-    def weld(a: tuple[str, int], b: tuple[str, int]) -> None:
-        joined = groups[a] | groups[b]
-        for part in joined:
-            groups[part] = joined
-
-    for i in set(range(organism.num_modules)) - set(organism.hinges):
-        weld(("chassis", i), ("arm", i))
+    modules = range(organism.num_modules)
+    groups = DisjointSet([(kind, i) for i in modules for kind in ("chassis", "arm")])
+    for i in set(modules) - set(organism.hinges):
+        groups.merge(("chassis", i), ("arm", i))
     for docking in organism.dockings:
-        one, other = (("arm" if side == "front" else "chassis", module) for module, side in docking.ends)
-        weld(one, other)
-    return groups
+        groups.merge(*(("arm" if side == "front" else "chassis", module) for module, side in docking.ends))
+    return {part: frozenset(groups.subset(part)) for part in groups}
 
 
 def _exclude_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
-    """Let wheels ignore the parts that their own part is hinged to, as geoms of neighbours always do."""
+    """Let wheels ignore the parts that their own part is hinged to, as geoms of neighbors always do."""
     for child in body.bodies:
         if "_wheel_" in child.name:
             continue
@@ -247,10 +256,10 @@ def _exclude_wheels(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
         _exclude_wheels(spec, child)
 
 
-def _sort_key(part: tuple[str, int]) -> tuple[bool, int]:
+def _sort_key(part: Part) -> tuple[bool, int]:
     return part[0] != "chassis", part[1]
 
 
-def _name_group(group: frozenset) -> str:
+def _name_group(group: RigidGroup) -> str:
     kind, module = min(group, key=_sort_key)
     return f"{kind}_{module}"

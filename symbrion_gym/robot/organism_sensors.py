@@ -1,4 +1,4 @@
-"""MuJoCo's sensors that read what the modules of a body sense."""
+"""MuJoCo's sensors that read what the modules of an organism sense."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import mujoco
 
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import SIDES
-from symbrion_gym.robot.scout_sensors import LARGEST_ACCELERATION, LARGEST_TOUCH, NUM_LASER_BEAMS
 
 MEASURED = ("acceleration", "ir", "contact", "dock_force", "laser")
 """Parts of the observation that MuJoCo's own sensors measure."""
@@ -18,29 +17,28 @@ def add_sensors(spec: mujoco.MjSpec, organism: Organism, parts: tuple[str, ...],
     Args:
         spec: a model with the organism in it.
         organism: who senses.
-        parts: of `MEASURED`; others are passed over.
+        parts: of `MEASURED`; others are skipped.
         interval: time between two readings of the infrared units and the laser [s].
     """
-    modules = range(organism.num_modules)
+    modules, scout = range(organism.num_modules), organism.scout
     for part in parts:
         if part == "acceleration":
             for module in modules:
                 for name in ("front", "rear"):
-                    _add_sensor(
-                        spec, f"module_{module}_accel_{name}", "ACCELEROMETER", cutoff=LARGEST_ACCELERATION
-                    )
+                    site, limit = f"module_{module}_accel_{name}", scout.acceleration_range
+                    _add_sensor(spec, site, "ACCELEROMETER", cutoff=limit)
         elif part == "ir":
             for module, side in find_free_sides(organism):
                 for k in range(2):
                     _add_ray(spec, f"module_{module}_ir_{side}_{k}", interval)
         elif part == "contact":
             for module in modules:
-                _add_sensor(spec, f"module_{module}_touch", "TOUCH", cutoff=LARGEST_TOUCH)
+                _add_sensor(spec, f"module_{module}_touch", "TOUCH", cutoff=scout.contact_range)
         elif part == "dock_force":
             for module in organism.hinges:
                 _add_sensor(spec, f"module_{module}", "FORCE", f"dock_force_{module}")
         elif part == "laser":
-            for k in range(NUM_LASER_BEAMS):
+            for k in range(scout.laser_beams):
                 _add_ray(spec, f"module_0_laser_{k}", interval)
 
 
@@ -53,6 +51,7 @@ def find_free_sides(organism: Organism) -> list[tuple[int, str]]:
 def _add_sensor(
     spec: mujoco.MjSpec, site: str, kind: str, name: str | None = None, cutoff: float = 0.0
 ) -> None:
+    """Add a sensor at a site that clips at the cutoff; 0 for none."""
     spec.add_sensor(
         name=name or site,
         type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),

@@ -1,6 +1,6 @@
 """One Scout module of the Symbrion project as part of a MuJoCo model.
 
-Frame of a module: origin in the centre of the chassis, x forward (towards the hinged arm), y left, z up.
+Frame of a module: origin in the center of the chassis, x forward (towards the hinged arm), y left, z up.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym.robot.scout_constants import ARM_RADIUS, SIDES, TRACK_MODELS, ScoutConfig
-from symbrion_gym.robot.scout_look import dress_arm, dress_chassis
+from symbrion_gym.robot.scout_look import add_arm_visual, add_chassis_visual
 from symbrion_gym.robot.scout_sensors import add_sensor_sites
 from symbrion_gym.robot.tracks import add_contact, add_tracks
 
@@ -29,6 +29,10 @@ _BODY_RECESS = 0.009
 """How far the chassis lies within the tracks [m] (estimate)."""
 _CYLINDER_CHASSIS = (0.033, 0.040, 0.040)
 """Half sizes of the chassis within the authors' cylinders [m] (estimate)."""
+_MARKER_SIZE = 0.004
+"""Radius at which the sites of modules and docks are drawn [m]."""
+_MARKER_GROUP = 5
+"""Their geom group; not drawn unless asked for."""
 
 
 def add_chassis(
@@ -52,10 +56,10 @@ def add_chassis(
         _CYLINDER_CHASSIS if config.tracks == "cylinders" else np.array(config.size) / 2 - _BODY_RECESS,
         config,
         mass=config.chassis_mass,
-    ).rgba[3] = 1.0  # rays shall see it
-    dress_chassis(spec, frame, body, config)
+    ).rgba[3] = 1.0  # rays see the chassis
+    add_chassis_visual(spec, frame, body, config)
     add_tracks(spec, frame, body, prefix, pose, config)
-    body.add_site(name=prefix.rstrip("_"), size=[0.004] * 3, group=5).set_frame(frame)
+    body.add_site(name=prefix.rstrip("_"), size=[_MARKER_SIZE] * 3, group=_MARKER_GROUP).set_frame(frame)
     for side in ("back", "left", "right"):
         _add_dock(frame, body, prefix, side, config)
     add_sensor_sites(frame, body, prefix, config)
@@ -77,7 +81,7 @@ def add_arm(
         prefix: put before every name.
         pose: the module in the frame of the body.
         config: constants.
-        is_folded: a free arm is held up, out of the way of the tracks.
+        is_folded: whether the arm is held up, out of the way of the tracks, as a free arm is.
     """
     lift = make_quarter_turn(y=-1.0) if is_folded else np.array([1.0, 0.0, 0.0, 0.0])
     quaternion = np.empty(4)
@@ -94,12 +98,17 @@ def add_arm(
         mass=config.arm_mass,
     )
     nose.quat = make_quarter_turn(x=1.0)
-    dress_arm(spec, frame, body, config)
+    add_arm_visual(spec, frame, body, config)
     _add_dock(frame, body, prefix, "front", config)
 
 
 def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> mujoco.MjSpec:
-    """Return one module alone, on a free joint, with its hinge and servo."""
+    """Return one module alone, on a free joint, with its hinge and servo.
+
+    Args:
+        config: constants; None for the defaults.
+        is_hinged: whether the arm moves; else it is part of the chassis.
+    """
     config = config or ScoutConfig()
     spec = mujoco.MjSpec()
     spec.modelname = "scout"
@@ -158,6 +167,10 @@ def _add_dock(
 ) -> None:
     dock = PlanarPose(*config.find_dock(side))
     site = body.add_site(
-        name=f"{prefix}dock_{side}", pos=dock.position, quat=dock.quaternion, size=[0.004] * 3, group=5
+        name=f"{prefix}dock_{side}",
+        pos=dock.position,
+        quat=dock.quaternion,
+        size=[_MARKER_SIZE] * 3,
+        group=_MARKER_GROUP,
     )
     site.set_frame(frame)

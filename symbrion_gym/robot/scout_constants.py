@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-
 from symbrion_gym.errors import OrganismError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 
 TRACK_MODELS = ("spheres", "wheels", "cylinders")
 SIDES = ("front", "back", "left", "right")
@@ -26,8 +25,8 @@ class ScoutConfig:
 
     Attributes:
         size: edge of the chassis along x, y and z [m] [R: 105 x 105 mm; 123.5 mm with the arm].
-        dock_reach: distance of the back, left and right dock from the centre [m] [S].
-        arm_reach: distance of the front dock, on the hinged arm, from the centre [m] [S].
+        dock_reach: distance of the back, left and right dock from the center [m] [S].
+        arm_reach: distance of the front dock, on the hinged arm, from the center [m] [S].
         pitch: distance of two modules docked front to back [m] [S]; the docks' own depth is the rest.
         chassis_mass: [kg] [E; R: a module is below 1 kg; S: chassis to arm as 5 to 1, not measured there].
         arm_mass: [kg] [E, as above].
@@ -40,10 +39,17 @@ class ScoutConfig:
         hinge_damping: [N m s/rad] [E].
         track_speed: surface speed of the tracks [m/s] [E: 0.06-0.15].
         track_radius: radius of a road wheel, a sphere, of a track [m] [E; S: cylinders of 11 mm].
+        wheel_mass: of a driven wheel, where tracks have joints [kg] [E].
+        wheel_armature: inertia of its motor and gear [kg m²] [E].
+        wheel_gain: torque of its servo per error of its rate [N m s/rad] [E]: stiff, so that wheels keep their speed.
         friction: sliding friction of the tracks on the ground [E].
         dock_force: force that a docking unit holds [N] [E]; a larger one is reported, docks never tear.
+        acceleration_range: largest reading of an accelerometer [m/s²] [E: 4 g].
+        contact_range: largest reading of the force on a module's skin [N] [E].
         ir_range: range of an infrared proximity unit [m] [E].
+        ir_spacing: distance between the two infrared units of a side [m] [E].
         laser_range: range of the forward laser [m] [E].
+        laser_beams: number of beams of the laser's upright fan [E].
         laser_angles: lowest and highest beam of the laser's upright fan, above the horizontal [rad] [E].
         tracks: "spheres" (surface velocity, no joint), "wheels" (four driven wheels), "cylinders" (the
             authors' twelve small cylinders, driven).
@@ -64,24 +70,35 @@ class ScoutConfig:
     hinge_damping: float = 0.05
     track_speed: float = 0.10
     track_radius: float = 0.020
+    wheel_mass: float = 0.002
+    wheel_armature: float = 1e-4
+    wheel_gain: float = 2.0
     friction: float = 0.7
     dock_force: float = 100.0
+    acceleration_range: float = 4 * 9.81
+    contact_range: float = 50.0
     ir_range: float = 0.20
+    ir_spacing: float = 0.06
     laser_range: float = 4.0
+    laser_beams: int = 19
     laser_angles: tuple[float, float] = (-pi / 3, pi / 6)
     tracks: str = "spheres"
 
     def __post_init__(self) -> None:
         positive = (
             "dock_reach arm_reach pitch chassis_mass arm_mass hinge_range hinge_torque hinge_speed "
-            "hinge_stiffness track_radius friction dock_force ir_range laser_range"
+            "hinge_stiffness track_radius wheel_mass wheel_gain friction dock_force acceleration_range contact_range "
+            "ir_range laser_range"
         )
-        for name in positive.split():
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise OrganismError(f"ScoutConfig: {name} must be above 0, got {getattr(self, name)}")
-        for name in ("hinge_derivative", "hinge_armature", "hinge_damping", "track_speed"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise OrganismError(f"ScoutConfig: {name} must not be negative, got {getattr(self, name)}")
+        check_positive(self, positive.split(), OrganismError)
+        not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"
+        check_not_negative(self, not_negative.split(), OrganismError)
+        if (
+            isinstance(self.laser_beams, bool)
+            or not isinstance(self.laser_beams, int)
+            or self.laser_beams < 1
+        ):
+            raise OrganismError(f"ScoutConfig: laser_beams must be 1 or more, got {self.laser_beams!r}")
         if self.tracks not in TRACK_MODELS:
             raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
 

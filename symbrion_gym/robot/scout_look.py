@@ -1,4 +1,7 @@
-"""How a Scout module looks: a few meshes of plain solids, one per colour, shared by all modules."""
+"""How a Scout module looks: a few meshes of plain solids, one per color, shared by all modules.
+
+Sizes are in meters, estimated from photographs. They change images alone: rays and contacts meet other geoms.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +21,26 @@ _COLORS = {
     "lens": (0.85, 0.16, 0.12, 1.0),
 }
 _UNSEEN = "scout_unseen_by_rays"
-"""A material without opacity: rays pass, while the colour of the geom itself is drawn."""
+"""A material without opacity: rays pass, while the color of the geom itself is drawn."""
 _BELT_WIDTH = 0.019
+"""Of the tracks' belts [m]."""
 
 
-def dress_chassis(
+def add_chassis_visual(
     spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, config: ScoutConfig
 ) -> None:
-    """Add what is seen of a chassis: hull, belts, docking plates, board, eyes."""
-    _dress(spec, frame, body, "chassis", _make_chassis(config))
+    """Add the visual geoms of a chassis: hull, belts, docking plates, board, eyes."""
+    _add_visual(spec, frame, body, "chassis", _make_chassis(config))
 
 
-def dress_arm(spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, config: ScoutConfig) -> None:
-    """Add what is seen of the hinged arm: two plates to the hinge and the docking plate in front."""
-    _dress(spec, frame, body, "arm", _make_arm(config))
+def add_arm_visual(
+    spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, config: ScoutConfig
+) -> None:
+    """Add the visual geoms of the hinged arm: two plates to the hinge and the docking plate in front."""
+    _add_visual(spec, frame, body, "arm", _make_arm(config))
 
 
-def _dress(
+def _add_visual(
     spec: mujoco.MjSpec, frame: mujoco.MjsFrame, body: mujoco.MjsBody, part: str, solids: dict[str, list]
 ) -> None:
     if spec.material(_UNSEEN) is None:

@@ -11,18 +11,21 @@ from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
 from symbrion_gym.robot.scout_constants import CONTACT_GROUP, ScoutConfig
 
 _CYLINDER_RADIUS = 0.011
+"""Of the authors' cylinders [m] (danfis/sim)."""
 _CYLINDER_HALF_WIDTH = 0.004
+"""Likewise [m] (danfis/sim)."""
 _CYLINDER_PLACES = [(25, 42), (-16, 42), (25, -42), (-16, -42), (-42.5, 16), (-42.5, -16)]
 """(x, z) of the authors' cylinders of a side [mm] (danfis/sim)."""
-_CYLINDER_ASIDE = 0.0458
-_WHEEL_MASS = 0.002
-_WHEEL_ARMATURE = 1e-4
-_WHEEL_GAIN = 2.0
-"""Torque of a wheel's servo per error of its rate [N m s/rad]: stiff, so that wheels keep their speed."""
+_CYLINDER_LATERAL = 0.0458
+"""Distance of their centers from the middle of the module [m] (danfis/sim)."""
+_OTHER_FRICTION = (0.005, 0.0001)
+"""Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
+_CONTACT_COLOR = (0.9, 0.4, 0.1, 0.0)
+"""Transparent, so that rays pass."""
 
 
 def find_road_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
-    """Return the centres of the spheres of both tracks in the frame of the module [m].
+    """Return the centers of the spheres of both tracks in the frame of the module [m].
 
     Five a side: three below and two above, so that the envelope is the chassis with rounded edges.
     """
@@ -31,8 +34,10 @@ def find_road_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
     return [(x, y, z) for y in (half_y, -half_y) for x, z in places]
 
 
-def find_track_field(config: ScoutConfig, speed: float) -> tuple[float, ...]:
-    """Return the surface velocity of a road wheel that drives forward: it turns about its own y axis.
+def find_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...]:
+    """Return the surface velocity of a road wheel that drives forward: linear [m/s], then angular [rad/s].
+
+    It turns about its own y axis.
 
     At the ground the surface runs backwards, at a wall ahead it runs down, as the belt round a wheel does.
     """
@@ -40,14 +45,14 @@ def find_track_field(config: ScoutConfig, speed: float) -> tuple[float, ...]:
 
 
 def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
-    """Return the centres of the wheels of the models with wheel joints, in the frame of the module [m].
+    """Return the centers of the wheels of the models with wheel joints, in the frame of the module [m].
 
     "wheels" are the road wheels of the spheres; "cylinders" the authors' six a side [S].
     """
     if config.tracks == "wheels":
         return find_road_wheels(config)
     places = [(x / 1000.0, z / 1000.0) for x, z in _CYLINDER_PLACES]
-    return [(x, y, z) for y in (_CYLINDER_ASIDE, -_CYLINDER_ASIDE) for x, z in places]
+    return [(x, y, z) for y in (_CYLINDER_LATERAL, -_CYLINDER_LATERAL) for x, z in places]
 
 
 def find_wheel_radius(config: ScoutConfig) -> float:
@@ -63,7 +68,7 @@ def add_tracks(
     pose: PlanarPose,
     config: ScoutConfig,
 ) -> None:
-    """Add both tracks of a module, as the constants want them.
+    """Add both tracks of a module, as the constants say.
 
     Args:
         spec: the model under construction.
@@ -79,7 +84,7 @@ def add_tracks(
     for i, place in enumerate(find_road_wheels(config)):
         name, size = f"{prefix}track_{i}", [config.track_radius]
         geom = add_contact(frame, body, name, mujoco.mjtGeom.mjGEOM_SPHERE, size, config, pos=place)
-        geom.surfacevel = find_track_field(config, config.track_speed)
+        geom.surfacevel = find_surface_velocity(config, config.track_speed)
 
 
 def _add_wheels(
@@ -97,7 +102,7 @@ def _add_wheels(
             name=f"{prefix}wheel_{i}",
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0, 1, 0],
-            armature=_WHEEL_ARMATURE,
+            armature=config.wheel_armature,
             limited=mujoco.mjtLimited.mjLIMITED_FALSE,
         )
         is_sphere = config.tracks == "wheels"
@@ -109,14 +114,14 @@ def _add_wheels(
             kind,
             [radius, _CYLINDER_HALF_WIDTH],
             config,
-            mass=_WHEEL_MASS,
+            mass=config.wheel_mass,
         )
         geom.quat = make_quarter_turn(x=1.0)
         geom.conaffinity = 0
         servo = spec.add_actuator(
             name=f"{prefix}wheel_{i}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{prefix}wheel_{i}"
         )
-        servo.set_to_velocity(kv=_WHEEL_GAIN)
+        servo.set_to_velocity(kv=config.wheel_gain)
 
 
 def add_contact(
@@ -129,7 +134,7 @@ def add_contact(
     pos: Sequence[float] = (0.0, 0.0, 0.0),
     mass: float = 0.0,
 ) -> mujoco.MjsGeom:
-    """Add a geom that touches, is not drawn and is not seen by rays; its friction wins over the ground's."""
+    """Add a geom that touches, is not drawn and is not seen by rays; its friction replaces the ground's."""
     geom = body.add_geom(
         name=name,
         type=kind,
@@ -139,8 +144,8 @@ def add_contact(
         group=CONTACT_GROUP,
         condim=3,
         priority=1,
-        friction=[config.friction, 0.005, 0.0001],
-        rgba=[0.9, 0.4, 0.1, 0.0],
+        friction=[config.friction, *_OTHER_FRICTION],
+        rgba=_CONTACT_COLOR,
     )
     geom.set_frame(frame)
     return geom

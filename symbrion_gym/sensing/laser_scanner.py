@@ -1,4 +1,4 @@
-"""A SICK LMS 200 as it measures: noise, millimetre steps, a beam with a width, and mixed pixels at edges."""
+"""A SICK LMS 200 as it measures: noise, millimeter steps, a beam with a width, and mixed pixels at edges."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.errors import SurveyError
+from symbrion_gym.number_checks import check_not_negative, check_positive
 
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""
+_UPRIGHT = 1e-9
+"""A beam whose sine to the z axis is smaller is parallel to it but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -26,18 +30,21 @@ class LaserScanner:
         field_of_view: angle between the first and the last beam [rad].
         max_range: readings beyond it are no returns [m].
         noise: standard deviation of a reading at range 0 [m].
-        noise_per_metre: its growth with the range; 5 mm + 0.5 mm/m gives the paper's 7 mm at 4 m.
+        noise_per_meter: its growth with the range; 5 mm + 0.5 mm/m gives the paper's 7 mm at 4 m.
         resolution: readings come in steps of this [m]; 0: continuous.
         spot: diameter of the light spot at the sensor [m].
         divergence: growth of the spot with the range [rad].
         edge_step: depth that makes an edge [m].
+
+    Raises:
+        SurveyError: a number is out of range.
     """
 
     num_beams: int = 361
     field_of_view: float = np.pi
     max_range: float = 8.19
     noise: float = 0.005
-    noise_per_metre: float = 0.0005
+    noise_per_meter: float = 0.0005
     resolution: float = 0.001
     spot: float = 0.010
     divergence: float = 0.0044
@@ -45,44 +52,48 @@ class LaserScanner:
 
     def __post_init__(self) -> None:
         if self.num_beams < 2:
-            raise ArenaError(f"LaserScanner: num_beams must be at least 2, got {self.num_beams}")
+            raise SurveyError(f"LaserScanner: num_beams must be at least 2, got {self.num_beams}")
         if not 0 < self.field_of_view <= 2 * np.pi:
-            raise ArenaError(f"LaserScanner: field_of_view must lie in (0, 2 pi], got {self.field_of_view}")
-        for name in ("max_range", "edge_step"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ArenaError(f"LaserScanner: {name} must be above 0, got {getattr(self, name)}")
-        for name in ("noise", "noise_per_metre", "resolution", "spot", "divergence"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ArenaError(f"LaserScanner: {name} must be 0 or more, got {getattr(self, name)}")
+            raise SurveyError(f"LaserScanner: field_of_view must lie in (0, 2 pi], got {self.field_of_view}")
+        check_positive(self, ("max_range", "edge_step"), SurveyError)
+        check_not_negative(
+            self, ("noise", "noise_per_meter", "resolution", "spot", "divergence"), SurveyError
+        )
 
     @property
-    def angles(self) -> np.ndarray:
-        """Beam angles, `[B]` [rad], symmetric about 0."""
+    def angles(self) -> Float[np.ndarray, " B"]:
+        """Beam angles [rad], symmetric about 0."""
         return np.linspace(-self.field_of_view / 2, self.field_of_view / 2, self.num_beams)
 
-    def sigma(self, ranges: np.ndarray) -> np.ndarray:
+    def sigma(self, ranges: Float[np.ndarray, " R"]) -> Float[np.ndarray, " R"]:
         """Return the standard deviation of readings at these ranges [m]."""
-        return self.noise + self.noise_per_metre * ranges
+        return self.noise + self.noise_per_meter * ranges
 
     @property
-    def directions(self) -> np.ndarray:
-        """Beams in the sensor's x-y plane, `[B, 3]` unit vectors."""
+    def directions(self) -> Float[np.ndarray, "B 3"]:
+        """Beams in the sensor's x-y plane, unit vectors."""
         return np.stack([np.cos(self.angles), np.sin(self.angles), np.zeros(self.num_beams)], axis=1)
 
-    def scan(self, cast: Cast, pose: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Take one scan; returns the readings `[B]` [m] (nan: no return) and which mix two surfaces `[B]`.
+    def scan(
+        self, cast: Cast, pose: Float[np.ndarray, "4 4"], rng: np.random.Generator
+    ) -> tuple[Float[np.ndarray, " B"], Bool[np.ndarray, " B"]]:
+        """Take one scan; return the readings [m] (nan: no return) and which of them mix two surfaces.
 
         Args:
-            cast: gives the exact distances.
-            pose: `[4, 4]` sensor -> world; the beams lie in its x-y plane.
+            cast: returns the exact distances.
+            pose: sensor -> world; the beams lie in its x-y plane.
             rng: source of the noise; the same number of draws whatever is hit.
         """
         return self.measure(cast, pose, self.directions, rng)
 
     def measure(
-        self, cast: Cast, pose: np.ndarray, directions: np.ndarray, rng: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Read along any `directions` `[R, 3]` (unit vectors in the sensor); otherwise as `scan`."""
+        self,
+        cast: Cast,
+        pose: Float[np.ndarray, "4 4"],
+        directions: Float[np.ndarray, "R 3"],
+        rng: np.random.Generator,
+    ) -> tuple[Float[np.ndarray, " R"], Bool[np.ndarray, " R"]]:
+        """Read along any directions (unit vectors in the sensor); otherwise as `scan`."""
         exact = cast(pose[:3, 3], directions @ pose[:3, :3].T)
         exact[exact > self.max_range] = np.inf
         near, far, is_mixed = self._meet_edges(cast, pose, directions, exact)
@@ -97,9 +108,13 @@ class LaserScanner:
         return ranges, is_mixed & np.isfinite(ranges)
 
     def _meet_edges(
-        self, cast: Cast, pose: np.ndarray, directions: np.ndarray, exact: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Nearest and farthest surface in every light spot, each `[R]` [m], and whether an edge parts them."""
+        self,
+        cast: Cast,
+        pose: Float[np.ndarray, "4 4"],
+        directions: Float[np.ndarray, "R 3"],
+        exact: Float[np.ndarray, " R"],
+    ) -> tuple[Float[np.ndarray, " R"], Float[np.ndarray, " R"], Bool[np.ndarray, " R"]]:
+        """Return the nearest and the farthest surface in every light spot [m], and whether an edge parts them."""
         near, far, is_mixed = np.zeros_like(exact), np.zeros_like(exact), np.zeros(len(exact), bool)
         hits = np.flatnonzero(np.isfinite(exact))
         if not hits.size or (self.spot == 0 and self.divergence == 0):
@@ -120,10 +135,10 @@ class LaserScanner:
         return near, far, is_mixed
 
 
-def _find_rim(directions: np.ndarray) -> np.ndarray:
-    """Four points on the rim of a light spot of radius 1: in the scan plane, and across it, `[R, 4, 3]`."""
+def _find_rim(directions: Float[np.ndarray, "R 3"]) -> Float[np.ndarray, "R 4 3"]:
+    """Return four points on the rim of a light spot of radius 1: two in the scan plane, two across it."""
     aside = np.cross([0.0, 0.0, 1.0], directions)
-    is_upright = np.linalg.norm(aside, axis=1) < 1e-9
+    is_upright = np.linalg.norm(aside, axis=1) < _UPRIGHT
     aside[is_upright] = [1.0, 0.0, 0.0]
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     across = np.cross(directions, aside)

@@ -6,10 +6,11 @@ import itertools
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.extras import require_extras
@@ -17,35 +18,43 @@ from reconstruction.geometry.pose import make_pose
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.localization import localize
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.errors import ArenaError, SurveyError
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey_robot import SurveyRobot
-from symbrion_gym.sensing.survey_world import SurveyWorld
+from symbrion_gym.sensing.survey_world import SurveyRoom, SurveyWorld
+
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.arena import Arena
 
 _FIRST_WAYPOINT = 2
-"""The drive begins beside the arena, not in a corner of the room, where little is seen of its length."""
+"""The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
 
 _SMALLEST = 1e-3
 """The steps of a range reading are no smaller [m]."""
 _LARGEST = 200.0
 """The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
 _LEAST_VERTICES = 4
-"""A mesh with fewer is cut finer: MuJoCo takes none."""
+"""A mesh with fewer is subdivided: MuJoCo takes none."""
+_REPORT_EVERY = 100
+"""Scans from one report of progress to the next."""
+_SAME_PLACE = 1e-6
+"""Waypoints closer than this are the same [m]."""
 
 
 def survey(
-    arena: Any,
+    arena: str | os.PathLike | Arena | trimesh.Trimesh,
     path: ArrayLike | None = None,
     sensor: SurveyRobot | LaserScanner | None = None,
     seed: int = 0,
     progress: Progress = silent,
+    room: SurveyRoom | None = None,
 ) -> ScanLog:
-    """Drive a virtual robot around an arena and return its scan log, localised.
+    """Drive a virtual robot around an arena and return its scan log, localized.
 
     The robot drives on the level ground around the arena (the height of the arena's lowest point), its
     vertical scanner on a mast of 2.2 m, or 1 m above the arena's highest point. The ground begins 0.1 m off
-    the arena's bounding box; the open sides of the arena are hung with black skirting that returns nothing. A
-    room with pilasters stands around; only the horizontal scanner sees it.
+    the arena's bounding box; the open sides of the arena are covered by black skirting that returns nothing. A
+    room with pilasters stands around it; only the horizontal scanner sees it.
 
     Args:
         arena: a name, an `Arena`, a trimesh, or a mesh file.
@@ -54,38 +63,40 @@ def survey(
         sensor: robot, or scanner on the default robot.
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
+        room: around the arena; None for the default.
 
     Returns:
-        Poses come from localisation: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Levelling
+        Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
         finds its lean in the plane of each scan (`level_floor`). A pitch not found moves a point by its height above
-        the ground times the pitch, 1.3 mm at 0.25 m. `truth` holds the true poses and mixed beams, for judging;
-        `report` the localisation's errors against them.
+        the ground times the pitch, 1.3 mm at 0.25 m. `truth` holds the true poses and mixed beams, for comparison;
+        `report` the errors of localization against them.
 
     Raises:
-        ArenaError: the arena is unknown or empty, or the path unusable.
+        ArenaError: the arena is unknown.
+        SurveyError: its mesh is empty or too large, or the path unusable.
         MissingExtraError: the extra `scan` is not installed.
     """
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
     surface = _find_surface(arena)
     bounds = np.asarray(surface.bounds, float)
-    if bounds[1, 2] - bounds[0, 2] + 1.0 > robot.mast:
-        robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + 1.0))
+    if bounds[1, 2] - bounds[0, 2] + robot.head_room > robot.mast:
+        robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + robot.head_room))
     waypoints = make_path(bounds) if path is None else _check_path(path)
     rng = np.random.default_rng(seed)
     true_planar = drive(waypoints, robot)
-    odometry = _count_wheels(true_planar, robot, rng)
-    roll, pitch = _shake(len(true_planar), robot, rng)
+    odometry = _integrate_odometry(true_planar, robot, rng)
+    roll, pitch = _sample_sway(len(true_planar), robot, rng)
     robot_poses = make_pose(*true_planar.T, roll=roll, pitch=pitch)
     robot_poses[:, 2, 3] = bounds[0, 2]
-    caster = SurveyWorld(surface, waypoints)
+    caster = SurveyWorld(surface, waypoints, room)
     vertical, mixed, low = [], [], []
     for i, pose in enumerate(robot_poses):
-        ranges, is_mixed = robot.scanner.scan(caster.see_arena, pose @ robot.vertical_mount, rng)
+        ranges, is_mixed = robot.scanner.scan(caster.cast_on_arena, pose @ robot.vertical_mount, rng)
         vertical.append(ranges)
         mixed.append(is_mixed)
-        low.append(robot.scanner.scan(caster.see_walls, pose @ robot.horizontal_mount, rng)[0])
-        if i % 100 == 0:
+        low.append(robot.scanner.scan(caster.cast_on_walls, pose @ robot.horizontal_mount, rng)[0])
+        if i % _REPORT_EVERY == 0:
             progress("scanning", i / len(robot_poses))
     horizontal = HorizontalScans(
         np.stack(low), robot.scanner.angles, robot.horizontal_mount, odometry, true_planar[0]
@@ -105,16 +116,18 @@ def survey(
     return localize(log, progress=progress)
 
 
-def make_path(bounds: np.ndarray, clearance: float = 0.3, stride: float = 1.2) -> np.ndarray:
-    """Make the default path, `[W, 2]`: once around the arena, clockwise, in zigzag.
+def make_path(
+    bounds: Float[np.ndarray, "2 3"], clearance: float = 0.3, stride: float = 1.2
+) -> Float[np.ndarray, "W 2"]:
+    """Make the default path [m]: once around the arena, clockwise, in zigzag.
 
     The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
     right, sweeps
     every place in two diagonal directions from either side: walls that face any way are seen, and pits to
-    their ground, but nothing is looked at along its whole length.
+    their ground, but nothing is seen along its whole length.
 
     Args:
-        bounds: `[2, 3]` the arena's bounding box [m].
+        bounds: the arena's bounding box [m].
         clearance: distance of the nearest waypoints from the box [m].
         stride: depth of the zigzag, and length of a leg along the side, about [m].
     """
@@ -125,7 +138,9 @@ def make_path(bounds: np.ndarray, clearance: float = 0.3, stride: float = 1.2) -
     return np.concatenate([loop, loop[:1]])
 
 
-def _zigzag(start: np.ndarray, stop: np.ndarray, stride: float) -> np.ndarray:
+def _zigzag(
+    start: Float[np.ndarray, " 2"], stop: Float[np.ndarray, " 2"], stride: float
+) -> Float[np.ndarray, "W 2"]:
     """Go from start towards stop (left out), every other waypoint as far to the left as the legs are long."""
     along = stop - start
     length = float(np.hypot(*along))
@@ -135,8 +150,8 @@ def _zigzag(start: np.ndarray, stop: np.ndarray, stride: float) -> np.ndarray:
     return start + i / num_legs * along + (i % 2) * left
 
 
-def drive(waypoints: np.ndarray, robot: SurveyRobot) -> np.ndarray:
-    """Follow the waypoints at constant speed, turn on the spot; returns x, y, yaw at every scan, `[S, 3]`."""
+def drive(waypoints: Float[np.ndarray, "W 2"], robot: SurveyRobot) -> Float[np.ndarray, "S 3"]:
+    """Follow the waypoints at constant speed, turn on the spot; return x, y [m] and yaw [rad] at every scan."""
     legs = np.diff(waypoints, axis=0)
     yaws = np.arctan2(legs[:, 1], legs[:, 0])
     yaws = yaws[0] + np.concatenate([[0.0], np.cumsum((np.diff(yaws) + np.pi) % (2 * np.pi) - np.pi)])
@@ -152,13 +167,15 @@ def drive(waypoints: np.ndarray, robot: SurveyRobot) -> np.ndarray:
     return np.stack([np.interp(at, times, table[:, k]) for k in range(3)], axis=1)
 
 
-def _count_wheels(true: np.ndarray, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarray:
-    """Add up the wheels' steps with their errors; starts at the true start."""
+def _integrate_odometry(
+    true: Float[np.ndarray, "S 3"], robot: SurveyRobot, rng: np.random.Generator
+) -> Float[np.ndarray, "S 3"]:
+    """Add up the wheels' steps with their errors; start at the true start."""
     step = np.diff(true, axis=0)
     middle = true[:-1, 2] + step[:, 2] / 2
     ahead = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
     scale = 1 + np.array([robot.distance_drift, robot.turn_drift]) * rng.standard_normal(2)
-    way = np.sqrt(np.abs(ahead) + 0.2 * np.abs(step[:, 2]))
+    way = np.sqrt(np.abs(ahead) + robot.turn_weight * np.abs(step[:, 2]))
     ahead = ahead * scale[0] + robot.step_noise * way * rng.standard_normal(len(step))
     turn = step[:, 2] * scale[1] + robot.step_noise * way * rng.standard_normal(len(step))
     yaw = true[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
@@ -168,8 +185,8 @@ def _count_wheels(true: np.ndarray, robot: SurveyRobot, rng: np.random.Generator
     return np.stack([x, y, yaw], axis=1)
 
 
-def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarray:
-    """Draw roll and pitch at every scan, `[2, S]` [rad]: an autoregressive process."""
+def _sample_sway(count: int, robot: SurveyRobot, rng: np.random.Generator) -> Float[np.ndarray, "2 S"]:
+    """Draw roll and pitch at every scan [rad]: an autoregressive process."""
     draws, shake = rng.standard_normal((count, 2)), np.zeros((count, 2))
     fresh = np.sqrt(1 - robot.shake_memory**2)
     for i in range(count):
@@ -177,7 +194,8 @@ def _shake(count: int, robot: SurveyRobot, rng: np.random.Generator) -> np.ndarr
     return robot.shake * shake.T
 
 
-def _find_surface(arena: Any) -> trimesh.Trimesh:
+def _find_surface(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the surface of whatever a survey takes as an arena."""
     surface = arena
     if isinstance(arena, (str, os.PathLike)):
         from symbrion_gym.arenas.loading import load_arena
@@ -190,7 +208,7 @@ def _find_surface(arena: Any) -> trimesh.Trimesh:
     surface = getattr(surface, "surface", surface)
     surface = surface() if isinstance(surface, Callable) else surface
     if not isinstance(surface, trimesh.Trimesh):
-        raise ArenaError(f"survey needs a mesh with faces, got {surface!r}")
+        raise SurveyError(f"survey needs a mesh with faces, got {surface!r}")
     _check_size(surface, "survey")
     return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
 
@@ -202,7 +220,7 @@ def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh
     try:
         surface = load_surface(path)
     except ArenaError as error:
-        raise ArenaError(f"no named arena ({', '.join(named)}), and no mesh: {error}") from error
+        raise SurveyError(f"no named arena ({', '.join(named)}), and no mesh: {error}") from error
     surface.remove_infinite_values()
     _check_size(surface, f"survey of {path}")
     surface.merge_vertices()
@@ -211,21 +229,22 @@ def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh
 
 def _check_size(surface: trimesh.Trimesh, what: str) -> None:
     if not len(surface.faces):
-        raise ArenaError(f"{what}: the mesh has no faces")
+        raise SurveyError(f"{what}: the mesh has no faces")
     if not np.isfinite(surface.vertices).all():
-        raise ArenaError(f"{what}: the mesh has vertices that are not finite")
+        raise SurveyError(f"{what}: the mesh has vertices that are not finite")
     with np.errstate(over="ignore"):
         extent = float(np.ptp(surface.vertices[surface.faces.ravel()], axis=0).max())
     if not extent >= _SMALLEST:
-        raise ArenaError(f"{what}: the mesh is {extent:g} m large; {_SMALLEST:g} m is the least")
+        raise SurveyError(f"{what}: the mesh is {extent:g} m large; {_SMALLEST:g} m is the least")
     if extent > _LARGEST:
-        raise ArenaError(
-            f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimetre, "
+        raise SurveyError(
+            f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimeter, "
             "scale it first: mesh.apply_scale(0.001)"
         )
 
 
-def _check_path(path: ArrayLike) -> np.ndarray:
+def _check_path(path: ArrayLike) -> Float[np.ndarray, "W 2"]:
+    """Return the waypoints of a path, those that are the same as the one before left out."""
     waypoints = np.asarray(path, float)
     if (
         waypoints.ndim != 2
@@ -233,8 +252,8 @@ def _check_path(path: ArrayLike) -> np.ndarray:
         or len(waypoints) < 2
         or not np.isfinite(waypoints).all()
     ):
-        raise ArenaError(f"path must be [W, 2] finite waypoints, W >= 2, got shape {waypoints.shape}")
-    keep = np.r_[True, np.hypot(*np.diff(waypoints, axis=0).T) > 1e-6]
+        raise SurveyError(f"path must be [W, 2] finite waypoints, W >= 2, got shape {waypoints.shape}")
+    keep = np.r_[True, np.hypot(*np.diff(waypoints, axis=0).T) > _SAME_PLACE]
     if keep.sum() < 2:
-        raise ArenaError("path must lead somewhere: all waypoints are the same")
+        raise SurveyError("path must lead somewhere: all waypoints are the same")
     return waypoints[keep]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from jaxtyping import Float, Int
 from mujoco.batch import Batch
 
 _TIMER = mujoco.mjtTimer
@@ -35,7 +36,7 @@ class Timing:
         num_steps: physics steps, of all simulations together.
         physics_us: mean duration of a step, collisions and sensors included [µs].
         collision_us: of its collision detection [µs].
-        raycast_us: of what remains of a step beside position, velocity, actuation and constraint [µs]: the
+        raycast_us: of what remains of a step besides position, velocity, actuation and constraint [µs]: the
             sensors, nearly all of it the rays of infrared units and laser.
         overhead_us: cost of the timers in a step [µs], where it was asked for.
     """
@@ -65,7 +66,7 @@ def timing(source: mujoco.MjData | Batch, model: mujoco.MjModel | None = None) -
     spent, counts = (after - first for after, first in zip(_read(source), before, strict=True))
     result.num_steps = int(counts[0])
     if result.num_steps > 0 and spent[0] <= 0.0:
-        raise ValueError("MuJoCo's timers stand still; is a time callback (mjcb_time) set?")
+        raise ValueError("MuJoCo's timers do not move; is a time callback (mjcb_time) set?")
     if result.num_steps > 0:
         step, collision, forward, *stages = 1e6 * spent / result.num_steps
         result.physics_us, result.collision_us = step, collision
@@ -93,8 +94,8 @@ def measure_overhead(model: mujoco.MjModel, num_reads: int = 20000) -> float:
     return 1e-3 * readings * float(np.median(prices))
 
 
-def _read(source: mujoco.MjData | Batch) -> tuple[np.ndarray, np.ndarray]:
-    """Return durations [s] and counts of the stages, `[7]` each."""
+def _read(source: mujoco.MjData | Batch) -> tuple[Float[np.ndarray, " 7"], Int[np.ndarray, " 7"]]:
+    """Return durations [s] and counts of the stages."""
     simulations = [source]
     if isinstance(source, Batch):
         simulations = [source.get_data(i) for i in range(source.nsim)]

@@ -1,1 +1,1 @@
-"""What a body has to do: route, pit, success, and the audit of a success."""
+"""What an organism has to do: route, pit, success check, and the audit of a success."""

@@ -1,58 +1,105 @@
-"""A second judge: is a recorded crossing honest? It shares nothing with the first but the definition.
+"""The audit, a second check: is a recorded crossing honest? It shares nothing with the first but the definition.
 
-It sees generalised coordinates alone, works out where every module was by itself, and looks for what a cheat
-would leave behind: modules through each other or through the ground, jumps, bodies faster than their tracks,
+It sees generalized coordinates alone, works out where every module was by itself, and looks for the traces of
+a cheat: modules through each other or through the ground, jumps, organisms faster than their tracks,
 hinges beyond their range, energy from nowhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.geometry.pose import make_rotation, to_rotation
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """From x and y [m] to the height of the ground [m]."""
+_ROUNDING = 1e-6
+"""Times and distances that differ by less are the same [s, m]."""
 
-_HOLD_TIME = 0.3
-_REACH = 0.05
-"""Corners of a module may lie this much closer than its docks [m]."""
-_TILT = np.cos(np.deg2rad(61.0))
-_CLEARANCE = 0.045
-"""The lowest corner of a standing module is no higher above the ground [m]."""
-_SINKING = 0.02
-"""A centre may come no closer to the surface below it [m]."""
-_NEAREST = 0.080
-"""Centres of two modules may come no closer than this [m]; bodies 87 mm thick would be inside each other."""
-_FASTEST = 2.5
-"""No module falls faster than this anywhere in an arena 0.25 m high [m/s]."""
-_HINGE_SLACK = 0.12
-_SPEED_SLACK = 0.06
+
+@dataclass(frozen=True)
+class AuditLimits:
+    """What an honest crossing keeps to. Wider limits find fewer faults.
+
+    Attributes:
+        hold_time: length of the end that must be a success throughout [s].
+        corner: half the edge of the cube in a module that must be beyond the edge [m]; corners of a module may lie
+            this much closer than its docks.
+        upright: smallest z component of the up axis of a module that stands: it leans by 61 degrees at most, one more
+            than the success check allows.
+        rolled_over: below this z component a module has rolled over.
+        clearance: the lowest corner of a standing module is no higher above the ground [m].
+        smallest_height: a center comes no closer to the surface below it [m].
+        smallest_gap: centers of two modules come no closer than this [m]; 87 mm thick, they would be inside each other.
+        max_speed: no module falls faster than this anywhere in an arena 0.25 m high [m/s].
+        hinge_slack: how far hinges give beyond their range under load [rad].
+        track_slip: an organism is faster than its tracks by no more than this factor.
+        speed_slack: what it may be ahead of their path besides, for falling forwards [m].
+
+    Raises:
+        OptionError: a number is out of range.
+    """
+
+    hold_time: float = 0.3
+    corner: float = 0.05
+    upright: float = float(np.cos(np.deg2rad(61.0)))
+    rolled_over: float = -0.3
+    clearance: float = 0.045
+    smallest_height: float = 0.02
+    smallest_gap: float = 0.080
+    max_speed: float = 2.5
+    hinge_slack: float = 0.12
+    track_slip: float = 1.02
+    speed_slack: float = 0.06
+
+    def __post_init__(self) -> None:
+        names = [each.name for each in fields(self) if each.name not in ("upright", "rolled_over")]
+        check_not_negative(self, names, OptionError)
+        for name in ("upright", "rolled_over"):
+            if not -1.0 <= getattr(self, name) <= 1.0:
+                raise OptionError(f"AuditLimits: {name} must lie in [-1, 1], got {getattr(self, name)!r}")
 
 
 class Trajectory(NamedTuple):
     """A recorded episode of a snake.
 
     Attributes:
-        time: `[T]` [s], the start first.
-        qpos: `[T, 7 + hinges]` position [m] and quaternion (w first) of the head, hinge angles [rad].
+        time: [s], the start first.
+        qpos: position [m] and quaternion (w first) of the head, hinge angles [rad]; as many as a snake has, `h`.
     """
 
-    time: np.ndarray
-    qpos: np.ndarray
+    time: Float[np.ndarray, " T"]
+    qpos: Float[np.ndarray, "T 7+h"]
+
+
+class _Motion(NamedTuple):
+    """What the modules did, worked out from the coordinates.
+
+    Attributes:
+        time: [s].
+        centers: of the modules [m].
+        rotations: of the modules.
+    """
+
+    time: Float[np.ndarray, " T"]
+    centers: Float[np.ndarray, "T n 3"]
+    rotations: Float[np.ndarray, "T n 3 3"]
 
 
 @dataclass(frozen=True)
 class Audit:
-    """What the second judge found.
+    """What the audit found.
 
     Attributes:
-        is_success: the body crossed and nothing was wrong.
+        is_success: the organism crossed and nothing was wrong.
         faults: what was wrong, in words; empty for an honest crossing.
     """
 
@@ -60,12 +107,14 @@ class Audit:
     faults: tuple[str, ...]
 
 
-def place_modules(qpos: np.ndarray, pitch: float = ScoutConfig.pitch) -> tuple[np.ndarray, np.ndarray]:
-    """Return centres `[T, n, 3]` [m] and rotations `[T, n, 3, 3]` of a snake's modules.
+def place_modules(
+    qpos: Float[np.ndarray, "T Q"], pitch: float = ScoutConfig.pitch
+) -> tuple[Float[np.ndarray, "T n 3"], Float[np.ndarray, "T n 3 3"]]:
+    """Return centers [m] and rotations of a snake's modules.
 
     Args:
-        qpos: `[T, 7 + hinges]`.
-        pitch: distance of neighbours at straight hinges [m].
+        qpos: position, quaternion and hinge angles, Q = 7 + hinges.
+        pitch: distance of neighbors at straight hinges [m].
     """
     rotation = to_rotation(qpos[:, 3:7])
     center, centers, rotations = qpos[:, :3], [qpos[:, :3]], [rotation]
@@ -84,88 +133,89 @@ def audit(
     track_speed: float,
     half_width: float = np.inf,
     scout: ScoutConfig | None = None,
+    limits: AuditLimits | None = None,
 ) -> Audit:
-    """Judge a recorded episode on a course along x.
+    """Check a recorded episode on a course along x.
 
     Args:
         trajectory: the episode, to its end.
         height: of the ground.
         far_edge: x of the edge that every module must have behind it [m].
-        track_speed: of the body [m/s].
+        track_speed: of the organism [m/s].
         half_width: of the course [m].
-        scout: constants of the modules.
+        scout: constants of the modules; None for the defaults.
+        limits: what an honest crossing keeps to; None for the defaults.
     """
-    scout = scout or ScoutConfig()
+    scout, limits = scout or ScoutConfig(), limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():
         return Audit(False, ("a coordinate is not finite",))
-    centers, rotations = place_modules(trajectory.qpos, scout.pitch)
+    motion = _Motion(trajectory.time, *place_modules(trajectory.qpos, scout.pitch))
     faults = [
-        *_find_bad_hinges(trajectory.qpos[:, 7:], scout),
-        *_find_bad_motion(trajectory.time, centers, rotations, track_speed, half_width),
-        *_find_overlaps(centers, height),
-        *_find_bad_end(trajectory.time, centers, rotations, height, far_edge),
+        *_find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
+        *_find_bad_motion(motion, limits),
+        *_find_bad_course(motion, track_speed, half_width, limits),
+        *_find_overlaps(motion.centers, height, limits),
+        *_find_bad_end(motion, height, far_edge, limits),
     ]
     return Audit(not faults, tuple(faults))
 
 
-def _find_bad_hinges(angles: np.ndarray, scout: ScoutConfig) -> list[str]:
-    return (
-        ["a hinge is beyond its range"] if (np.abs(angles) > scout.hinge_range + _HINGE_SLACK).any() else []
-    )
+def _find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[str]:
+    return ["a hinge is beyond its range"] if (np.abs(angles) > largest).any() else []
 
 
-def _find_bad_motion(
-    time: np.ndarray, centers: np.ndarray, rotations: np.ndarray, track_speed: float, half_width: float
-) -> list[str]:
-    faults = []
+def _find_bad_motion(motion: _Motion, limits: AuditLimits) -> list[str]:
+    faults, (time, centers, rotations) = [], motion
     step = np.diff(time)
     if not (step > 0).all():
         faults.append("time does not go on")
     speed = np.linalg.norm(np.diff(centers, axis=0), axis=2) / step[:, None]
-    if speed.max(initial=0.0) > _FASTEST:
+    if speed.max(initial=0.0) > limits.max_speed:
         faults.append(f"a module moves at {speed.max():.2f} m/s")
-    if (rotations[:, :, 2, 2] < -0.3).any():
+    if (rotations[:, :, 2, 2] < limits.rolled_over).any():
         faults.append("a module rolled over")
+    return faults
+
+
+def _find_bad_course(
+    motion: _Motion, track_speed: float, half_width: float, limits: AuditLimits
+) -> list[str]:
+    faults, (time, centers, _) = [], motion
     if np.abs(centers[:, :, 1]).max() > half_width:
         faults.append("a module left the course at the side")
     middle = centers[:, :, 0].mean(axis=1)
-    if ((middle - middle[0]) > track_speed * (time - time[0]) * 1.02 + _SPEED_SLACK).any():
+    path = track_speed * (time - time[0]) * limits.track_slip
+    if ((middle - middle[0]) > path + limits.speed_slack).any():
         faults.append("the body was faster than its tracks")
     return faults
 
 
-def _find_overlaps(centers: np.ndarray, height: Height) -> list[str]:
+def _find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: AuditLimits) -> list[str]:
     faults = []
-    count = centers.shape[1]
-    for gap in range(1, count):
-        nearest = np.linalg.norm(centers[:, gap:] - centers[:, :-gap], axis=2).min()
-        if nearest < _NEAREST:
-            faults.append(f"modules {gap} apart came within {1000 * nearest:.0f} mm")
+    for apart in range(1, centers.shape[1]):
+        nearest = np.linalg.norm(centers[:, apart:] - centers[:, :-apart], axis=2).min()
+        if nearest < limits.smallest_gap:
+            faults.append(f"modules {apart} apart came within {1000 * nearest:.0f} mm")
     ground = np.asarray(height(centers[:, :, 0], centers[:, :, 1]))
-    sunk = (centers[:, :, 2] - ground < _SINKING) & np.isfinite(ground)
+    sunk = (centers[:, :, 2] - ground < limits.smallest_height) & np.isfinite(ground)
     if sunk.any():
         faults.append("a module sank into the ground")
     return faults
 
 
-def _find_bad_end(
-    time: np.ndarray,
-    centers: np.ndarray,
-    rotations: np.ndarray,
-    height: Height,
-    far_edge: float,
-) -> list[str]:
-    """Look at the last 0.3 s: every corner of every module beyond the edge, standing, upright."""
-    last = time > time[-1] - _HOLD_TIME + 1e-6
-    corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * _REACH
-    corners = centers[last][:, :, None] + np.einsum("tnij,cj->tnci", rotations[last], corner)
+def _find_bad_end(motion: _Motion, height: Height, far_edge: float, limits: AuditLimits) -> list[str]:
+    """Check that at the end every corner of every module is beyond the edge, and every module stands upright."""
+    time, centers, rotations = motion
+    last = time > time[-1] - limits.hold_time + _ROUNDING
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = centers[last][:, :, None] + np.einsum("tnij,cj->tnci", rotations[last], signs * limits.corner)
     faults = []
     if corners[..., 0].min() <= far_edge:
         faults.append(f"a module ends {1000 * (far_edge - corners[..., 0].min()):.0f} mm before the edge")
-    if rotations[last][:, :, 2, 2].min() < _TILT:
+    if rotations[last][:, :, 2, 2].min() < limits.upright:
         faults.append("a module does not end upright")
     lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
     above = lowest[..., 2] - height(lowest[..., 0], lowest[..., 1])
-    if not np.max(above) < _CLEARANCE:
+    if not np.max(above) < limits.clearance:
         faults.append("a module does not end on the ground")
     return faults

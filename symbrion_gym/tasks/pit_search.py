@@ -2,58 +2,95 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from jaxtyping import Float
 
 from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.errors import OptionError
+from symbrion_gym.number_checks import check_positive
 
-_STEP = 0.01
-"""Spacing of the heights along the way [m]."""
-_WALL = 4
-"""A wall's height is gained or lost within so many steps."""
-_DEPTH = 0.08
-"""Least height of the walls [m]."""
-_WIDEST = 1.5
-"""A gap wider than this is no pit to cross but ground to drive on [m]."""
-_LANES = (-0.3, -0.15, 0.0, 0.15, 0.3)
-"""The profile is the median of these lanes beside the way [m]."""
+
+@dataclass(frozen=True)
+class PitSearch:
+    """What counts as a pit.
+
+    Attributes:
+        step: spacing of the heights along the way [m]; near and far edge are exact to this.
+        wall_steps: a wall's height is gained or lost within this number of steps, as scanned walls lean.
+        depth: smallest height of the walls [m]; what is lower is a step.
+        max_width: a wider gap is ground to drive on [m]; an organism of 8 modules is 1 m long.
+        lanes: offsets to the left of the way [m]; the profile is their median, so that one lane through a
+            hole of the scan does not count.
+
+    Raises:
+        OptionError: a number is out of range.
+    """
+
+    step: float = 0.01
+    wall_steps: int = 4
+    depth: float = 0.08
+    max_width: float = 1.5
+    lanes: tuple[float, ...] = (-0.3, -0.15, 0.0, 0.15, 0.3)
+
+    def __post_init__(self) -> None:
+        check_positive(self, ("step", "depth", "max_width"), OptionError)
+        if isinstance(self.wall_steps, bool) or not isinstance(self.wall_steps, int) or self.wall_steps < 1:
+            raise OptionError(f"PitSearch: wall_steps must be 1 or more, got {self.wall_steps!r}")
+        if not len(self.lanes):
+            raise OptionError("PitSearch: lanes are empty; give at least one offset")
 
 
 def find_pit(
-    arena: Arena, start: np.ndarray, direction: np.ndarray, length: float
+    arena: Arena,
+    start: Float[np.ndarray, " 2"],
+    direction: Float[np.ndarray, " 2"],
+    length: float,
+    search: PitSearch | None = None,
 ) -> tuple[float, float, float] | None:
     """Return distances of the near and the far edge from the start, and the height of the floor [m].
 
     Args:
         arena: what was scanned.
         start: (x, y) where the way begins [m].
-        direction: `[2]` unit vector of the way.
+        direction: unit vector of the way.
         length: of the way [m].
+        search: what counts as a pit; None for the defaults.
 
     Returns:
         The first pit on the way; None where there is none.
     """
-    distance = np.arange(0.0, length, _STEP)
-    heights = _read_profile(arena, start, direction, distance)
-    change = heights[_WALL:] - heights[:-_WALL]
-    falls = np.flatnonzero(change < -_DEPTH)
+    search = search or PitSearch()
+    wall = search.wall_steps
+    distance = np.arange(0.0, length, search.step)
+    heights = _read_profile(arena, start, direction, distance, search.lanes)
+    change = heights[wall:] - heights[:-wall]
+    falls = np.flatnonzero(change < -search.depth)
     if not len(falls):
         return None
-    rises = np.flatnonzero(change > _DEPTH)
-    rises = rises[rises > falls[0] + _WALL]
+    rises = np.flatnonzero(change > search.depth)
+    rises = rises[rises > falls[0] + wall]
     if not len(rises):
         return None
-    top, floor = heights[falls[0]], float(np.median(heights[falls[0] + _WALL : rises[0] + 1]))
-    inside = np.flatnonzero(heights[falls[0] : rises[0] + 2 * _WALL] < (top + floor) / 2) + falls[0]
-    if not len(inside) or distance[inside[-1]] - distance[inside[0]] > _WIDEST:
+    top, floor = heights[falls[0]], float(np.median(heights[falls[0] + wall : rises[0] + 1]))
+    inside = np.flatnonzero(heights[falls[0] : rises[0] + 2 * wall] < (top + floor) / 2) + falls[0]
+    if not len(inside) or distance[inside[-1]] - distance[inside[0]] > search.max_width:
         return None
     return float(distance[inside[0]]), float(distance[inside[-1]]), floor
 
 
-def _read_profile(arena: Arena, start: np.ndarray, direction: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Return heights `[D]` along the way; gaps in the scan take the height before them."""
-    aside = np.array([-direction[1], direction[0]])
-    places = start + distance[:, None, None] * direction + np.array(_LANES)[:, None] * aside
-    heights = arena.height(places[..., 0].ravel(), places[..., 1].ravel()).reshape(len(distance), -1)
+def _read_profile(
+    arena: Arena,
+    start: Float[np.ndarray, " 2"],
+    direction: Float[np.ndarray, " 2"],
+    distance: Float[np.ndarray, " D"],
+    lanes: tuple[float, ...],
+) -> Float[np.ndarray, " D"]:
+    """Return heights along the way; gaps in the scan take the height before them."""
+    left = np.array([-direction[1], direction[0]])
+    positions = start + distance[:, None, None] * direction + np.array(lanes)[:, None] * left
+    heights = arena.height(positions[..., 0].ravel(), positions[..., 1].ravel()).reshape(len(distance), -1)
     is_seen = np.isfinite(heights).any(axis=1)
     profile = np.zeros(len(distance))
     profile[is_seen] = np.nanmedian(heights[is_seen], axis=1)

@@ -1,23 +1,52 @@
-"""Where a body starts in an arena, which way it goes, and where it has arrived."""
+"""Where an organism starts in an arena, which way it goes, and where it has arrived."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.pit_search import find_pit
+from symbrion_gym.tasks.pit_search import PitSearch, find_pit
 
-_MARGIN = 0.10
-"""Room before the foot of a ramp or step at the start [m]."""
-_PIT_MARGIN = 0.20
-"""Room before the pit at the start "pit" [m]."""
+Point = Sequence[float] | np.ndarray
+"""(x, y) in the world [m]."""
+StartName = Literal["floor", "pit"]
+"""Before the ramp or step, or before the pit."""
+_SAME_PLACE = 1e-3
+"""Two points closer than this have no direction from one to the other [m]."""
+
+
+@dataclass(frozen=True)
+class RouteMargins:
+    """Distances that a route keeps.
+
+    Attributes:
+        before_foot: room before the foot of a ramp or step at the start [m].
+        before_pit: room before the pit at the start "pit" [m].
+        before_rim: room behind the tail at the start on a surface without a course [m].
+        goal_to_rim: room ahead of the goal on such a surface [m].
+        below: a module this far below the lowest ground has fallen off [m].
+
+    Raises:
+        OptionError: a distance is negative.
+    """
+
+    before_foot: float = 0.10
+    before_pit: float = 0.20
+    before_rim: float = 0.25
+    goal_to_rim: float = 0.2
+    below: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)
 
 
 @dataclass(frozen=True)
@@ -26,9 +55,9 @@ class Route:
 
     Attributes:
         heading: direction of the way about z [rad].
-        start: s of the centre of the head at the start [m].
+        start: s of the center of the head at the start [m].
         lateral: offset of the way to the left of the origin [m].
-        finish: s that every module's centre must pass [m].
+        finish: s that every module's center must pass [m].
         half_width: a module farther than this from the way has fallen off the side [m].
         lowest: a module below this has fallen off [m].
         pit: s of the near and far edge and height of the floor of the pit [m], where there is one.
@@ -48,106 +77,129 @@ class Route:
         return float(np.cos(self.heading)), float(np.sin(self.heading))
 
     def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
-        """Return x and y in the world [m] of places along the way and to its left [m]."""
+        """Return x and y in the world [m] of positions along the way and to its left [m]."""
         c, n = self.direction
         across = self.lateral + left
         return c * s - n * across, n * s + c * across
 
 
-def find_route(arena: Arena, organism: Organism, config: SnakePitConfig) -> Route:
-    """Find the way through an arena from the course behind it or from the options `start` and `goal`.
+def find_route(
+    arena: Arena,
+    organism: Organism,
+    start: StartName | Point = "floor",
+    goal: Point | None = None,
+    margins: RouteMargins | None = None,
+    pit_search: PitSearch | None = None,
+) -> Route:
+    """Find the way through an arena from the course behind it or from start and goal.
 
     Without either, the way runs through the middle of the surface along its longer side; where it meets a
     pit, the finish lies beyond that.
 
+    Args:
+        arena: where.
+        organism: who; its length and reach decide where it starts and has arrived.
+        start: "floor", before the ramp; "pit", before the pit; or (x, y) [m].
+        goal: (x, y) to be reached by the head [m].
+        margins: distances to keep; None for the defaults.
+        pit_search: what counts as a pit of a surface without a course; None for the defaults.
+
     Raises:
-        ArenaError: the start lies off the surface, or the arena has no pit although the start is "pit".
+        ArenaError: the start or the goal lies off the surface, is no point, or both are the same; or the arena has no
+            pit although the start is "pit".
     """
-    scout = organism.scout
-    length = (organism.num_modules - 1) * scout.pitch
-    low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
-    lowest = float(low[2]) - 0.3
-    course = arena.course
-    if course is not None and isinstance(config.start, str) and config.goal is None:
-        half = scout.pitch / 2
+    margins = margins or RouteMargins()
+    scout, course = organism.scout, arena.course
+    if course is not None and isinstance(start, str) and goal is None:
         if isinstance(course, Course):
-            near, far = course.pit_edges
-            starts = {
-                "floor": course.start[0] - _MARGIN - scout.arm_reach,
-                "pit": near - _PIT_MARGIN - scout.arm_reach,
-            }
-            finish = far + half if course.pit > 0.0 else course.goal[0] + half
-            return Route(
-                0.0,
-                starts[config.start],
-                0.0,
-                finish,
-                course.width / 2,
-                lowest,
-                (near, far, float(low[2])),
-            )
-        return _follow_stairs(course, config, scout.arm_reach, half, lowest)
-    route = _follow_surface(arena, config, length, low, high, lowest)
-    pit = _find_pit_on(route, arena, length) if config.goal is None else None
+            return _follow_pit_course(course, arena, organism, start, margins)
+        return _follow_stairs(course, arena, organism, start, margins)
+    is_before_pit = isinstance(start, str) and start == "pit"
+    length = (organism.num_modules - 1) * scout.pitch
+    route = _follow_surface(arena, length, start, goal, margins)
+    pit = _find_pit_on(route, arena, length, pit_search) if goal is None else None
     if pit is not None:
-        start = pit[0] - _PIT_MARGIN - scout.arm_reach if config.start == "pit" else route.start
-        return replace(route, start=start, finish=pit[1] + scout.pitch / 2, pit=pit)
-    if config.start == "pit":
+        begin = pit[0] - margins.before_pit - scout.arm_reach if is_before_pit else route.start
+        return replace(route, start=begin, finish=pit[1] + scout.pitch / 2, pit=pit)
+    if is_before_pit:
         raise ArenaError(
             f"arena {arena.name!r} has no known pit to start before; use start='floor' or (x, y)"
         )
     return route
 
 
-def _find_pit_on(route: Route, arena: Arena, length: float) -> tuple[float, float, float] | None:
-    """Return s of the edges of the first pit on a way across a surface, and the height of its floor."""
-    start = np.array(route.place(route.start))
-    found = find_pit(arena, start, np.array(route.direction), route.finish + length - route.start)
-    return None if found is None else (route.start + found[0], route.start + found[1], found[2])
+def _find_lowest(arena: Arena, margins: RouteMargins) -> tuple[float, float]:
+    """Return the height of the lowest ground and that below which a module has fallen off [m]."""
+    low = float(np.asarray(arena.surface.bounds, dtype=np.float64)[0, 2])
+    return low, low - margins.below
+
+
+def _follow_pit_course(
+    course: Course, arena: Arena, organism: Organism, start: StartName, margins: RouteMargins
+) -> Route:
+    scout = organism.scout
+    near, far = course.pit_edges
+    floor, lowest = _find_lowest(arena, margins)
+    starts = {
+        "floor": course.start[0] - margins.before_foot - scout.arm_reach,
+        "pit": near - margins.before_pit - scout.arm_reach,
+    }
+    finish = (far if course.pit > 0.0 else course.goal[0]) + scout.pitch / 2
+    return Route(0.0, starts[start], 0.0, finish, course.width / 2, lowest, (near, far, floor))
 
 
 def _follow_stairs(
-    course: StairsCourse, config: SnakePitConfig, reach: float, half: float, lowest: float
+    course: StairsCourse, arena: Arena, organism: Organism, start: StartName, margins: RouteMargins
 ) -> Route:
-    if config.start == "pit":
+    if start == "pit":
         raise ArenaError("stairs have no pit to start before; use start='floor'")
-    finish = (course.steps - 1) * course.run + half
-    return Route(0.0, -_MARGIN - reach, 0.0, finish, course.width / 2, lowest)
+    scout = organism.scout
+    finish = (course.steps - 1) * course.run + scout.pitch / 2
+    lowest = _find_lowest(arena, margins)[1]
+    return Route(0.0, -margins.before_foot - scout.arm_reach, 0.0, finish, course.width / 2, lowest)
+
+
+def _find_pit_on(
+    route: Route, arena: Arena, length: float, search: PitSearch | None
+) -> tuple[float, float, float] | None:
+    """Return s of the edges of the first pit on a way across a surface, and the height of its floor."""
+    start = np.array(route.place(route.start))
+    found = find_pit(arena, start, np.array(route.direction), route.finish + length - route.start, search)
+    return None if found is None else (route.start + found[0], route.start + found[1], found[2])
 
 
 def _follow_surface(
-    arena: Arena, config: SnakePitConfig, length: float, low: np.ndarray, high: np.ndarray, lowest: float
+    arena: Arena, length: float, start: StartName | Point, goal: Point | None, margins: RouteMargins
 ) -> Route:
+    low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
     middle, extent = (low[:2] + high[:2]) / 2, (high - low)[:2]
     along = np.array([1.0, 0.0]) if extent[0] >= extent[1] else np.array([0.0, 1.0])
     room = float(extent @ along) / 2
-    start = _read_point("start", config.start) if not isinstance(config.start, str) else None
-    if start is None:
-        start = middle - along * max(room - length - 0.25, 0.0)
-    goal = (
-        _read_point("goal", config.goal) if config.goal is not None else middle + along * max(room - 0.2, 0.0)
-    )
-    way = goal - start
-    if np.linalg.norm(way) < 1e-3:
-        raise ArenaError(f"start {start} and goal {goal} are the same place; move one of them")
-    heading = float(np.arctan2(way[1], way[0]))
+    begin = middle - along * max(room - length - margins.before_rim, 0.0)
+    end = middle + along * max(room - margins.goal_to_rim, 0.0)
+    if not isinstance(start, str):
+        begin = _read_point("start", start)
+    if goal is not None:
+        end = _read_point("goal", goal)
+    way = end - begin
+    if np.linalg.norm(way) < _SAME_PLACE:
+        raise ArenaError(f"start {begin} and goal {end} are the same place; move one of them")
     direction = way / np.linalg.norm(way)
-    normal = np.array([-direction[1], direction[0]])
-    for name, point in (("start", start), ("goal", goal)):
+    for name, point in (("start", begin), ("goal", end)):
         if not np.isfinite(arena.height(point[0], point[1])):
             raise ArenaError(f"the {name} {point.tolist()} lies off the surface of arena {arena.name!r}")
     return Route(
-        heading,
-        float(start @ direction),
-        float(start @ normal),
-        float(goal @ direction) - length,
-        float(np.linalg.norm(extent)),
-        lowest,
+        heading=float(np.arctan2(way[1], way[0])),
+        start=float(begin @ direction),
+        lateral=float(begin @ np.array([-direction[1], direction[0]])),
+        finish=float(end @ direction) - length,
+        half_width=float(np.linalg.norm(extent)),
+        lowest=_find_lowest(arena, margins)[1],
     )
 
 
-def _read_point(name: str, value: Any) -> np.ndarray:
+def _read_point(name: str, value: Point) -> Float[np.ndarray, " 2"]:
     point = np.asarray(value, dtype=np.float64).ravel()[:2]
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise ArenaError(f"{name} must be a place (x, y) in metres, got {value!r}")
+        raise ArenaError(f"{name} must be a place (x, y) in meters, got {value!r}")
     return point

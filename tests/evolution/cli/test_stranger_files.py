@@ -138,7 +138,7 @@ def test_fingerprints_of_runs_that_exist_stay():
         {"body_lengths": (4, 6, 8)},
         {"environment": {"wings": 2}},
         {"environment": {"pit": float("nan")}},
-        {"environment": {"randomise": {"friction": 1}}},
+        {"environment": {"randomize": {"friction": 1}}},
     ],
 )
 def test_configs_refuse_what_no_machine_holds(arguments):

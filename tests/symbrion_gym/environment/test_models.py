@@ -56,5 +56,5 @@ def test_what_cannot_be_is_refused():
         vector.reset(options={"stretch": 1.1})
     with pytest.raises(LayoutError, match=r"stretched by 0.975 and 1 .* of its own"):
         SnakePitVectorEnv(2, modules=3, arena=_add_odd_piece(load_arena("truth")), stretches=STRETCHES)
-    with pytest.raises(ValueError, match="pictures of several stretches"):
+    with pytest.raises(ValueError, match="images of several stretches"):
         SnakePitVectorEnv(2, arena="gsrm", stretches=STRETCHES, render_mode="rgb_array")

@@ -1,4 +1,4 @@
-"""Pictures show the robot, in every mode."""
+"""Images show the robot, in every mode."""
 
 import mujoco
 import numpy as np
@@ -47,16 +47,16 @@ def test_camera_follows():
     env = SnakePitEnv(modules=3, render_mode="rgb_array", width=64, height=48, track_speed=0.3)
     env.reset(seed=0)
     env.render()
-    before = env._pictures.camera.lookat.copy()
+    before = env._renderer.camera.lookat.copy()
     for _ in range(10):
         for _ in range(10):
             env.step(np.zeros(2))
         env.render()
-    assert env._pictures.camera.lookat[0] > before[0] + 0.2
+    assert env._renderer.camera.lookat[0] > before[0] + 0.2
     env.close()
 
 
-def test_pictures_do_not_change_the_physics():
+def test_images_do_not_change_the_physics():
     seen = SnakePitEnv(modules=2, render_mode="rgb_array", width=64, height=48)
     blind = SnakePitEnv(modules=2)
     seen.reset(seed=0)

@@ -17,8 +17,10 @@ from symbrion_gym.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym.environment.config import DEFAULT_SENSORS
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.errors import OptionError
 from symbrion_gym.registration import ENVIRONMENTS
 from symbrion_gym.robot.organism import cross
+from symbrion_gym.robot.sensor_noise import SensorNoise
 
 EXTRA_SENSORS = ("odometry", "track_odometry", "laser", "hinge_target", "dock_force")
 TERRAIN = {"arena": "truth", "start": (-2.0, 0.0), "goal": (1.9, 0.2)}
@@ -201,8 +203,21 @@ def test_track_speeds_can_be_part_of_the_action(control):
     assert back[-1] < back[0] - 0.07
 
 
-def test_reset_options_are_drawn_from_ranges_and_told():
-    env = SnakePitEnv(modules=3, randomise={"yaw": (-0.1, 0.1)})
+def test_the_old_name_of_an_option_works_and_warns():
+    with pytest.warns(DeprecationWarning, match="'randomise' is now called 'randomize'"):
+        env = SnakePitEnv(modules=1, randomise={"yaw": 0.1})
+    assert env.config.randomize == {"yaw": 0.1}
+    with pytest.raises(OptionError, match="are the same"):
+        SnakePitEnv(modules=1, randomise={}, randomize={})
+
+
+def test_sensor_noise_can_be_chosen():
+    env = SnakePitEnv(modules=1, noise=2.0, sensors=["pitch", "roll"], sensor_noise=SensorNoise(pitch=0.03))
+    assert env._episodes.observer.noise.tolist() == [0.06, 0.02]
+
+
+def test_reset_options_are_drawn_from_ranges_and_reported():
+    env = SnakePitEnv(modules=3, randomize={"yaw": (-0.1, 0.1)})
     _, info = env.reset(seed=1, options={"friction": (0.5, 0.9), "torque_scale": 1.1})
     assert 0.5 <= info["friction"] <= 0.9
     assert info["torque_scale"] == 1.1
@@ -250,7 +265,7 @@ def test_bad_reset_options_are_refused(options, message):
         ({"start": (50.0, 0.0)}, sg.ArenaError, "off the surface"),
         ({"colour": "red"}, ValueError, "no 'colour'"),
         ({"render_mode": "ascii"}, ValueError, "no render mode 'ascii'"),
-        ({"randomise": {"wind": 3}}, ValueError, "no 'wind'"),
+        ({"randomize": {"wind": 3}}, ValueError, "no 'wind'"),
     ],
 )
 def test_bad_options_are_refused(options, error, message):

@@ -15,7 +15,7 @@ from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 TEXT = inspect.getdoc(SnakePitEnv) or ""
 ELSEWHERE = "see above"
-"""A default that another table tells."""
+"""A default that another table lists."""
 
 
 def read_table(title: str) -> list[list[str]]:
@@ -36,7 +36,7 @@ def find_defaults() -> dict[str, object]:
 
 
 def read_range(text: str) -> tuple[float, float]:
-    """Return the bounds that "±π/2" or "0 ... 4" tells."""
+    """Return the bounds that "±π/2" or "0 ... 4" means."""
     low, _, high = text.partition(" ... ")
     if high:
         return float(low), float(high)
@@ -45,19 +45,19 @@ def read_range(text: str) -> tuple[float, float]:
     return -bound, bound
 
 
-def test_options_are_all_told_with_their_defaults() -> None:
-    told: dict[str, str] = {}
+def test_options_are_all_listed_with_their_defaults() -> None:
+    listed: dict[str, str] = {}
     for names, values, _ in read_table("Options"):
         options = re.findall(r"`(\w+)`", names)
-        told |= zip(options, values.split(", ") if len(options) > 1 else [values], strict=True)
+        listed |= zip(options, values.split(", ") if len(options) > 1 else [values], strict=True)
     defaults = find_defaults()
-    assert list(told) == list(defaults)[3:] + list(defaults)[:3], "in the order of the fields, pictures last"
-    for name, text in told.items():
+    assert list(listed) == list(defaults)[3:] + list(defaults)[:3], "in the order of the fields, images last"
+    for name, text in listed.items():
         if text != ELSEWHERE:
             assert ast.literal_eval(text) == defaults[name], name
 
 
-def test_sensors_are_all_told_with_size_and_range() -> None:
+def test_sensors_are_all_listed_with_size_and_range() -> None:
     env = SnakePitEnv(modules=5, sensors=SENSORS)
     sizes = {"n": 5, "h": 4, "A": 4, "2 a free side": 2 * (4 * 5 - 2 * 4)}
     rows = read_table("Observation")
@@ -73,5 +73,5 @@ def test_sensors_are_all_told_with_size_and_range() -> None:
 
 
 @pytest.mark.parametrize("name", [*NUMBERS, *FLAGS, *RANDOM_OPTIONS])
-def test_info_and_reset_options_are_told(name: str) -> None:
+def test_info_and_reset_options_are_listed(name: str) -> None:
     assert f"`{name}`" in TEXT

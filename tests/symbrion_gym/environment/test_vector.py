@@ -59,7 +59,7 @@ def test_what_is_done_stands_still_and_keeps_its_verdict():
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 def test_automatic_resets_agree_with_those_of_gymnasium(mode):
-    options = {"modules": 3, "start": "pit", "duration": 0.1, "randomise": {"yaw": (-0.2, 0.2)}}
+    options = {"modules": 3, "start": "pit", "duration": 0.1, "randomize": {"yaw": (-0.2, 0.2)}}
     ours = SnakePitVectorEnv(2, autoreset_mode=mode, **options)
     theirs = gym.vector.SyncVectorEnv([lambda: SnakePitEnv(**options)] * 2, autoreset_mode=mode)
     first, _ = ours.reset(seed=1)

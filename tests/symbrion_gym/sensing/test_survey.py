@@ -85,7 +85,7 @@ def test_mixed_pixels_are_labelled_and_go(log):
 
 
 def test_without_errors_the_readings_are_exact():
-    scanner = LaserScanner(noise=0, noise_per_metre=0, resolution=0, spot=0, divergence=0)
+    scanner = LaserScanner(noise=0, noise_per_meter=0, resolution=0, spot=0, divergence=0)
     robot = SurveyRobot(
         scanner=scanner, shake=0, distance_drift=0, turn_drift=0, step_noise=0, scan_rate=4.0, rest=0.5
     )
@@ -136,8 +136,8 @@ def test_any_mesh_is_surveyed(tmp_path):
     assert (np.abs(points[:, :2]) < [0.31, 0.21]).all()
 
 
-def test_a_mesh_in_millimetres_is_refused_with_the_remedy():
-    with pytest.raises(ArenaError, match=r"4000 m large.*millimetre.*apply_scale"):
+def test_a_mesh_in_millimeters_is_refused_with_the_remedy():
+    with pytest.raises(ArenaError, match=r"4000 m large.*millimeter.*apply_scale"):
         survey(trimesh.creation.box((4000, 2000, 300)))
 
 
@@ -196,7 +196,7 @@ def test_an_edge_gives_mixed_readings_between_its_surfaces():
     def cast(origin, directions):
         return np.where(directions[:, 1] > 0.001, 2.0, 3.0) / directions[:, 0]
 
-    scanner = LaserScanner(num_beams=3, field_of_view=0.02, noise=0, noise_per_metre=0)
+    scanner = LaserScanner(num_beams=3, field_of_view=0.02, noise=0, noise_per_meter=0)
     rng = np.random.default_rng(0)
     scans = [scanner.scan(cast, np.eye(4), rng) for _ in range(200)]
     assert np.stack([is_mixed for _, is_mixed in scans]).tolist() == [[False, True, False]] * 200

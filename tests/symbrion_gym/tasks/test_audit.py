@@ -1,10 +1,10 @@
-"""The second judge: agrees on an honest crossing and sees every kind of cheat."""
+"""The audit: agrees on an honest crossing and sees every kind of cheat."""
 
 import numpy as np
 import pytest
 
 from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.tasks.audit import Trajectory, audit, place_modules
+from symbrion_gym.tasks.audit import AuditLimits, Trajectory, audit, place_modules
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +60,12 @@ def test_every_cheat_is_seen(crossing, change, fault):
     found = _audit(env, Trajectory(time, qpos))
     assert not found.is_success
     assert any(fault in text for text in found.faults), found.faults
+
+
+def test_limits_can_be_chosen(crossing):
+    env, trajectory = crossing
+    found = audit(trajectory, env.world.arena.height, 0.1, 0.1, limits=AuditLimits(max_speed=0.01))
+    assert any("moves at" in text for text in found.faults)
 
 
 def _shift(qpos, column, by):

@@ -1,4 +1,4 @@
-"""A scanned pit is found without being told, and a way without a pit has none."""
+"""A scanned pit is found by itself, and a way without a pit has none."""
 
 from dataclasses import replace
 

@@ -10,7 +10,7 @@ from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.world import World
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import snake
-from symbrion_gym.tasks.route import find_route
+from symbrion_gym.tasks.route import RouteMargins, find_route
 
 
 @pytest.fixture(scope="module")
@@ -19,16 +19,25 @@ def truth():
 
 
 def test_a_pit_is_crossed_when_the_whole_last_module_is_beyond(truth):
-    route = find_route(truth, snake(8), SnakePitConfig())
+    route = find_route(truth, snake(8))
     assert route.finish == pytest.approx(0.225 + 0.0627)
     assert route.start < -1.7 - 0.072
     assert route.pit == pytest.approx((-0.225, 0.225, 0.0))
-    near = find_route(truth, snake(8), SnakePitConfig(start="pit"))
+    near = find_route(truth, snake(8), start="pit")
     assert near.start == pytest.approx(-0.225 - 0.2 - 0.072)
 
 
+def test_margins_can_be_chosen(truth):
+    margins = RouteMargins(before_foot=0.2, before_pit=0.4, below=1.0)
+    usual, wide = find_route(truth, snake(8)), find_route(truth, snake(8), margins=margins)
+    assert wide.start == pytest.approx(usual.start - 0.1)
+    assert wide.lowest == pytest.approx(-1.0)
+    near = find_route(truth, snake(8), start="pit", margins=margins)
+    assert near.start == pytest.approx(-0.225 - 0.4 - 0.072)
+
+
 def test_a_way_between_two_places_has_their_direction(truth):
-    route = find_route(truth, snake(3), SnakePitConfig(start=(-2.0, 0.5), goal=(-1.0, -0.5)))
+    route = find_route(truth, snake(3), start=(-2.0, 0.5), goal=(-1.0, -0.5))
     assert route.heading == pytest.approx(-np.pi / 4)
     x, y = route.place(route.start)
     assert (x, y) == (pytest.approx(-2.0), pytest.approx(0.5))
@@ -37,7 +46,7 @@ def test_a_way_between_two_places_has_their_direction(truth):
 def test_a_surface_without_course_is_crossed_along_its_longer_side():
     ramps = Arena.from_course(Course(pit=0.0))
     bare = Arena("bare", ramps.pieces, ramps.surface, ramps.quality)
-    route = find_route(bare, snake(4), SnakePitConfig())
+    route = find_route(bare, snake(4))
     assert route.heading == 0.0
     assert -3.3 < route.start < -2.0
     assert 2.0 < route.finish < 3.3
@@ -46,7 +55,7 @@ def test_a_surface_without_course_is_crossed_along_its_longer_side():
 
 def test_the_pit_of_a_surface_without_course_is_the_finish(truth):
     bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
-    route = find_route(bare, snake(4), SnakePitConfig())
+    route = find_route(bare, snake(4))
     assert -3.3 < route.start < -2.0
     assert 0.225 < route.finish < 0.325
 
@@ -63,13 +72,13 @@ def test_the_pit_of_a_surface_without_course_is_the_finish(truth):
 )
 def test_impossible_ways_are_refused(truth, options, message):
     with pytest.raises(ArenaError, match=message):
-        find_route(truth, snake(3), SnakePitConfig(**options))
+        find_route(truth, snake(3), **options)
 
 
 def test_stairs_have_no_pit():
     stairs = Arena.from_course(StairsCourse(), "stairs")
     with pytest.raises(ArenaError, match="no pit"):
-        find_route(stairs, snake(3), SnakePitConfig(start="pit"))
+        find_route(stairs, snake(3), start="pit")
 
 
 def test_the_pit_of_a_ready_arena_cannot_be_resized(truth):

@@ -1,15 +1,31 @@
-"""What may differ from episode to episode: values and ranges, drawn from the environment's generator."""
+"""Domain randomization: what may differ from episode to episode, drawn from the environment's generator."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from jaxtyping import Float
 
 from symbrion_gym.environment.config import RANDOM_LIMITS, RANDOM_OPTIONS
 from symbrion_gym.environment.world import World
-from symbrion_gym.robot.tracks import find_track_field
+from symbrion_gym.errors import OptionError
+from symbrion_gym.robot.tracks import find_surface_velocity
+
+
+class ModelFields(Protocol):
+    """A model, or one simulation's part of a batch's model fields.
+
+    Attributes:
+        geom_friction: of the geoms.
+        actuator_forcerange: of the actuators [N m].
+        geom_surfacevel: of the geoms, linear [m/s] and angular [rad/s].
+    """
+
+    geom_friction: Float[np.ndarray, "ngeom 3"]
+    actuator_forcerange: Float[np.ndarray, "nu 2"]
+    geom_surfacevel: Float[np.ndarray, "ngeom 6"]
 
 
 class Domain(NamedTuple):
@@ -20,7 +36,7 @@ class Domain(NamedTuple):
         torque_scale: factor on the largest hinge torque.
         start_offset: the start moved along the route [m].
         start_lateral: and to its left [m].
-        yaw: the body turned about its head [rad].
+        yaw: the organism turned about its head [rad].
         track_speed: [m/s].
     """
 
@@ -33,26 +49,26 @@ class Domain(NamedTuple):
 
 
 def draw_domain(
-    usual: Mapping[str, float], options: Mapping[str, Any] | None, generator: np.random.Generator
+    nominal: Mapping[str, float], options: Mapping[str, Any] | None, rng: np.random.Generator
 ) -> Domain:
     """Return the circumstances of one episode.
 
     Args:
-        usual: value of everything that is not asked for.
+        nominal: value of everything that is not asked for.
         options: name -> a number, or a pair (low, high) to draw from uniformly.
-        generator: drawn from once per range, in the order of `Domain`.
+        rng: drawn from once per range, in the order of `Domain`.
 
     Raises:
-        ValueError: an unknown name, or a value out of range.
+        OptionError: an unknown name, or a value out of range.
     """
     options = options or {}
     for name in options:
         if name not in RANDOM_OPTIONS:
-            raise ValueError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
-    return Domain(*(_draw(name, options.get(name, usual.get(name)), generator) for name in Domain._fields))
+            raise OptionError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
+    return Domain(*(_draw(name, options.get(name, nominal.get(name)), rng) for name in Domain._fields))
 
 
-def _draw(name: str, value: Any, generator: np.random.Generator) -> float:
+def _draw(name: str, value: Any, rng: np.random.Generator) -> float:
     low, high = RANDOM_LIMITS[name]
     try:
         bounds = np.asarray(value, dtype=np.float64).ravel()
@@ -61,14 +77,14 @@ def _draw(name: str, value: Any, generator: np.random.Generator) -> float:
     if len(bounds) not in (1, 2) or not (
         np.isfinite(bounds).all() and low <= bounds.min() and bounds.max() <= high
     ):
-        raise ValueError(
+        raise OptionError(
             f"{name} must be a number or a pair (low, high) within {low:g} to {high:g}, got {value!r}"
         )
     if len(bounds) == 1:
         return float(bounds[0])
     if bounds[0] > bounds[1]:
-        raise ValueError(f"{name}: the range {value!r} is upside down")
-    return float(generator.uniform(bounds[0], bounds[1]))
+        raise OptionError(f"{name}: the range {value!r} is upside down")
+    return float(rng.uniform(bounds[0], bounds[1]))
 
 
 def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str, Any]]:
@@ -77,7 +93,7 @@ def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str,
     An array or list with `num` entries gives each its own; a tuple (low, high) and a number go to all.
 
     Raises:
-        ValueError: an array of another length.
+        OptionError: an array of another length.
     """
     split: list[dict[str, Any]] = [{} for _ in range(num)]
     for name, value in (options or {}).items():
@@ -86,22 +102,24 @@ def split_options(options: Mapping[str, Any] | None, num: int) -> list[dict[str,
         elif len(value) == num:
             values = list(value)
         else:
-            raise ValueError(f"{name} has {len(value)} values for {num} simulations; give one each or a pair")
+            raise OptionError(
+                f"{name} has {len(value)} values for {num} simulations; give one each or a pair"
+            )
         for options_of_one, one in zip(split, values, strict=True):
             options_of_one[name] = one
     return split
 
 
-def make_usual_domain(world: World) -> Domain:
-    """Return the circumstances of an episode for which nothing was asked."""
+def make_nominal_domain(world: World) -> Domain:
+    """Return the circumstances of an episode for which nothing else was asked."""
     return Domain(world.friction, 1.0, 0.0, 0.0, 0.0, world.organism.scout.track_speed)
 
 
-def apply_domain(world: World, fields: Any, domain: Domain) -> None:
+def apply_domain(world: World, fields: ModelFields, domain: Domain) -> None:
     """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
     scout = world.organism.scout
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
     torque = scout.hinge_torque * domain.torque_scale
     fields.actuator_forcerange[world.hinge_servos] = (-torque, torque)
     if scout.tracks == "spheres":
-        fields.geom_surfacevel[world.track_geoms] = find_track_field(scout, domain.track_speed)
+        fields.geom_surfacevel[world.track_geoms] = find_surface_velocity(scout, domain.track_speed)
