@@ -106,11 +106,11 @@ class Observed:
 
 def find_conditions(job: Job) -> frozenset[float]:
     """Return what tells the conditions of a job's trials from those of others."""
-    return frozenset(job.trials.randomisation.draw(job.trials.seed, job.trials.count)["friction"])
+    return frozenset(job.trials.randomization.draw(job.trials.seed, job.trials.count)["friction"])
 
 
 def _roll(job: Job) -> Outcome:
-    conditions = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
+    conditions = job.trials.randomization.draw(job.trials.seed, job.trials.count)
     distance = float(((job.genotype - 0.5) ** 2).sum())
     held = tuple(bool(distance + 2 * (friction - 0.7) < 0.5) for friction in conditions["friction"])
     return Outcome(float(conditions["yaw"].sum()) - distance, 0.0, held, seconds=1.0)

@@ -39,7 +39,7 @@ def test_a_worker_that_dies_costs_nothing(make_pool, tmp_path, monkeypatch):
     jobs = toys.make_jobs()
     pool = make_pool(toys.dies_once)
     assert pool.run(jobs) == toys.bowl(jobs, 1)
-    assert pool.deaths == 1
+    assert pool.num_deaths == 1
 
 
 def test_a_worker_killed_between_generations_is_replaced(make_pool):

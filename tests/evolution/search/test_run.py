@@ -23,7 +23,6 @@ from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve, load_run, resume
 from evolution.search.record import HISTORY, Record
 from evolution.search.run import RunFolder, format_history, load_champion
-from evolution.search.stages import Stage
 
 TOY = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
@@ -361,38 +360,3 @@ def test_a_damaged_champion_is_a_clear_error(tmp_path, text):
     (tmp_path / "champion.json").write_text(text)
     with pytest.raises(RunError):
         load_champion(tmp_path)
-
-
-def test_configs_go_through_json():
-    config = EvolutionConfig(
-        arena="simple",
-        stages=(Stage("simple", 5), Stage("truth")),
-        body_lengths=(4, 9),
-        environment={"pit": 0.35, "abyss": True},  # pyright: ignore[reportArgumentType]
-    )
-    again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
-    assert again == config
-    assert again.digest() == config.digest()
-    assert replace(config, workers=7).digest() == config.digest()
-    assert replace(config, seed=7).digest() != config.digest()
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        {"population_size": 2},
-        {"workers": 0},
-        {"modules": 1},
-        {"sigma": 0.0},
-        {"backend": "cloud"},
-        {"start": "sky"},
-        {"body_lengths": (8, 4)},
-        {"restart_after": 0},
-        {"arena": object()},
-        {"seed": -1},
-        {"generations": 1.5},
-    ],
-)
-def test_configs_refuse(arguments):
-    with pytest.raises(RunError):
-        EvolutionConfig(**arguments)
