@@ -86,7 +86,8 @@ def _measure_overhead(trials: Trials, repeats: int) -> float:
 def measure_workers(repeats: int) -> dict[str, Any]:
     """Compare two threads with one on the same jobs, in turns."""
     jobs = [
-        Job(np.array(REACTIVE_HINT) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS)) for index in range(12)
+        Job(np.array(REACTIVE_HINT) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS))
+        for index in range(12)
     ]
     seconds: dict[int, list[float]] = {1: [], 2: []}
     outcomes = {}

@@ -154,5 +154,5 @@ class WorkerPool(ABC, Generic[Worker]):
         self._stop(worker)
 
     def _give_up(self, job: Job) -> Outcome:
-        times = "twice" if self._config.max_deaths == 2 else f"{self._config.max_deaths} times"
+        times = {1: "once", 2: "twice"}.get(self._config.max_deaths, f"{self._config.max_deaths} times")
         return make_failure(job.trials, f"its worker died, {times}")

@@ -22,7 +22,14 @@ from evolution.controllers.laws import (
     travelling,
 )
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE, coerce_floats, coerce_integers
+from evolution.limits import (
+    MAX_MAGNITUDE,
+    MIN_POSITIVE,
+    as_range,
+    check_choice,
+    coerce_floats,
+    coerce_integers,
+)
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Structure = Mapping[str, slice]
@@ -74,9 +81,10 @@ class ControllerConfig:
             self, {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)}
         )
         coerce_floats(self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)))
-        low, high = self.knot_range
-        if not -np.inf < low < high < np.inf:
+        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE)
+        if not low < high:
             raise RunError(f"knot_range is {self.knot_range!r}; first < last is needed")
+        object.__setattr__(self, "knot_range", (low, high))
 
     @property
     def knots(self) -> Float[np.ndarray, " G"]:
@@ -184,23 +192,12 @@ def make_controller(name: str, modules: int, config: ControllerConfig | None = N
     """
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
-    if name not in _MAKERS:
-        raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
+    check_choice("controller", name, CONTROLLERS)
     return _MAKERS[name](modules, config or ControllerConfig())
 
 
 def _make_path(modules: int, config: ControllerConfig) -> Controller:
-    knots = config.knots
-    return Controller(
-        name="path",
-        modules=modules,
-        parameters=tuple(f"slope_at_{100 * x:+.0f}_cm" for x in knots),
-        law=partial(path, knots=knots),
-        initial=(0.0,) * len(knots),
-        bound=config.gene_bound,
-        sensors=(*SENSORS, "track_odometry"),
-        config=config,
-    )
+    return _make_knotted("path", path, "slope", (0.0,) * NUM_KNOTS, modules, config)
 
 
 def _make_reactive(modules: int, config: ControllerConfig) -> Controller:
@@ -211,13 +208,25 @@ def _make_reactive(modules: int, config: ControllerConfig) -> Controller:
 
 
 def _make_travelling(modules: int, config: ControllerConfig) -> Controller:
+    return _make_knotted("travelling", travelling, "angle", U_SHAPE_HINT, modules, config)
+
+
+def _make_knotted(
+    name: str,
+    law: Callable[..., Float[np.ndarray, "P H"]],
+    quantity: str,
+    initial: tuple[float, ...],
+    modules: int,
+    config: ControllerConfig,
+) -> Controller:
+    """Make a controller whose genes are values of a quantity at knots along the course."""
     knots = config.knots
     return Controller(
-        name="travelling",
+        name=name,
         modules=modules,
-        parameters=tuple(f"angle_at_{100 * x:+.0f}_cm" for x in knots),
-        law=partial(travelling, knots=knots),
-        initial=U_SHAPE_HINT,
+        parameters=tuple(f"{quantity}_at_{100 * x:+.0f}_cm" for x in knots),
+        law=partial(law, knots=knots),
+        initial=initial,
         bound=config.gene_bound,
         sensors=(*SENSORS, "track_odometry"),
         config=config,

@@ -22,27 +22,11 @@ Law = Callable[[Sensed, Float[np.ndarray, "P G"]], Float[np.ndarray, "P H"]]
 
 SPACING = ScoutConfig().pitch
 """Distance between the modules of a snake [m]."""
-NETWORK_INPUTS = (
-    "bias",
-    "pitch_ahead",
-    "pitch_behind",
-    "air_ahead",
-    "air_behind",
-    "angle",
-    "place",
-    "head_pitch",
-)
+NETWORK_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind")
+NETWORK_INPUTS += ("angle", "place", "head_pitch")
 """Inputs of `network` at each hinge, in the order of its weights."""
-REACTIVE_GENES = (
-    "bias",
-    "head_bias",
-    "tail_bias",
-    "pitch_ahead",
-    "pitch_behind",
-    "front_air",
-    "rear_air",
-    "head_pitch",
-)
+REACTIVE_GENES = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
+REACTIVE_GENES += ("front_air", "rear_air", "head_pitch")
 """Genes of `reactive`, in order."""
 
 

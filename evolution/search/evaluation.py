@@ -12,6 +12,7 @@ from evolution.backends.simulation import Simulate, find_simulate
 from evolution.backends.trials import Job, Outcome, Randomization, Scoring, Trials
 from evolution.deprecation import accept_former_arguments
 from evolution.errors import RunError
+from evolution.limits import check_choice
 
 if TYPE_CHECKING:
     from evolution.backends.trials import ArenaSource
@@ -52,6 +53,7 @@ def make_backend(
     """
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
+    check_choice("backend", name, BACKENDS)
     simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
     if name == "batch":
         return BatchBackend(simulate, workers)
@@ -59,11 +61,9 @@ def make_backend(
         from evolution.backends.processes import ProcessBackend
 
         return ProcessBackend(simulate, workers, pool)
-    if name == "ray":
-        from evolution.backends.cluster import RayBackend
+    from evolution.backends.cluster import RayBackend
 
-        return RayBackend(simulate, workers, address, pool)
-    raise RunError(f"there is no backend {name!r}; there are {', '.join(BACKENDS)}")
+    return RayBackend(simulate, workers, address, pool)
 
 
 class Evaluation(NamedTuple):

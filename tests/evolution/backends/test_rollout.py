@@ -1,5 +1,6 @@
 """Jobs in the real environment: equal with any batch size, number of threads and other jobs."""
 
+from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
@@ -109,6 +110,24 @@ def test_evolution_runs_in_the_environment(tmp_path):
     assert len(run.history) == 2
     assert run.champion is not None
     assert run.champion.environment == (("duration", 2.0),)
+
+
+def test_environments_follow_the_config_and_the_options(monkeypatch):
+    environments = OrderedDict()
+    monkeypatch.setattr(rollout, "_environments", environments)
+    config = RolloutConfig(stuck_time=1.5, batch_sizes=(2,), max_environments=1)
+    for options, stuck_time in ((), 1.5), ((("stuck_time", 0.5),), 0.5):
+        job = Job(np.zeros(8), replace(SHORT, count=1, environment=(("duration", 0.1), *options)))
+        simulate([job], 1, config)
+        (environment,) = environments.values()
+        assert (environment.config.stuck_time, environment.num_envs) == (stuck_time, 2)
+
+
+@pytest.mark.parametrize("arguments", [{"stuck_time": 0.0}, {"batch_sizes": ()}, {"max_environments": 0}])
+def test_rollout_configs_refuse(arguments):
+    (name,) = arguments
+    with pytest.raises(RunError, match=name):
+        RolloutConfig(**arguments)
 
 
 @pytest.fixture

@@ -189,3 +189,36 @@ def test_refusals():
         make_controller("reactive", 1)
     with pytest.raises(RunError, match="reads 5"):
         make_controller("posture", 6).check(np.zeros(7))
+
+
+def test_laws_follow_their_config():
+    config = ControllerConfig(contact_timeout=2, max_airborne_ticks=4, gene_bound=0.5, knot_range=(0.0, 1.1))
+    controller = make_controller("reactive", MODULES, config)
+    observation = np.zeros((1, SIZE))
+    observation[0, STRUCTURE["contact"]] = [0, 5, 5, 5, 5, 5]
+    state, lifted = controller.begin(1), []
+    for _ in range(6):
+        action, state = controller.act(observation, make_reactive(front_air=0.8), STRUCTURE, state)
+        lifted.append(bool(action[0, 0]))
+    assert lifted == [False, False, True, True, False, False]
+    assert controller.upper == (0.5,) * 8
+    assert make_controller("path", MODULES, config).parameters[-1] == "slope_at_+110_cm"
+    assert len(make_controller("network", MODULES, ControllerConfig(num_hidden=2)).parameters) == 2 * 9 + 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"contact_timeout": -1},
+        {"max_airborne_ticks": 1.5},
+        {"knot_range": (0.5, -0.5)},
+        {"knot_range": (0.0,)},
+        {"num_hidden": 0},
+        {"gene_bound": 0.0},
+        {"weight_bound": np.inf},
+    ],
+)
+def test_configs_refuse(arguments):
+    (name,) = arguments
+    with pytest.raises(RunError, match=name):
+        ControllerConfig(**arguments)
