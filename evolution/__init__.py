@@ -1,4 +1,4 @@
-"""Evolve controllers of modular robots, judge them in the true arena, and show what came of it."""
+"""Evolve controllers of modular robots, judge them in the true arena, and play them back."""
 
 from typing import TYPE_CHECKING
 

@@ -6,4 +6,4 @@ class EvolutionError(Exception):
 
 
 class RunError(EvolutionError, RuntimeError):
-    """A run cannot start, go on or be read; the message names the folder or value and a remedy."""
+    """A run cannot start, continue or be read; the message names the folder or value and a remedy."""

@@ -1,4 +1,4 @@
-"""Champions tried again: judged by new randomized trials, or played back once and filmed."""
+"""Champions after a run: judged by new randomized trials, or played back once and filmed."""
 
 import logging
 import time
@@ -117,6 +117,9 @@ def play(
         speed: of film and window, relative to the robot.
         fps: frames a second.
         size: width and height of a frame [pixel].
+
+    Raises:
+        ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
     conditions = Trials(
         arena=arena,
@@ -171,7 +174,7 @@ def _run(
 
 
 def _add_frame(environment: SnakePitEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
-    """Render a frame; return whether to go on filming."""
+    """Render a frame; return whether it was possible."""
     try:
         frame = environment.render()
     except Exception as error:  # whatever a graphics driver raises

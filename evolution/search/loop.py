@@ -83,7 +83,7 @@ def resume(
         raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
     run_folder = RunFolder(folder)
     if not run_folder.has_run():
-        raise RunError(f"{folder} holds no run; evolve begins one")
+        raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
         stored = run_folder.read_config()
         config = replace(stored, folder=str(folder), **changes)
@@ -185,23 +185,11 @@ class _Evolution:
         validated = self._validate(samples, mean)
         entries = samples + repeated + validated
         self._wall_seconds += time.perf_counter() - began
-        before = self._record.history[-1] if generation else np.zeros(1, dtype=HISTORY)[0]
-        row = {
-            "generation": generation,
-            "evaluations": int(before["evaluations"]) + len(samples),
-            "wall_seconds": round(self._wall_seconds, 3),
+        row = self._make_row(samples, entries) | {
             "stage": stage,
-            "best": fitness.max(),
-            "median": np.median(fitness),
-            "sigma": self._strategy.sigma,
-            "successes": sum(all(entry.outcome.succeeded) for entry in samples),
             "population_size": population_size,
             "restarts": restarts,
-            "trials": int(before["trials"]) + sum(entry.outcome.trials for entry in entries),
             "validated": len({entry.index for entry in validated}),
-            "champion_successes": 0,
-            "champion_trials": 0,
-            "failures": sum(bool(entry.outcome.error) for entry in samples),
         }
         self._record.add_generation(entries, row)
         champion = self._find_champion(stage)
@@ -210,6 +198,25 @@ class _Evolution:
             self._search.limit_length(champion, generation + 1)
         self._promote(stage)
         self._search.restart_if_stagnant(self._record.entries, generation + 1)
+
+    def _make_row(self, samples: Sequence[Entry], entries: Sequence[Entry]) -> dict[str, float]:
+        """Return most of a generation's row of the history, from its samples and all its entries."""
+        generation = self._record.num_generations
+        before = self._record.history[-1] if generation else np.zeros(1, dtype=HISTORY)[0]
+        fitness = np.array([entry.fitness for entry in samples])
+        return {
+            "generation": generation,
+            "evaluations": int(before["evaluations"]) + len(samples),
+            "wall_seconds": round(self._wall_seconds, 3),
+            "best": fitness.max(),
+            "median": np.median(fitness),
+            "sigma": self._strategy.sigma,
+            "successes": sum(all(entry.outcome.succeeded) for entry in samples),
+            "trials": int(before["trials"]) + sum(entry.outcome.trials for entry in entries),
+            "champion_successes": 0,
+            "champion_trials": 0,
+            "failures": sum(bool(entry.outcome.error) for entry in samples),
+        }
 
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""
@@ -340,7 +347,7 @@ class _Evolution:
 
     def _mismatch(self, generation: int) -> RunError:
         return RunError(
-            f"generation {generation} of {self._config.folder or 'this run'} does not come out as recorded: "
+            f"generation {generation} of {self._config.folder or 'this run'} does not replay as recorded: "
             "the record was changed, or NumPy, cma or the processor differ from those it began with "
             "(config.json); resume it where it began, or start again in another folder"
         )

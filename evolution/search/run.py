@@ -111,11 +111,11 @@ class RunFolder:
         if (self.path / CONFIG).exists():
             differences = self.read_config().differences(config)
             what = f"another run ({'; '.join(differences)})" if differences else "this run already"
-            raise RunError(f"{self.path} holds {what}; resume it, or name another folder")
+            raise RunError(f"{self.path} contains {what}; resume it, or name another folder")
         taken = [name for name in (RECORD, HISTORY_FILE, CHAMPION) if os.path.lexists(self.path / name)]
         if taken and not (taken == [RECORD] and self._is_empty_record()):
             raise RunError(
-                f"{self.path} holds {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
+                f"{self.path} contains {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
                 "or name another folder"
             )
         self._replace(RECORD, Record().to_bytes(config.digest()))
@@ -140,7 +140,7 @@ class RunFolder:
             RunError: there is none, or it is damaged.
         """
         if not (self.path / CONFIG).exists():
-            raise RunError(f"{self.path} holds no run: {CONFIG} is missing")
+            raise RunError(f"{self.path} contains no run: {CONFIG} is missing")
         content = self._read_json(CONFIG)
         try:
             return EvolutionConfig.from_json(content.get("config"))
@@ -218,7 +218,7 @@ class RunFolder:
         except JsonError as error:
             raise RunError(f"{self.path / name}: {error}; restore it from a copy") from error
         if not isinstance(content, dict):
-            raise RunError(f"{self.path / name} holds no run's description")
+            raise RunError(f"{self.path / name} is no description of a run")
         return content
 
     def _replace(self, name: str, content: bytes) -> None:

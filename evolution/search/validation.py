@@ -153,7 +153,7 @@ class Champion:
         return asdict(self) | {"environment": dict(self.environment)}
 
     @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> "Champion":
+    def from_dict(cls, content: object) -> "Champion":
         """Return the champion described by `as_dict`.
 
         Raises:

@@ -59,9 +59,9 @@ def test_the_champion_follows_the_configuration():
     pooled = [
         entry for entry in find_candidates(run.record.entries) if entry.generation == champion.generation
     ]
-    chosen = [entry for entry in pooled if tuple(entry.genotype) == champion.genotype]
-    assert len(chosen) == 1
-    assert champion.fitness == chosen[0].fitness
+    selected = [entry for entry in pooled if tuple(entry.genotype) == champion.genotype]
+    assert len(selected) == 1
+    assert champion.fitness == selected[0].fitness
     assert run.stage_champions == (champion,)
 
 
@@ -227,26 +227,26 @@ def test_workers_follow_the_configuration_and_are_stopped(monkeypatch, fails):
 
 def test_a_run_in_a_folder_reports_as_one_in_memory_does(tmp_path):
     for folder in (None, str(tmp_path / "run")):
-        heard, told = [], []
+        called, reported = [], []
         evolve(
             replace(SHORT, folder=folder),
             simulate=toys.bowl,
-            on_generation=lambda run, heard=heard: heard.append(len(run.history)),
-            progress=lambda message, share, told=told: told.append((message, share)),
+            on_generation=lambda run, called=called: called.append(len(run.history)),
+            progress=lambda message, share, reported=reported: reported.append((message, share)),
         )
-        assert heard == [1, 2, 3]
-        assert [share for _, share in told] == pytest.approx([1 / 3, 2 / 3, 1.0])
+        assert called == [1, 2, 3]
+        assert [share for _, share in reported] == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
 def test_callbacks_are_called_for_every_generation():
-    heard, fractions = [], []
+    called, fractions = [], []
     evolve(
         replace(TOY, generations=4),
         simulate=toys.bowl,
-        on_generation=lambda run: heard.append(run.history[-1]["generation"]),
+        on_generation=lambda run: called.append(run.history[-1]["generation"]),
         progress=lambda message, fraction: fractions.append(fraction),
     )
-    assert heard == [0, 1, 2, 3]
+    assert called == [0, 1, 2, 3]
     assert fractions[-1] == 1.0
 
 

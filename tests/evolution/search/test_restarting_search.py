@@ -45,10 +45,14 @@ def test_a_search_with_stages_or_bodies_restarts_around_its_fittest(what):
 
 def test_a_search_with_rising_successes_does_not_restart():
     plain = evolve(TOY, simulate=toys.bowl)
-    held = np.zeros(TOY.generations, dtype=int)
+    successes = np.zeros(TOY.generations, dtype=int)
     for entry in find_samples(plain, range(TOY.generations)):
-        held[entry.generation] += entry.outcome.successes
-    records = [-1, *(g for g in range(TOY.generations) if held[g] > held[:g].max(initial=0)), TOY.generations]
+        successes[entry.generation] += entry.outcome.successes
+    records = [
+        -1,
+        *(g for g in range(TOY.generations) if successes[g] > successes[:g].max(initial=0)),
+        TOY.generations,
+    ]
     longest = max(np.diff(records)) - 1  # generations in a row without a record
     patient = evolve(replace(TOY, restart_after=longest + 1), simulate=toys.bowl)
     assert without_times(patient.history) == without_times(plain.history)
@@ -82,10 +86,10 @@ def test_a_search_among_shorter_bodies_restarts_around_one_of_them():
     too_long = [entry.generation for entry in find_samples(run, range(40)) if entry.modules > 5]
     began = max(too_long) + 1
     restarts = run.history["restarts"]
-    anew = began + int(np.flatnonzero(restarts[began:] > restarts[began])[0])
-    assert anew == began + 10
-    fittest = max(find_samples(run, range(began, anew)), key=lambda entry: entry.fitness)
-    genes = np.array([entry.genotype[:-1] for entry in find_samples(run, range(anew, anew + 1))])
+    restart = began + int(np.flatnonzero(restarts[began:] > restarts[began])[0])
+    assert restart == began + 10
+    fittest = max(find_samples(run, range(began, restart)), key=lambda entry: entry.fitness)
+    genes = np.array([entry.genotype[:-1] for entry in find_samples(run, range(restart, restart + 1))])
     assert np.abs(genes.mean(axis=0) - fittest.genotype[:-1]).max() < 4 * TOY.stage_sigma / np.sqrt(
         len(genes)
     )

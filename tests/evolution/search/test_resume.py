@@ -99,7 +99,7 @@ def test_replayed_entries_must_equal_the_recorded_ones(tmp_path):
         write_record(tmp_path, run, changed)
         for action in (load_run, resume):
             with pytest.raises(
-                RunError, match=rf"^generation {generation} of .* does not come out as recorded"
+                RunError, match=rf"^generation {generation} of .* does not replay as recorded"
             ):
                 action(tmp_path)
 
@@ -110,7 +110,7 @@ def test_a_changed_genotype_is_noticed_in_replay(tmp_path):
     entry = run.record.entries[14]
     run.record.entries[14] = entry._replace(genotype=entry.genotype + 1e-9)
     (folder / "record.npz").write_bytes(run.record.to_bytes(run.config.digest()))
-    with pytest.raises(RunError, match=r"generation 1 .* does not come out as recorded"):
+    with pytest.raises(RunError, match=r"generation 1 .* does not replay as recorded"):
         resume(folder, simulate=toys.bowl)
 
 
@@ -125,7 +125,7 @@ def test_a_changed_history_is_noticed_in_replay(tmp_path):
             values[name] += float(row["generation"] == 2)
             changed.add_generation(entries, values)
         (tmp_path / "run" / "record.npz").write_bytes(changed.to_bytes(config.digest()))
-        with pytest.raises(RunError, match=r"generation 2 .* does not come out as recorded"):
+        with pytest.raises(RunError, match=r"generation 2 .* does not replay as recorded"):
             load_run(tmp_path / "run")
 
 
@@ -167,17 +167,17 @@ def test_a_moved_folder_is_resumed_where_it_is(tmp_path):
 
 def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(tmp_path):
     before = make_noisy_run(tmp_path)
-    heard: list[tuple[int, Path | None]] = []
-    told: list[tuple[str, float]] = []
+    called: list[tuple[int, Path | None]] = []
+    reported: list[tuple[str, float]] = []
     run = resume(
         tmp_path,
         generations=5,
         simulate=toys.bowl,
-        on_generation=lambda run: heard.append((len(run.history), run.folder)),
-        progress=lambda message, share: told.append((message, share)),
+        on_generation=lambda run: called.append((len(run.history), run.folder)),
+        progress=lambda message, share: reported.append((message, share)),
     )
-    assert heard == [(4, tmp_path), (5, tmp_path)]
-    assert told == [("generation 4", 0.8), ("generation 5", 1.0)]
+    assert called == [(4, tmp_path), (5, tmp_path)]
+    assert reported == [("generation 4", 0.8), ("generation 5", 1.0)]
     times = run.history["wall_seconds"]
     assert np.array_equal(times[:3], before.history["wall_seconds"])
     assert np.all(np.diff(times) >= 0)
@@ -188,10 +188,10 @@ def test_a_resumed_run_reports_every_new_generation_and_keeps_its_times(tmp_path
 def test_evolve_names_the_differences_to_an_existing_run(tmp_path):
     make_noisy_run(tmp_path)
     config = replace(SHORT, handle_noise=True, folder=str(tmp_path))
-    with pytest.raises(RunError, match="holds this run already; resume it, or name another folder"):
+    with pytest.raises(RunError, match="contains this run already; resume it, or name another folder"):
         evolve(config)
     with pytest.raises(
-        RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
+        RunError, match=r"contains another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
     ):
         evolve(replace(config, seed=1, sigma=0.2))
 

@@ -138,7 +138,7 @@ def test_only_one_thread_writes(folder):
 
 
 def test_evolve_does_not_overwrite_a_run(folder):
-    with pytest.raises(RunError, match="holds this run already; resume"):
+    with pytest.raises(RunError, match="contains this run already; resume"):
         evolve(replace(TOY, folder=str(folder)), simulate=toys.bowl)
     with pytest.raises(RunError, match="seed: 0, not 7"):
         evolve(replace(TOY, seed=7, folder=str(folder)), simulate=toys.bowl)
@@ -233,9 +233,9 @@ def test_a_damaged_config_is_a_clear_error(folder, text):
 
 
 def test_no_run_no_resume(tmp_path):
-    with pytest.raises(RunError, match="holds no run"):
+    with pytest.raises(RunError, match="contains no run"):
         resume(tmp_path)
-    with pytest.raises(RunError, match="holds no run"):
+    with pytest.raises(RunError, match="contains no run"):
         load_run(tmp_path / "nowhere")
 
 

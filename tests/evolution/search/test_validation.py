@@ -17,9 +17,9 @@ from evolution.search.validation import Champion, Validation, find_candidates, s
 
 
 def make_entry(
-    index: int, kind: int, held: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
+    index: int, kind: int, successes: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
 ) -> Entry:
-    outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in held))
+    outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in successes))
     return Entry(generation, kind, index, modules, np.full(2, float(index)), fitness, outcome)
 
 
@@ -41,17 +41,17 @@ def test_the_champion_is_the_one_with_the_best_fresh_trials_not_the_luckiest_sam
         make_entry(1, VALIDATION, "1111111111"),
         make_entry(1, VALIDATION, "1111111110"),
     )
-    chosen = select_champion(record, [True])
-    assert chosen is not None
-    assert chosen.index == 1
-    assert (chosen.outcome.successes, chosen.outcome.trials) == (19, 20)
+    selected = select_champion(record, [True])
+    assert selected is not None
+    assert selected.index == 1
+    assert (selected.outcome.successes, selected.outcome.trials) == (19, 20)
 
 
 def test_without_fresh_trials_the_fittest_sample_stands_in():
     record = make_record(make_entry(0, SAMPLE, "01", fitness=1.0), make_entry(1, SAMPLE, "00", fitness=3.0))
-    chosen = select_champion(record, [True])
-    assert chosen is not None
-    assert (chosen.index, chosen.kind) == (1, SAMPLE)
+    selected = select_champion(record, [True])
+    assert selected is not None
+    assert (selected.index, selected.kind) == (1, SAMPLE)
     assert select_champion(record, [False]) is None
 
 
@@ -66,13 +66,16 @@ def test_the_shortest_sufficient_body_is_preferred():
 
 
 def test_candidates_are_those_that_succeeded_in_all_trials():
-    outcomes = [Outcome(0.0, 0.0, held) for held in ((True, True), (True, False), (True, True), (True, True))]
+    outcomes = [
+        Outcome(0.0, 0.0, successes)
+        for successes in ((True, True), (True, False), (True, True), (True, True))
+    ]
     fitness = np.array([1.0, 9.0, 3.0, 2.0])
     assert Validation(candidates=2, mean_share=2).select_candidates(fitness, outcomes) == [2, 3]
 
 
 def test_the_mean_of_the_search_is_a_candidate_where_enough_genotypes_succeed():
-    outcomes = [Outcome(0.0, 0.0, (held,)) for held in (True, False, False, False)]
+    outcomes = [Outcome(0.0, 0.0, (successes,)) for successes in (True, False, False, False)]
     fitness = np.arange(4.0)
     assert Validation(mean_share=0.25).select_candidates(fitness, outcomes) == [4, 0]
     assert Validation(mean_share=0.5).select_candidates(fitness, outcomes) == [0]
@@ -166,7 +169,7 @@ def test_no_candidate_and_no_round_has_conditions_that_were_used_before():
 
 
 @pytest.mark.parametrize(
-    ("held", "tried"),
+    ("successes", "tried"),
     [
         ({10: 8}, (10,)),
         ({10: 9}, (10, 5, 4)),
@@ -175,10 +178,10 @@ def test_no_candidate_and_no_round_has_conditions_that_were_used_before():
         ({10: 10, 5: 3}, (10, 5)),
     ],
 )
-def test_a_candidate_continues_while_enough_of_all_its_trials_succeed(held, tried):
+def test_a_candidate_continues_while_enough_of_all_its_trials_succeed(successes, tried):
     validation = Validation(rounds=(10, 5, 4), continue_share=0.9)
     config = EvolutionConfig(generations=1, trials=3, validation=validation)
-    run = evolve(config, simulate=toys.Observed(held))
+    run = evolve(config, simulate=toys.Observed(successes))
     entries = [entry for entry in run.record.entries if entry.kind == VALIDATION]
     for index in {entry.index for entry in entries}:
         assert tuple(entry.outcome.trials for entry in entries if entry.index == index) == tried
@@ -264,10 +267,10 @@ def test_of_equal_champions_the_later_one_is_selected_and_only_generations_of_th
     entries = [make_entry(g, VALIDATION, "1" * 8, generation=g) for g in range(3)]
     entries += [make_entry(9, SAMPLE, "1", generation=g, fitness=float(g)) for g in range(3)]
     record = make_record(*entries)
-    for is_in_stage, chosen in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
+    for is_in_stage, selected in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
         found = select_champion(record, is_in_stage)
         assert found is not None
-        assert (found.generation, found.kind) == (chosen, VALIDATION)
+        assert (found.generation, found.kind) == (selected, VALIDATION)
     assert select_champion(record, [False] * 3) is None
 
 
