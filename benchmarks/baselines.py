@@ -14,8 +14,8 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.evolution_runs import Results
-from evolution.backends.trials import Randomisation
-from evolution.controllers.controller import REFLEX, U_SHAPE, make_controller
+from evolution.backends.trials import Randomization
+from evolution.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
 from evolution.search.evaluation import evaluate
 from symbrion_gym.arenas.course import Course
 
@@ -27,7 +27,7 @@ ABYSSES = (0.36, 0.37)
 """Widths of the abyss [m] on both sides of where a body that does nothing ceases to cross."""
 FRICTIONS = (0.55, 0.65, 0.75, 0.85)
 """Sliding friction of the map over friction; else it is drawn from the range of all trials."""
-AS_IT_IS = Randomisation(stretch=(1.0,))
+AS_IT_IS = Randomization(stretch=(1.0,))
 DEFAULT_TRIALS = 200
 """Trials of what is said of the default course."""
 RANDOM_GENOTYPES = 50
@@ -41,7 +41,7 @@ def count_crossings(
     modules: int,
     trials: int,
     controller: str = "reactive",
-    randomisation: Randomisation = AS_IT_IS,
+    randomization: Randomization = AS_IT_IS,
     **environment: Any,
 ) -> int:
     """Return how many of so many randomised trials from the floor succeed."""
@@ -52,7 +52,7 @@ def count_crossings(
         modules,
         trials=trials,
         controller=controller,
-        randomisation=randomisation,
+        randomization=randomization,
         **conditions,
     )
     return outcome.successes
@@ -104,8 +104,8 @@ class Baselines:
         """The default course with 8 modules: all genes zero, the hints set by hand, and random genotypes."""
         pit, count = Course().pit, self._default_trials
         figures: dict[str, Any] = {"pit": pit, "trials": count}
-        figures["zero"] = count_crossings(np.zeros(len(REFLEX)), pit, 8, count)
-        for law, hint in (("reactive", REFLEX), ("travelling", U_SHAPE)):
+        figures["zero"] = count_crossings(np.zeros(len(REACTIVE_HINT)), pit, 8, count)
+        for law, hint in (("reactive", REACTIVE_HINT), ("travelling", U_SHAPE_HINT)):
             figures[f"hint of {law}"] = count_crossings(np.array(hint), pit, 8, count, law)
         rng = np.random.default_rng(SEED)
         for law in ("reactive", "path"):
@@ -122,23 +122,23 @@ class Baselines:
 
     def other_tasks(self) -> None:
         """Doing nothing where the search is for less: six modules, and a bridge over the abyss of the benchmark."""
-        zero, count = np.zeros(len(REFLEX)), self._trials
+        zero, count = np.zeros(len(REACTIVE_HINT)), self._trials
         six = count_crossings(zero, Course().pit, 6, count)
         bridge = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, abyss=True) for pit in ABYSSES}
         self._put("other_tasks", {"trials": count, "six modules": six, "abyss": bridge})
 
     def widths(self) -> None:
         """Crossings by doing nothing, by the width of the pit and the number of modules."""
-        zero = np.zeros(len(REFLEX))
+        zero = np.zeros(len(REACTIVE_HINT))
         for modules in MODULES:
             row = {f"{pit:.2f}": count_crossings(zero, pit, modules, self._map_trials) for pit in PITS}
             self._put(f"widths/{modules}", {"trials": self._map_trials, "successes": row})
 
     def frictions(self) -> None:
         """Crossings by doing nothing with 8 modules, by the width of the pit and the friction."""
-        zero = np.zeros(len(REFLEX))
+        zero = np.zeros(len(REACTIVE_HINT))
         for friction in FRICTIONS:
-            fixed = Randomisation(friction=(friction, friction), stretch=(1.0,))
+            fixed = Randomization(friction=(friction, friction), stretch=(1.0,))
             count = self._friction_trials
             row = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, "reactive", fixed) for pit in PITS}
             self._put(f"frictions/{friction:.2f}", {"trials": count, "successes": row})

@@ -16,7 +16,7 @@ import numpy as np
 
 from evolution.backends.rollout import simulate
 from evolution.backends.trials import Job, Trials
-from evolution.controllers.controller import REFLEX
+from evolution.controllers.controller import REACTIVE_HINT
 from evolution.search.config import EvolutionConfig
 from evolution.search.evaluation import make_backend
 from evolution.search.loop import evolve, load_run, resume
@@ -74,7 +74,7 @@ def measure_overhead(repeats: int) -> dict[str, Any]:
 
 
 def _measure_overhead(trials: Trials, repeats: int) -> float:
-    jobs = [Job(np.array(REFLEX) + 0.01 * index, trials) for index in range(12)]
+    jobs = [Job(np.array(REACTIVE_HINT) + 0.01 * index, trials) for index in range(12)]
     shares = []
     for _ in range(repeats + 1):  # the first one compiles
         began, _TimedBatch.seconds = time.thread_time(), 0.0
@@ -86,7 +86,8 @@ def _measure_overhead(trials: Trials, repeats: int) -> float:
 def measure_workers(repeats: int) -> dict[str, Any]:
     """Compare two threads with one on the same jobs, in turns."""
     jobs = [
-        Job(np.array(REFLEX) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS)) for index in range(12)
+        Job(np.array(REACTIVE_HINT) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS))
+        for index in range(12)
     ]
     seconds: dict[int, list[float]] = {1: [], 2: []}
     outcomes = {}

@@ -1,14 +1,16 @@
-"""Evolve controllers of modular robots, judge them in the true arena, and show what came of it."""
+"""Evolve controllers of modular robots, judge them in the true arena, and play them back."""
 
 from typing import TYPE_CHECKING
 
+from evolution.deprecation import export_former_names
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.backends.trials import Outcome, Randomisation, Scoring
+    from evolution.backends.trials import Outcome, Randomization, Scoring
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
-    from evolution.errors import RunError
+    from evolution.errors import EvolutionError, RunError
+    from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
     from evolution.search.evaluation import Evaluation, evaluate
     from evolution.search.loop import evolve, load_run, resume
@@ -19,10 +21,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Champion",
     "ChampionPolicy",
+    "CmaesConfig",
     "Evaluation",
     "EvolutionConfig",
+    "EvolutionError",
     "Outcome",
-    "Randomisation",
+    "Randomization",
     "Recording",
     "Run",
     "RunError",
@@ -38,4 +42,5 @@ __all__ = [
     "resume",
 ]
 
-__getattr__, __dir__ = export_lazily(__name__)
+_load, __dir__ = export_lazily(__name__)
+__getattr__ = export_former_names(_load, Randomisation="Randomization")

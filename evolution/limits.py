@@ -1,6 +1,6 @@
-"""Ranges of the fields of a run's configuration: outside of them nothing sensible comes out, or no machine holds it."""
+"""Ranges of the fields of a run's configuration: values outside are meaningless or too large for any machine."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any
 
@@ -9,62 +9,94 @@ from evolution.errors import RunError
 Limits = Mapping[str, tuple[float, float]]
 """Field -> smallest and largest value."""
 
-LARGEST_SEED = 2**32 - 1
+MAX_SEED = 2**32 - 1
 """What NumPy's `RandomState` takes."""
-MOST_MODULES = 50
-MOST_GENERATIONS = 10**9
-MOST_GENOTYPES = 100_000
-MOST_TRIALS = 10_000
-MOST_WORKERS = 10_000
-SMALLEST_STEP = 1e-9
-"""Smallest of what must be above 0: step sizes, shares."""
+MAX_MODULES = 50
+"""As in the environment."""
+MAX_GENERATIONS = 10**9
+MAX_GENOTYPES = 100_000
+MAX_TRIALS = 10_000
+MAX_WORKERS = 10_000
+MAX_MAGNITUDE = 1e9
+"""Far beyond any useful gene, fitness or weight."""
+MIN_POSITIVE = 1e-9
+"""Smallest value of what must be above 0: step sizes, shares."""
 
 
-def settle_counts(config: object, limits: Limits) -> None:
-    """Make fields of a frozen dataclass integers of Python's own, which JSON can hold.
+def coerce_integers(config: object, limits: Limits) -> None:
+    """Make fields of a frozen dataclass Python integers, which JSON can represent.
 
     Raises:
-        RunError: a field is no whole number, or out of range; with field, value and range.
+        RunError: a field is not an integer or out of range; with field, value and range.
     """
     for name, (low, high) in limits.items():
-        object.__setattr__(config, name, as_counts(name, [getattr(config, name)], low, high)[0])
+        object.__setattr__(config, name, as_integers(name, [getattr(config, name)], low, high)[0])
 
 
-def settle_numbers(config: object, limits: Limits) -> None:
-    """Make fields of a frozen dataclass floats: a config is the same, and has one digest, once it was in a file.
+def coerce_floats(config: object, limits: Limits) -> None:
+    """Make fields of a frozen dataclass floats: a config has the same digest before and after a file.
 
     Raises:
-        RunError: a field is no finite number, or out of range; with field, value and range.
+        RunError: a field is not a finite number or out of range; with field, value and range.
     """
     for name, (low, high) in limits.items():
         object.__setattr__(config, name, as_floats(name, [getattr(config, name)], low, high)[0])
 
 
-def as_counts(name: str, values: Iterable[Any], low: float, high: float) -> tuple[int, ...]:
-    """Return the values of a field as integers; refuse those that are no whole numbers, or out of range.
+def as_integers(name: str, values: Iterable[Any], low: float, high: float) -> tuple[int, ...]:
+    """Return the values of a field as integers.
 
     Raises:
-        RunError: with field, value and range.
+        RunError: one is not an integer or out of range; with field, value and range.
     """
-    found = tuple(values)
-    for value in found:
-        if not (_is_number(value, Integral) and low <= value <= high):
-            raise RunError(f"{name} is {value!r}; a whole number from {low:g} to {high:.15g} is needed")
-    return tuple(map(int, found))
+    needed = f"a whole number from {low:g} to {high:.15g}"
+    return tuple(int(_check(name, value, Integral, (low, high), needed)) for value in values)
 
 
 def as_floats(name: str, values: Iterable[Any], low: float, high: float) -> tuple[float, ...]:
-    """Return the values of a field as floats; refuse those that are not finite, or out of range.
+    """Return the values of a field as floats.
 
     Raises:
-        RunError: with field, value and range.
+        RunError: one is not a finite number or out of range; with field, value and range.
     """
-    found = tuple(values)
-    for value in found:
-        if not (_is_number(value, Real) and low <= value <= high):
-            raise RunError(f"{name} is {value!r}; a number from {low:g} to {high:g} is needed")
-    return tuple(map(float, found))
+    needed = f"a number from {low:g} to {high:g}"
+    return tuple(float(_check(name, value, Real, (low, high), needed)) for value in values)
 
 
-def _is_number(value: Any, kind: type) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool)
+def as_range(name: str, values: Iterable[Any], low: float, high: float) -> tuple[float, float]:
+    """Return the lowest and highest value of a field as floats.
+
+    Raises:
+        RunError: there are not two, or one is not a finite number or out of range.
+    """
+    limits = as_floats(name, values, low, high)
+    if len(limits) != 2:
+        raise RunError(f"{name} is {limits}; a lowest and a highest value are needed")
+    return limits
+
+
+def check_choice(name: str, value: object, choices: Sequence[str]) -> None:
+    """Refuse a value that is not among the choices of a field.
+
+    Raises:
+        RunError: with field, value and choices.
+    """
+    if value not in choices:
+        raise RunError(f"there is no {name} {value!r}; there are {', '.join(choices)}")
+
+
+def check_count(name: str, values: Sequence[object], high: int) -> None:
+    """Refuse a field without values, or with too many.
+
+    Raises:
+        RunError: with field, number of values and limit.
+    """
+    if not 1 <= len(values) <= high:
+        raise RunError(f"{name} has {len(values)} values; 1 to {high} are possible")
+
+
+def _check(name: str, value: Any, kind: type, limits: tuple[float, float], needed: str) -> Any:
+    is_number = isinstance(value, kind) and not isinstance(value, bool)
+    if not (is_number and limits[0] <= value <= limits[1]):
+        raise RunError(f"{name} is {value!r}; {needed} is needed")
+    return value

@@ -29,7 +29,7 @@ _SEARCH = (
     *_TRIAL,
     *(
         f"evolution/search/{name}.py"
-        for name in ("cmaes", "config", "loop", "stages", "task_search", "validation")
+        for name in ("cmaes", "config", "loop", "stages", "restarting_search", "validation")
     ),
 )
 _TRIALS = (*_TRIAL, *_ROBOT)

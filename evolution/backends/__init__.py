@@ -1,1 +1,1 @@
-"""Who tries the genotypes: threads of this process, processes, or a Ray cluster; all with equal results."""
+"""Trials of genotypes on threads of this process, worker processes or a Ray cluster; all with equal results."""

@@ -2,19 +2,28 @@
 
 from collections.abc import Sequence
 
-from evolution.backends.simulation import Simulate, run_contained
+from evolution.backends.simulation import Simulate, run_isolated
 from evolution.backends.trials import Job, Outcome
 
 
 class BatchBackend:
-    """All jobs in this process, on the threads of `mujoco.batch`."""
+    """All jobs in this process, on the threads of `mujoco.batch`.
+
+    Args:
+        simulate: tries the jobs.
+        workers: number of threads.
+    """
 
     def __init__(self, simulate: Simulate, workers: int) -> None:
         self._simulate, self._workers = simulate, workers
 
     def run(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return one outcome for each job, in order."""
-        return run_contained(self._simulate, jobs, self._workers) if jobs else []
+        """Return one outcome for each job, in order.
+
+        Raises:
+            RunError: the run itself is wrong.
+        """
+        return run_isolated(self._simulate, jobs, self._workers) if jobs else []
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: there are no workers to stop."""

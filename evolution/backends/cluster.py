@@ -7,47 +7,50 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from evolution.backends.pool import Reply, WorkerPool
-from evolution.backends.simulation import Simulate, find_simulate, name_simulate, run_contained
+from evolution.backends.pool import PoolConfig, Reply, WorkerPool
+from evolution.backends.simulation import Simulate, find_simulate, name_simulate, run_isolated
 from evolution.backends.trials import Job, Outcome
 from evolution.errors import RunError
 
-ANSWER_SECONDS = 10.0
-"""How long the head of a cluster may take to answer [s]."""
-FIRST_SECONDS = 120.0
-"""How long the first worker may take to start [s]."""
-OTHER_SECONDS = 15.0
-"""How much longer the others may take; the next generation tries again with those that did not come."""
+Handle = Any
+"""Of an actor, or of a result that it will return: Ray, an optional dependency, makes its types at run time."""
 
 
 class _Actor:
-    """A worker on some node; it holds its compiled arenas between calls."""
+    """A worker on a node of the cluster; it keeps its compiled arenas between calls."""
 
     def __init__(self, simulate_name: str) -> None:
         self._simulate = find_simulate(simulate_name)
 
     def greet(self) -> None:
-        """Return: who answers is ready."""
+        """Return, which shows that the worker is ready."""
 
     def run(self, jobs: list[Job]) -> list[Outcome]:
         """Return one outcome for each job."""
-        return run_contained(self._simulate, jobs, 1)
+        return run_isolated(self._simulate, jobs, 1)
 
 
-class RayBackend(WorkerPool):
-    """Each worker an actor; one whose node dies is started anew on another.
+class RayBackend(WorkerPool[Handle]):
+    """Workers are actors; if the node of one dies, another is started elsewhere.
 
     Args:
         simulate: a function of a module.
         workers: number of actors, one CPU each.
         address: of a running cluster ("auto" finds it); None starts one on this machine.
+        config: how jobs are distributed and how long workers may take.
 
     Raises:
         RunError: Ray is not installed, or no cluster answers.
     """
 
-    def __init__(self, simulate: Simulate, workers: int, address: str | None = None) -> None:
-        super().__init__(workers)
+    def __init__(
+        self,
+        simulate: Simulate,
+        workers: int,
+        address: str | None = None,
+        config: PoolConfig | None = None,
+    ) -> None:
+        super().__init__(workers, config)
         try:
             import ray
         except ImportError as error:
@@ -56,17 +59,17 @@ class RayBackend(WorkerPool):
             ) from error
         self._ray = ray
         self._simulate = name_simulate(simulate)
-        self._is_ours = not ray.is_initialized()
-        if self._is_ours:
+        self._owns_cluster = not ray.is_initialized()
+        if self._owns_cluster:
             self._connect(workers, address)
         self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
-        self._running: dict[Any, Any] = {}
+        self._running: dict[Handle, Handle] = {}
 
     def _connect(self, workers: int, address: str | None) -> None:
         host, _, port = (address or "").removeprefix("ray://").rpartition(":")
         if host and port.isdigit():
-            try:  # Ray itself would try for minutes
-                socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS).close()
+            try:
+                socket.create_connection((host, int(port)), timeout=self._config.connect_timeout).close()
             except OSError as error:
                 raise RunError(f"no Ray cluster at {address}: {error}") from error
         path = os.pathsep.join(path or os.getcwd() for path in sys.path)
@@ -81,42 +84,42 @@ class RayBackend(WorkerPool):
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
 
-    def _start(self) -> Any:
+    def _start(self) -> Handle:
         return self._actor.remote(self._simulate)
 
-    def _start_several(self, count: int) -> list[Any]:
-        """Start actors at the same time; those for which the cluster has no CPU now are given up."""
-        greetings: dict[Any, Any] = {}
+    def _start_many(self, count: int) -> list[Handle]:
+        """Start actors at the same time, without those for which the cluster has no CPU now."""
+        greetings: dict[Handle, Handle] = {}
         for _ in range(count):
             actor = self._start()
             greetings[actor.greet.remote()] = actor
         references = list(greetings)
         if not self._workers:
-            self._ray.wait(references, num_returns=1, timeout=FIRST_SECONDS)
-        ready, late = self._ray.wait(references, num_returns=count, timeout=OTHER_SECONDS)
-        started, why = [], "no CPU is free"
+            self._ray.wait(references, num_returns=1, timeout=self._config.first_start_timeout)
+        ready, late = self._ray.wait(references, num_returns=count, timeout=self._config.start_timeout)
+        started, reason = [], "no CPU is free"
         for reference in ready:
             try:
                 self._ray.get(reference)
                 started.append(greetings[reference])
             except self._ray.exceptions.RayError as error:
-                why = str(error)
+                reason = str(error)
         for reference in late:
-            self._end(greetings[reference])
+            self._stop(greetings[reference])
         if not started and not self._workers:
             raise RunError(
-                f"no worker starts in the Ray cluster ({why}); look at its nodes, or use processes"
+                f"no worker starts in the Ray cluster ({reason}); look at its nodes, or use processes"
             )
         return started
 
-    def _submit(self, worker: Any, jobs: list[Job]) -> None:
+    def _submit(self, worker: Handle, jobs: list[Job]) -> None:
         self._running[worker.run.remote(jobs)] = worker
 
-    def _wait(self, busy: Sequence[Any]) -> list[Reply]:
+    def _wait(self, busy: Sequence[Handle]) -> list[Reply[Handle]]:
         done, _ = self._ray.wait(list(self._running), num_returns=1)
         return [self._receive(reference) for reference in done]
 
-    def _receive(self, reference: Any) -> Reply:
+    def _receive(self, reference: Handle) -> Reply[Handle]:
         worker = self._running.pop(reference)
         try:
             return Reply(worker, self._ray.get(reference))
@@ -125,7 +128,7 @@ class RayBackend(WorkerPool):
         except self._ray.exceptions.RayError:
             return Reply(worker, None)  # the actor or its node died
 
-    def _end(self, worker: Any) -> None:
+    def _stop(self, worker: Handle) -> None:
         self._running = {
             reference: other for reference, other in self._running.items() if other is not worker
         }
@@ -133,7 +136,7 @@ class RayBackend(WorkerPool):
             self._ray.kill(worker)
 
     def close(self) -> None:
-        """Let the actors go, and the cluster if it was started here."""
+        """Stop the actors, and the cluster if it was started here."""
         super().close()
-        if self._is_ours:
+        if self._owns_cluster:
             self._ray.shutdown()

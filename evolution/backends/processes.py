@@ -10,36 +10,42 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from multiprocessing.connection import Connection
+from typing import NamedTuple
 
-from evolution.backends.pool import Reply, WorkerPool
+from evolution.backends.pool import PoolConfig, Reply, WorkerPool
 from evolution.backends.simulation import Simulate, name_simulate
 from evolution.backends.trials import Job
 from evolution.errors import RunError
 
 READY = "ready"
-END_SECONDS = 5.0
+"""First message of a worker."""
 
 
 class _Worker(NamedTuple):
     process: subprocess.Popen[bytes]
-    connection: Any
+    connection: Connection
 
 
-class ProcessBackend(WorkerPool):
-    """Each worker a process that holds its compiled arenas; genotypes travel.
+class ProcessBackend(WorkerPool[_Worker]):
+    """Workers are processes that keep their compiled arenas between calls; only genotypes are sent.
+
+    Args:
+        simulate: a function of a module.
+        workers: number of processes.
+        config: how jobs are distributed and how long workers may take.
 
     Raises:
         RunError: a worker cannot start.
     """
 
-    def __init__(self, simulate: Simulate, workers: int) -> None:
-        super().__init__(workers)
+    def __init__(self, simulate: Simulate, workers: int, config: PoolConfig | None = None) -> None:
+        super().__init__(workers, config)
         self._simulate = name_simulate(simulate)
 
     @property
     def process_ids(self) -> list[int]:
-        """The workers' process ids."""
+        """Process ids of the workers."""
         return [worker.process.pid for worker in self._workers]
 
     def _start(self) -> _Worker:
@@ -57,18 +63,18 @@ class ProcessBackend(WorkerPool):
             pass
         raise RunError(
             f"a worker process for {self._simulate} ended at its start (exit status {process.wait()}); "
-            "its error stands above; backend='batch' needs no processes"
+            "its error is printed above; backend='batch' needs no processes"
         )
 
     def _submit(self, worker: _Worker, jobs: list[Job]) -> None:
         with contextlib.suppress(OSError):  # dead: `_wait` reads the end of its pipe
             worker.connection.send(jobs)
 
-    def _wait(self, busy: Sequence[_Worker]) -> list[Reply]:
+    def _wait(self, busy: Sequence[_Worker]) -> list[Reply[_Worker]]:
         ready = multiprocessing.connection.wait([worker.connection for worker in busy])
         return [self._receive(worker) for worker in busy if worker.connection in ready]
 
-    def _receive(self, worker: _Worker) -> Reply:
+    def _receive(self, worker: _Worker) -> Reply[_Worker]:
         try:
             result = worker.connection.recv()
         except (EOFError, OSError):
@@ -77,10 +83,10 @@ class ProcessBackend(WorkerPool):
             raise result
         return Reply(worker, result)
 
-    def _end(self, worker: _Worker) -> None:
+    def _stop(self, worker: _Worker) -> None:
         worker.connection.close()  # the worker reads the end and leaves
         try:
-            worker.process.wait(END_SECONDS)
+            worker.process.wait(self._config.exit_timeout)
         except subprocess.TimeoutExpired:
             worker.process.kill()
             worker.process.wait()

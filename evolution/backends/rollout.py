@@ -1,31 +1,52 @@
-"""Jobs tried in the environment: many trials at once, as lanes of one vector environment.
+"""Jobs tried in the environment: many trials at once, in the sub-environments of one vector environment.
 
-A lane whose trial ends takes up the next one, so that no thread waits for the slowest genotype. What
-comes of a trial depends on its genotype and its conditions alone, whatever runs in the other lanes.
+When a trial ends, the next one starts in its sub-environment, so that no thread waits for the slowest genotype. The
+result of a trial depends on its genotype and its conditions only, whatever the other sub-environments run.
 """
 
 from collections import OrderedDict, defaultdict, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
+from jaxtyping import Float
 
-from evolution.backends.trials import FAILED_PROGRESS, Job, Outcome, Trials
+from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, Trials
 from evolution.controllers.controller import Controller, make_controller
 from evolution.errors import RunError
+from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE, coerce_floats
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
-STUCK_TIME = 5.0
-"""A memoryless body that has not moved on for this long [s] will not; the environment's own patience is
-for those that may."""
-LANES = (8, 16, 24, 36, 48)
-_KEPT = 12
 
-_environments: OrderedDict[Any, SnakePitVectorEnv] = OrderedDict()
-_apart: set[Any] = set()
-"""Arenas whose stretched versions do not share a batch."""
+@dataclass(frozen=True)
+class RolloutConfig:
+    """How trials are simulated.
+
+    To use other values, pass `simulate` a function that calls `rollout.simulate` with them.
+
+    Attributes:
+        stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
+            otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
+            will make none. Changes results.
+        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used. Few
+            sizes mean few compilations. Changes the speed only.
+        max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
+    """
+
+    stuck_time: float = 5.0
+    batch_sizes: tuple[int, ...] = (8, 16, 24, 36, 48)
+    max_environments: int = 12
+
+    def __post_init__(self) -> None:
+        coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)})
+        if not self.batch_sizes or min(self.batch_sizes) < 1 or self.max_environments < 1:
+            raise RunError(
+                f"batch_sizes is {self.batch_sizes} and max_environments {self.max_environments}; "
+                "at least one each, from 1, is needed"
+            )
 
 
 class Trial(NamedTuple):
@@ -34,7 +55,7 @@ class Trial(NamedTuple):
     Attributes:
         job: index of the job it belongs to.
         number: of the trial in its job.
-        genotype: `[G]`.
+        genotype: of the controller.
         stretch: of the arena.
         conditions: reset options.
         seed: of the environment's own noise.
@@ -42,14 +63,14 @@ class Trial(NamedTuple):
 
     job: int
     number: int
-    genotype: np.ndarray
+    genotype: Float[np.ndarray, " G"]
     stretch: float
     conditions: dict[str, float]
     seed: int
 
 
-class Ending(NamedTuple):
-    """How a trial ended."""
+class TrialResult(NamedTuple):
+    """How a trial ended; units as in `Outcome`."""
 
     success: bool
     progress: float
@@ -58,49 +79,62 @@ class Ending(NamedTuple):
     diverged: bool
 
 
-def simulate(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
+_environments: OrderedDict[Hashable, SnakePitVectorEnv] = OrderedDict()
+"""Vector environments of this process, the one used last at the end."""
+_separate: set[Hashable] = set()
+"""Arenas whose stretched versions do not fit into one vector environment."""
+
+
+def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None = None) -> list[Outcome]:
     """Try jobs in the environment.
 
     Args:
         jobs: genotypes and their trials.
         threads: of `mujoco.batch`; they change nothing but the time.
+        config: how trials are simulated.
 
     Raises:
         RunError: the environment cannot be made.
     """
-    groups: dict[Any, list[Trial]] = defaultdict(list)
+    config = config or RolloutConfig()
+    groups: dict[Hashable, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
-        key = find_environment_key(job.trials), job.trials.randomisation.stretch
+        key = find_environment_key(job.trials), job.trials.randomization.stretch
         groups[key] += split_job(index, job)
-    endings: dict[tuple[int, int], Ending] = {}
+    results: dict[tuple[int, int], TrialResult] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
         controller = make_controller(first.controller, first.modules)
-        for environment, mine in _share_out(first, trials, threads):
-            endings |= _run_lanes(environment, controller, mine)
+        for environment, own_trials in _group_by_environment(first, trials, threads, config):
+            results |= _run_trials(environment, controller, own_trials)
     return [
-        _summarise([endings[index, number] for number in range(job.trials.count)])
+        _summarize([results[index, number] for number in range(job.trials.count)])
         for index, job in enumerate(jobs)
     ]
 
 
-def find_environment_key(trials: Trials) -> Any:
+def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
     arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
     return arena, trials.modules, trials.controller, trials.start, trials.environment
 
 
-def make_environment_options(trials: Trials) -> dict[str, Any]:
-    """Return the options of the environment in which trials take place."""
+def make_environment_options(trials: Trials, stuck_time: float = RolloutConfig.stuck_time) -> dict[str, Any]:
+    """Return the options of the environment in which trials take place.
+
+    Args:
+        trials: arena, body and further options.
+        stuck_time: as in `RolloutConfig`.
+    """
     sensors = make_controller(trials.controller, trials.modules).sensors
-    options = {"sensors": sensors, "stuck_time": STUCK_TIME} | dict(trials.environment)
+    options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
-    """Return the trials of a job, their conditions drawn from its seed."""
-    drawn = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
-    stretches = drawn.pop("stretch")
+    """Return the trials of a job, their conditions sampled from its seed."""
+    sampled = job.trials.randomization.draw(job.trials.seed, job.trials.count)
+    stretches = sampled.pop("stretch")
     seeds = np.random.SeedSequence(list(job.trials.seed)).generate_state(job.trials.count)
     return [
         Trial(
@@ -108,51 +142,53 @@ def split_job(index: int, job: Job) -> list[Trial]:
             number=number,
             genotype=job.genotype,
             stretch=float(stretches[number]),
-            conditions={name: float(values[number]) for name, values in drawn.items()},
+            conditions={name: float(values[number]) for name, values in sampled.items()},
             seed=int(seeds[number]),
         )
         for number in range(job.trials.count)
     ]
 
 
-def _share_out(
-    conditions: Trials, trials: Sequence[Trial], threads: int
+def _group_by_environment(
+    conditions: Trials, trials: Sequence[Trial], threads: int, config: RolloutConfig
 ) -> Iterator[tuple[SnakePitVectorEnv, list[Trial]]]:
     """Yield environments and their trials: one for all stretches, or one each where they are too different."""
-    key, stretches = find_environment_key(conditions), tuple(sorted(set(conditions.randomisation.stretch)))
-    if (key, stretches) not in _apart:
+    key = find_environment_key(conditions)
+    stretches = tuple(sorted(set(conditions.randomization.stretch)))
+    if (key, stretches) not in _separate:
         try:
-            yield _find_environment(conditions, stretches, len(trials), threads), list(trials)
+            yield _find_environment(conditions, stretches, len(trials), threads, config), list(trials)
             return
         except LayoutError:
-            _apart.add((key, stretches))
+            _separate.add((key, stretches))
     for stretch in stretches:
-        mine = [trial for trial in trials if trial.stretch == stretch]
-        if mine:
-            yield _find_environment(conditions, (stretch,), len(mine), threads), mine
+        own_trials = [trial for trial in trials if trial.stretch == stretch]
+        if own_trials:
+            yield _find_environment(conditions, (stretch,), len(own_trials), threads, config), own_trials
 
 
 def _find_environment(
-    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int
+    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int, config: RolloutConfig
 ) -> SnakePitVectorEnv:
-    """Return an environment with enough lanes, compiled anew or kept from before.
+    """Return a large enough environment, a new one or one that was used before.
 
     Raises:
-        LayoutError: the stretched arenas do not share a batch.
+        LayoutError: the stretched arenas do not fit into one vector environment.
         RunError: it cannot be made.
     """
-    lanes = next((size for size in LANES if size >= num_trials), LANES[-1])
-    key = (find_environment_key(conditions), stretches, lanes, threads)
+    sizes = config.batch_sizes
+    size = next((size for size in sizes if size >= num_trials), sizes[-1])
+    key = (find_environment_key(conditions), config.stuck_time, stretches, size, threads)
     if key not in _environments:
-        while len(_environments) >= _KEPT:
+        while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
         try:
             _environments[key] = SnakePitVectorEnv(
-                num_envs=lanes,
+                num_envs=size,
                 num_threads=threads,
                 autoreset_mode=AutoresetMode.DISABLED,
                 stretches=stretches,
-                **make_environment_options(conditions),
+                **make_environment_options(conditions, config.stuck_time),
             )
         except LayoutError:
             raise
@@ -162,75 +198,74 @@ def _find_environment(
     return _environments[key]
 
 
-def _run_lanes(
+def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
-) -> dict[tuple[int, int], Ending]:
-    lanes = environment.num_envs
+) -> dict[tuple[int, int], TrialResult]:
+    num_envs = environment.num_envs
     structure = environment.observation_structure
     waiting = deque(trials)
-    running: list[Trial | None] = [None] * lanes
-    genotypes = np.zeros((lanes, len(controller.parameters)))
-    effort = np.zeros(lanes)
-    state = controller.begin(lanes)
-    endings: dict[tuple[int, int], Ending] = {}
-    observation = _take_up(environment, waiting, running, genotypes, effort, range(lanes))
-    while len(endings) < len(trials):
+    running: list[Trial | None] = [None] * num_envs
+    genotypes = np.zeros((num_envs, len(controller.parameters)))
+    effort = np.zeros(num_envs)
+    state = controller.begin(num_envs)
+    results: dict[tuple[int, int], TrialResult] = {}
+    observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
+    while len(results) < len(trials):
         actions, state = controller.act(observation, genotypes, structure, state)
         observation, _, terminated, truncated, info = environment.step(actions)
         effort -= info["reward_effort"]
         ended = (terminated | truncated).nonzero()[0].tolist()
-        for lane in ended:
-            trial = running[lane]
+        for row in ended:
+            trial = running[row]
             if trial is not None:
-                endings[trial.job, trial.number] = Ending(
-                    success=bool(info["success"][lane]),
-                    progress=float(info["progress"][lane]),
-                    effort=float(effort[lane]),
-                    seconds=float(info["time"][lane]),
-                    diverged=bool(info["diverged"][lane]),
+                results[trial.job, trial.number] = TrialResult(
+                    success=bool(info["success"][row]),
+                    progress=float(info["progress"][row]),
+                    effort=float(effort[row]),
+                    seconds=float(info["time"][row]),
+                    diverged=bool(info["diverged"][row]),
                 )
-                running[lane] = None
+                running[row] = None
         if ended and waiting:
-            state.silence[ended] = 0
-            observation = _take_up(environment, waiting, running, genotypes, effort, ended)
-    return endings
+            state.ticks_since_contact[ended] = 0
+            observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
+    return results
 
 
-def _take_up(
+def _start_trials(
     environment: SnakePitVectorEnv,
     waiting: deque[Trial],
     running: list[Trial | None],
-    genotypes: np.ndarray,
-    effort: np.ndarray,
-    free: Any,
-) -> np.ndarray:
-    """Begin waiting trials in free lanes; return the observations of all."""
+    genotypes: Float[np.ndarray, "E G"],
+    effort: Float[np.ndarray, " E"],
+    free: Iterable[int],
+) -> Float[np.ndarray, "E O"]:
+    """Start waiting trials in free sub-environments; return the observations of all."""
     mask = np.zeros(environment.num_envs, dtype=bool)
-    names = ("friction", "torque_scale", "start_offset", "yaw")
-    options: dict[str, Any] = {name: [None] * environment.num_envs for name in names}
+    options: dict[str, list[float | None]] = {name: [None] * environment.num_envs for name in CONDITIONS}
     seeds: list[int | None] = [None] * environment.num_envs
     stretches: list[float | None] = [None] * environment.num_envs
-    for lane in free:
+    for row in free:
         if not waiting:
             break
-        trial = running[lane] = waiting.popleft()
-        mask[lane], genotypes[lane], effort[lane] = True, trial.genotype[: genotypes.shape[1]], 0.0
-        seeds[lane] = trial.seed
-        stretches[lane] = trial.stretch
-        for name in names:
-            options[name][lane] = trial.conditions[name]
+        trial = running[row] = waiting.popleft()
+        mask[row], genotypes[row], effort[row] = True, trial.genotype[: genotypes.shape[1]], 0.0
+        seeds[row] = trial.seed
+        stretches[row] = trial.stretch
+        for name in CONDITIONS:
+            options[name][row] = trial.conditions[name]
     observation, _ = environment.reset(
         seed=seeds, options={**options, "stretch": stretches, "reset_mask": mask}
     )
     return observation
 
 
-def _summarise(endings: Sequence[Ending]) -> Outcome:
+def _summarize(results: Sequence[TrialResult]) -> Outcome:
     """Return the outcome of a job from its trials; a diverged one counts as far behind the start."""
     return Outcome(
-        progress=float(np.mean([FAILED_PROGRESS if each.diverged else each.progress for each in endings])),
-        effort=float(np.mean([ending.effort for ending in endings])),
-        succeeded=tuple(ending.success for ending in endings),
-        seconds=float(np.sum([ending.seconds for ending in endings])),
-        diverged=sum(ending.diverged for ending in endings),
+        progress=float(np.mean([FAILED_PROGRESS if each.diverged else each.progress for each in results])),
+        effort=float(np.mean([each.effort for each in results])),
+        succeeded=tuple(each.success for each in results),
+        seconds=float(np.sum([each.seconds for each in results])),
+        diverged=sum(each.diverged for each in results),
     )

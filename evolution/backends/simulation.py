@@ -1,4 +1,4 @@
-"""The function that tries jobs: found by its name in every worker, and contained when it fails."""
+"""The function that tries jobs: found by its name in every worker, and isolated from jobs that fail."""
 
 import importlib
 import logging
@@ -10,14 +10,18 @@ import numpy as np
 from evolution.backends.trials import Job, Outcome, Trials, make_failure
 from evolution.errors import RunError
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 Simulate = Callable[[Sequence[Job], int], list[Outcome]]
-"""Tries jobs, on so many threads; a function of a module, so that workers can import it by name."""
+"""Tries jobs on a number of threads. Worker processes import it by name, so for them it is a function of a module."""
 
 
-def run_contained(simulate: Simulate, jobs: Sequence[Job], threads: int) -> list[Outcome]:
-    """Run jobs such that one that raises, or returns nonsense, costs only itself."""
+def run_isolated(simulate: Simulate, jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Run jobs such that one that raises, or returns invalid numbers, affects no other.
+
+    Raises:
+        RunError: the run itself is wrong.
+    """
     try:
         outcomes = simulate(jobs, threads)
         if len(outcomes) != len(jobs):
@@ -26,13 +30,13 @@ def run_contained(simulate: Simulate, jobs: Sequence[Job], threads: int) -> list
         raise  # the run is wrong, not a genotype
     except Exception as error:
         if len(jobs) == 1:
-            log.warning("a genotype could not be tried: %s", error)
+            logger.warning("a genotype could not be tried: %s", error)
             return [make_failure(jobs[0].trials, f"{type(error).__name__}: {error}")]
-        return [run_contained(simulate, [job], threads)[0] for job in jobs]
-    return [_checked(outcome, job.trials) for outcome, job in zip(outcomes, jobs, strict=True)]
+        return [run_isolated(simulate, [job], threads)[0] for job in jobs]
+    return [_replace_non_finite(outcome, job.trials) for outcome, job in zip(outcomes, jobs, strict=True)]
 
 
-def _checked(outcome: Outcome, trials: Trials) -> Outcome:
+def _replace_non_finite(outcome: Outcome, trials: Trials) -> Outcome:
     if np.isfinite(outcome.progress) and np.isfinite(outcome.effort):
         return outcome
     failure = make_failure(trials, outcome.error or "progress or effort is not finite")
@@ -40,11 +44,15 @@ def _checked(outcome: Outcome, trials: Trials) -> Outcome:
 
 
 def name_simulate(simulate: Simulate) -> str:
-    """Return "module:function", by which a worker finds it."""
-    name = f"{simulate.__module__}:{simulate.__qualname__}"
+    """Return "module:function", by which a worker finds it.
+
+    Raises:
+        RunError: it is not a function of a module.
+    """
+    module, name = simulate.__module__, getattr(simulate, "__qualname__", "<no function>")
     if "<" in name:
-        raise RunError(f"workers cannot import {name}; simulate must be a function of a module")
-    return name
+        raise RunError(f"workers cannot import {module}:{name}; simulate must be a function of a module")
+    return f"{module}:{name}"
 
 
 def find_simulate(name: str) -> Simulate:

@@ -1,41 +1,56 @@
-"""What a genotype is put to, what came of it, and what that is worth.
+"""The trials of a genotype, their outcome, and its fitness.
 
-A `Job` says everything that decides its outcome; who runs it, beside which others and on how many
-threads decides nothing. That is why batch, processes and a Ray cluster give equal results.
+A `Job` describes everything that decides its outcome; the worker, the other jobs and the number of threads have no
+influence. That is why batch, processes and a Ray cluster give equal results.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from os import PathLike
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from jaxtyping import Float
 
-from evolution.errors import RunError
-from evolution.limits import as_floats, settle_numbers
+from evolution.limits import as_floats, as_range, check_count, coerce_floats
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.arena import Arena
+
+    ArenaSource: TypeAlias = str | PathLike[str] | Arena
+
 FAILED_PROGRESS = -1.0
-"""Progress [m] of a trial that could not be finished: worse than any that could."""
-MOST_STRETCHES = 100
-"""Each is an arena of its own in memory."""
-LARGEST_WORTH = 1e6
+"""Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
+MAX_ERROR_LENGTH = 200
+"""Characters of an error that a record keeps."""
+MAX_STRETCHES = 100
+"""Each is a separate arena in memory."""
+MAX_WEIGHT = 1e6
 """Largest weight of a term of the fitness [m of progress]."""
+_STRETCH_LIMITS = (0.1, 10.0)
+CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw")
+"""Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
+Options = tuple[tuple[str, Any], ...]
+"""Name and value of each option of the environment, sorted by name."""
 
 
 @dataclass(frozen=True)
-class Randomisation:
-    """Ranges that the conditions of trials are drawn from.
+class Randomization:
+    """Ranges that the conditions of trials are sampled from.
 
-    Uniformly, and spread evenly over each range (a Latin hypercube): two trials never lie in the same
-    half of a range, so that little luck is left in their mean.
+    Sampling is uniform and stratified (a Latin hypercube): of n trials each lies in another n-th of every range,
+    which reduces the variance of their mean.
 
     Attributes:
         friction: sliding friction between tracks and ground.
         torque_scale: strength of the hinges relative to the nominal one.
         start_offset: along the course [m].
         yaw: heading at the start [rad].
-        stretch: how much longer the arena may really be than the scan says; the trials take turns.
+        stretch: factors on the length of the arena, as the scan may be wrong; the trials take turns.
     """
 
     friction: Range = (0.55, 0.9)
@@ -45,70 +60,65 @@ class Randomisation:
     stretch: tuple[float, ...] = (0.975, 1.0, 1.025)
 
     def __post_init__(self) -> None:
-        for name in ("friction", "torque_scale", "start_offset", "yaw"):
-            limits = as_floats(name, getattr(self, name), *RANDOM_LIMITS[name])
-            if len(limits) != 2:
-                raise RunError(f"{name} is {limits}; a lowest and a highest value are needed")
-            object.__setattr__(self, name, limits)
-        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, 0.1, 10.0))
-        if not 1 <= len(self.stretch) <= MOST_STRETCHES:
-            raise RunError(f"stretch has {len(self.stretch)} values; 1 to {MOST_STRETCHES} are possible")
+        for name in CONDITIONS:
+            object.__setattr__(self, name, as_range(name, getattr(self, name), *RANDOM_LIMITS[name]))
+        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, *_STRETCH_LIMITS))
+        check_count("stretch", self.stretch, MAX_STRETCHES)
 
-    def draw(self, seed: Sequence[int], count: int) -> dict[str, np.ndarray]:
-        """Return `[count]` values of each condition; equal seeds give equal values."""
-        generator = np.random.default_rng(list(seed))
-        ranges = (("friction", self.friction), ("torque_scale", self.torque_scale))
-        ranges += (("start_offset", self.start_offset), ("yaw", self.yaw))
-        conditions = {name: _spread(generator, limits, count) for name, limits in ranges}
-        turns = np.resize(generator.permutation(len(self.stretch)), count)
+    def draw(self, seed: Sequence[int], count: int) -> dict[str, Float[np.ndarray, " T"]]:
+        """Sample `count` values of each condition; equal seeds give equal values."""
+        rng = np.random.default_rng(list(seed))
+        conditions = {name: _sample_stratified(rng, getattr(self, name), count) for name in CONDITIONS}
+        turns = np.resize(rng.permutation(len(self.stretch)), count)
         return conditions | {"stretch": np.asarray(self.stretch, dtype=float)[turns]}
 
 
-def _spread(generator: np.random.Generator, limits: Range, count: int) -> np.ndarray:
-    share = (generator.permutation(count) + generator.uniform(size=count)) / count
+def _sample_stratified(rng: np.random.Generator, limits: Range, count: int) -> Float[np.ndarray, " T"]:
+    # scipy.stats.qmc.LatinHypercube draws in another order: other conditions for the seeds of existing runs
+    share = (rng.permutation(count) + rng.uniform(size=count)) / count
     return limits[0] + (limits[1] - limits[0]) * share
 
 
 @dataclass(frozen=True)
 class Trials:
-    """The trials that a genotype is put to.
+    """The trials of a genotype.
 
     Attributes:
-        arena: name or folder.
+        arena: name, folder or, on backend "batch", an `Arena`.
         modules: number of modules in the snake.
         controller: name of the law that reads the genotype.
         start: "pit" (close before it) or "floor".
         count: number of trials, each under other conditions.
         seed: of the conditions; equal seeds mean equal conditions.
-        randomisation: what the conditions are drawn from.
+        randomization: what the conditions are sampled from.
         environment: further options of the environment, as sorted pairs.
     """
 
-    arena: Any = "truth"
+    arena: ArenaSource = "truth"
     modules: int = 8
     controller: str = "reactive"
     start: str = "pit"
     count: int = 2
     seed: tuple[int, ...] = (0,)
-    randomisation: Randomisation = field(default_factory=Randomisation)
-    environment: tuple[tuple[str, Any], ...] = ()
+    randomization: Randomization = field(default_factory=Randomization)
+    environment: Options = ()
 
 
 class Job(NamedTuple):
     """One genotype and its trials."""
 
-    genotype: np.ndarray
+    genotype: Float[np.ndarray, " G"]
     trials: Trials
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened to a genotype.
+    """The result of a genotype's trials.
 
     Attributes:
         progress: of the whole body, mean over trials [m].
         effort: mean over trials.
-        succeeded: for each trial, whether the strict test held.
+        succeeded: for each trial, whether the strict success check passed.
         seconds: simulated, summed over trials [s].
         diverged: number of trials whose physics diverged.
         error: why it could not be tried; empty if it could.
@@ -128,7 +138,7 @@ class Outcome:
 
     @property
     def successes(self) -> int:
-        """Number of trials that held."""
+        """Number of successful trials."""
         return sum(self.succeeded)
 
 
@@ -137,9 +147,9 @@ class Scoring:
     """How an outcome becomes a fitness: progress + success - effort - body.
 
     Attributes:
-        success: worth of a success [m of progress].
-        effort: price of a unit of effort.
-        module: price of each module; only bodies of evolved length differ in it.
+        success: reward of a success rate of 1 [m of progress].
+        effort: penalty for a unit of effort.
+        module: penalty for each module; only relevant where the length of the body evolves.
     """
 
     success: float = 1.0
@@ -147,7 +157,7 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        settle_numbers(self, dict.fromkeys(("success", "effort", "module"), (-LARGEST_WORTH, LARGEST_WORTH)))
+        coerce_floats(self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)))
 
     def score(self, outcome: Outcome, modules: int) -> float:
         """Return the fitness, higher is better, always finite."""
@@ -156,5 +166,5 @@ class Scoring:
 
 
 def make_failure(trials: Trials, error: str) -> Outcome:
-    """Return the outcome of a job that could not be done."""
-    return Outcome(FAILED_PROGRESS, 0.0, (False,) * trials.count, error=error[:200])
+    """Return the outcome of a job that could not be tried."""
+    return Outcome(FAILED_PROGRESS, 0.0, (False,) * trials.count, error=error[:MAX_ERROR_LENGTH])

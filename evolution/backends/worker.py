@@ -4,7 +4,7 @@ import sys
 from multiprocessing.connection import Connection
 
 from evolution.backends.processes import READY
-from evolution.backends.simulation import find_simulate, run_contained
+from evolution.backends.simulation import find_simulate, run_isolated
 from evolution.errors import RunError
 
 
@@ -22,7 +22,7 @@ def main(descriptor: int, simulate_name: str) -> None:
         while True:
             jobs = connection.recv()
             try:
-                reply = run_contained(simulate, jobs, 1)
+                reply = run_isolated(simulate, jobs, 1)
             except RunError as error:
                 reply = error
             connection.send(reply)

@@ -1,1 +1,1 @@
-"""Champions after a run: judged, replayed, used as a policy."""
+"""Champions after a run: judged, played back, used as a policy."""

@@ -1,71 +1,82 @@
-"""Champions tried again: judged by fresh randomised trials, or played back once and filmed."""
+"""Champions after a run: judged by new randomized trials, or played back once and filmed."""
 
 import logging
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
 from evolution.backends.rollout import make_environment_options
-from evolution.backends.trials import Job, Outcome, Randomisation, Trials
+from evolution.backends.trials import Job, Outcome, Randomization, Trials
 from evolution.controllers.controller import make_controller
+from evolution.deprecation import accept_former_arguments
 from evolution.search.evaluation import make_backend
 from evolution.search.validation import Champion
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
-AS_IT_IS = Randomisation(stretch=(1.0,))
-"""Conditions of a judgement: the arena is not in doubt."""
+if TYPE_CHECKING:
+    from evolution.backends.trials import ArenaSource
 
-log = logging.getLogger(__name__)
+UNSTRETCHED = Randomization(stretch=(1.0,))
+"""Conditions of `judge`: the length of the arena is known."""
+_JUDGE_SEED = 0x6A75
+"""Second word of the seed of `judge`: a run draws the conditions of its own trials from other seeds."""
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One trial, as it was seen.
+    """One trial, tick by tick.
 
     Attributes:
-        success: whether the strict test held.
+        success: whether the strict success check passed.
         progress: of the whole body [m].
         seconds: simulated [s].
-        positions: `[T, n, 3]` centres of the modules, head first, at every tick [m].
-        rotations: `[T, n, 3, 3]` module -> world.
-        frames: `[H, W, 3]` images; empty where nothing was filmed.
+        positions: centers of the modules, head first, at every tick [m].
+        rotations: module -> world, at every tick.
+        frames: images; empty where nothing was filmed.
         fps: frames a second at which the film runs at `speed` times real time.
     """
 
     success: bool
     progress: float
     seconds: float
-    positions: np.ndarray
-    rotations: np.ndarray
-    frames: list[np.ndarray]
+    positions: Float[np.ndarray, "T n 3"]
+    rotations: Float[np.ndarray, "T n 3 3"]
+    frames: list[UInt8[np.ndarray, "H W 3"]]
     fps: int
 
 
+@accept_former_arguments(randomisation="randomization")
 def judge(
     champion: Champion,
-    arena: Any = "truth",
+    arena: "ArenaSource" = "truth",
     trials: int = 20,
     seed: int = 0,
     *,
     start: str = "floor",
-    randomisation: Randomisation = AS_IT_IS,
+    randomization: Randomization = UNSTRETCHED,
     workers: int = 1,
 ) -> Outcome:
-    """Put a champion to randomised trials: start, yaw, friction and torque.
+    """Try a champion in randomized trials: start, yaw, friction and torque differ.
 
     Args:
         champion: genotype, controller and body.
-        arena: where; a name, folder or `Arena`.
-        trials: how many.
+        arena: a name, folder or `Arena`.
+        trials: number of trials.
         seed: of the conditions.
         start: "floor" or "pit".
-        randomisation: ranges of the conditions; the arena is as it is, unless they say otherwise.
-        workers: threads.
+        randomization: ranges of the conditions; by default the arena is not stretched.
+        workers: number of threads.
 
     Returns:
-        What happened; `successes` of `trials` held.
+        The outcome; `successes` of its `trials` succeeded.
+
+    Raises:
+        RunError: the environment cannot be made.
     """
     conditions = Trials(
         arena=arena,
@@ -73,8 +84,8 @@ def judge(
         controller=champion.controller,
         start=start,
         count=trials,
-        seed=(seed, _JUDGE),
-        randomisation=randomisation,
+        seed=(seed, _JUDGE_SEED),
+        randomization=randomization,
         environment=champion.environment,
     )
     backend = make_backend("batch", workers)
@@ -82,13 +93,9 @@ def judge(
     return outcome
 
 
-_JUDGE = 0x6A75
-"""Set apart from the seeds that a run draws its own conditions from."""
-
-
 def play(
     champion: Champion,
-    arena: Any = "truth",
+    arena: "ArenaSource" = "truth",
     seed: int = 0,
     *,
     start: str = "floor",
@@ -98,18 +105,21 @@ def play(
     fps: int = 20,
     size: tuple[int, int] = (640, 400),
 ) -> Recording:
-    """Play one trial under nominal conditions and keep what was seen.
+    """Play one trial under nominal conditions and record it.
 
     Args:
         champion: genotype, controller and body.
-        arena: where; a name, folder or `Arena`.
+        arena: a name, folder or `Arena`.
         seed: of the environment.
         start: "floor" or "pit".
         film: also render; where there is no OpenGL, a warning is logged and there are no frames.
         window: show it in MuJoCo's viewer instead; where there is no display, a warning is logged.
-        speed: film and window run so many times faster than the robot.
+        speed: of film and window, relative to the robot.
         fps: frames a second.
         size: width and height of a frame [pixel].
+
+    Raises:
+        ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
     conditions = Trials(
         arena=arena,
@@ -142,10 +152,10 @@ def _run(
     progress, ended = 0.0, False
     is_shown, began = environment.render_mode == "human", time.perf_counter()
     while not ended:
-        if is_shown:  # a window shows the robot at its pace
+        if is_shown:  # wait for the time of the film
             time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
         if film and len(positions) % ticks_per_frame == 0:
-            film = _shoot(environment, frames)
+            film = _add_frame(environment, frames)
         actions, state = controller.act(observation[None], genotype, environment.observation_structure, state)
         observation, _, terminated, truncated, info = environment.step(actions[0])
         physics = environment.physics
@@ -163,12 +173,12 @@ def _run(
     )
 
 
-def _shoot(environment: SnakePitEnv, frames: list[np.ndarray]) -> bool:
-    """Add a frame; return whether to go on filming."""
+def _add_frame(environment: SnakePitEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
+    """Render a frame; return whether it was possible."""
     try:
         frame = environment.render()
     except Exception as error:  # whatever a graphics driver raises
-        log.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
+        logger.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
         return False
     frames.append(np.asarray(frame))
     return True

@@ -1,28 +1,28 @@
 """A champion as a policy, in the form that reinforcement-learning libraries call."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool, Float
 
-from evolution.controllers.controller import State, make_controller
+from evolution.controllers.controller import State, Structure, make_controller
 from evolution.errors import RunError
 from evolution.search.run import load_champion
 from evolution.search.validation import Champion
 
 
 class ChampionPolicy:
-    """Acts like the champion of a run; `predict` has the signature of stable-baselines3.
+    """A policy that acts like the champion of a run; `predict` has the signature of stable-baselines3.
 
     Args:
-        champion: of a run, or where one is kept (folder or `champion.json`).
-        structure: `observation_structure` of the environment it is to act in.
+        champion: of a run, or the path of one (folder or `champion.json`).
+        structure: `observation_structure` of the environment in which it acts.
 
     Raises:
-        RunError: no champion there, or the environment does not sense what its controller reads.
+        RunError: no champion there, or the environment lacks a sensor that its controller reads.
     """
 
-    def __init__(self, champion: Champion | str | Path, structure: Mapping[str, slice]) -> None:
+    def __init__(self, champion: Champion | str | Path, structure: Structure) -> None:
         self.champion = champion if isinstance(champion, Champion) else load_champion(champion)
         self._controller = make_controller(self.champion.controller, self.champion.modules)
         self._genotype = np.array(self.champion.genotype)
@@ -41,23 +41,23 @@ class ChampionPolicy:
 
     def predict(
         self,
-        observation: np.ndarray,
+        observation: Float[np.ndarray, "*N O"],
         state: State | None = None,
-        episode_start: np.ndarray | None = None,
+        episode_start: Bool[np.ndarray, " N"] | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, State]:
-        """Return the actions and the state to hand in at the next call.
+    ) -> tuple[Float[np.ndarray, "*N H"], State]:
+        """Return the actions and the state to pass to the next call.
 
         Args:
-            observation: `[O]` or `[N, O]`.
-            state: what the call before returned; None at the start.
-            episode_start: `[N]`, True where an episode has just begun.
-            deterministic: there is nothing random in it; kept for the signature.
+            observation: of one environment, or one row for each of several.
+            state: as returned by the previous call; None at the start.
+            episode_start: True where an episode has just begun.
+            deterministic: ignored, nothing is random; part of the signature.
         """
         rows = np.atleast_2d(observation)
         if state is None:
             state = self._controller.begin(len(rows))
         elif episode_start is not None:
-            state = State(np.where(np.reshape(episode_start, (-1, 1)), 0, state.silence))
+            state = State(np.where(np.reshape(episode_start, (-1, 1)), 0, state.ticks_since_contact))
         action, state = self._controller.act(rows, self._genotype, self._structure, state)
         return (action if np.ndim(observation) == 2 else action[0]), state

@@ -1,1 +1,1 @@
-"""Control laws: from genes and readings to targets of the hinges."""
+"""Control laws: from genotypes and sensor readings to hinge targets."""

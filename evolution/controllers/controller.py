@@ -1,64 +1,105 @@
-"""Controllers: from what the robot senses to the angles of its hinges, by the numbers of a genotype.
+"""Controllers: a control law, the genotypes it reads, and the memory between ticks.
 
-Each law is a plain function of sensed quantities and genotypes: a population steps as arrays, and what
-one genotype does never depends on the others beside it (element-wise arithmetic only, to the bit).
-The one memory is how long ago each module last touched ground, because touch flickers. Hinge i joins
-module i, counted from the head, to module i + 1 behind it; a positive angle lifts the part ahead of it.
+The only memory is how long ago each module last touched the ground, because contact flickers.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
+from evolution.controllers.laws import (
+    NETWORK_INPUTS,
+    REACTIVE_GENES,
+    Law,
+    network,
+    path,
+    posture,
+    reactive,
+    travelling,
+)
 from evolution.errors import RunError
+from evolution.limits import (
+    MAX_MAGNITUDE,
+    MIN_POSITIVE,
+    as_range,
+    check_choice,
+    coerce_floats,
+    coerce_integers,
+)
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Structure = Mapping[str, slice]
-"""Where each quantity lies in an observation, as `SnakePitEnv.observation_structure` tells."""
-Sensed = Mapping[str, np.ndarray]
-"""Quantities by name, each `[P, n]`, columns from head to tail.
-
-Besides what the environment senses: "airborne" and "rested" (1 or 0)."""
-Law = Callable[[Sensed, np.ndarray], np.ndarray]
-"""From quantities and genotypes `[P, G]` to hinge targets `[P, n-1]` [rad]."""
+"""Where each quantity lies in an observation, as in `SnakePitEnv.observation_structure`."""
 
 SENSORS = ("hinge_angle", "pitch", "contact")
-"""What every law reads of an observation."""
-PATIENCE = 15
-"""Ticks without touch after which a module counts as airborne (0.3 s)."""
-STAMINA = 175
-"""Ticks without touch after which a module no longer holds its posture in the air (3.5 s): else a head
-once raised would never come down again."""
-HINGE_RANGE = np.pi / 2
-BOUND = 1.5
-KNOTS = np.linspace(-0.55, 0.55, 12)
-"""Where the travelling posture has its knots, along the way from the middle of the pit [m]."""
-MODULE_PITCH = 0.1254
-"""Distance between the modules of a snake [m] (Scout robots, docked)."""
-HIDDEN = 4
-_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind", "angle", "place", "head_pitch")
-
-REACTIVE = ("bias", "head_bias", "tail_bias", "pitch_ahead", "pitch_behind")
-REACTIVE += ("front_air", "rear_air", "head_pitch")
-
-
-REFLEX = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
-"""Where the search for a reactive law begins: lift what hangs in the air in front, keep the head level.
-Set by hand, near what earlier searches had found; a near neighbour of it crossed 14 of 32 trials."""
-U_SHAPE = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
-"""Where the search for a travelling posture begins: down at the near edge, up at the bottom, level at the far
+"""Sensors that every law reads."""
+HINGE_RANGE = ScoutConfig().hinge_range
+"""Largest angle of a hinge to either side [rad]; actions are relative to it."""
+REACTIVE_HINT = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
+"""Hint for a search for a reactive law: lift what is in the air in front, keep the head level.
+Set by hand, close to what earlier searches had found; a genotype close to it crossed in 14 of 32 trials."""
+U_SHAPE_HINT = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
+"""Hint for a search for a travelling posture: down at the near edge, up at the bottom, level at the far
 edge (paper, section III-A)."""
+NUM_KNOTS = len(U_SHAPE_HINT)
+"""Knots of `travelling` and `path`: 10 cm apart, finer than a module is long."""
+
+
+_MAX_TICKS, _MAX_HIDDEN = 10**9, 1000
+
+
+@dataclass(frozen=True)
+class ControllerConfig:
+    """Parameters of the laws that are not evolved.
+
+    Attributes:
+        contact_timeout: ticks without contact after which a module counts as airborne. 15 (0.3 s) bridge the
+            flicker of contact; a head that drives over an edge advances by 2.5 cm meanwhile.
+        max_airborne_ticks: ticks without contact after which a module no longer keeps its raised posture. 175 (3.5 s);
+            without a limit a raised head would never come down again.
+        knot_range: position of the first and the last knot of `travelling` and `path`, from the middle of the
+            pit [m]. They cover the pit and 0.3 m on either side.
+        num_hidden: hidden units of `network`; four keep its search space at 37 genes.
+        gene_bound: largest absolute value of a gene, an angle [rad] or gain: nearly the range of a hinge.
+        weight_bound: largest absolute value of a weight of `network`; more saturates its tanh.
+    """
+
+    contact_timeout: int = 15
+    max_airborne_ticks: int = 175
+    knot_range: tuple[float, float] = (-0.55, 0.55)
+    num_hidden: int = 4
+    gene_bound: float = 1.5
+    weight_bound: float = 4.0
+
+    def __post_init__(self) -> None:
+        ticks = (0, _MAX_TICKS)
+        coerce_integers(
+            self, {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)}
+        )
+        coerce_floats(self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)))
+        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE)
+        if not low < high:
+            raise RunError(f"knot_range is {self.knot_range!r}; first < last is needed")
+        object.__setattr__(self, "knot_range", (low, high))
+
+    @property
+    def knots(self) -> Float[np.ndarray, " G"]:
+        """Positions of the knots [m]."""
+        return np.linspace(*self.knot_range, NUM_KNOTS)
 
 
 class State(NamedTuple):
-    """What a controller remembers.
+    """The memory of controllers between ticks.
 
     Attributes:
-        silence: `[P, n]` ticks since each module last touched something.
+        ticks_since_contact: of each module; 0 while it touches something.
     """
 
-    silence: np.ndarray
+    ticks_since_contact: Int[np.ndarray, "P n"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +114,7 @@ class Controller:
         initial: where a search with a hint begins.
         bound: largest absolute value of a gene.
         sensors: the parts of an observation that the law reads.
+        config: parameters that are not evolved.
     """
 
     name: str
@@ -80,8 +122,9 @@ class Controller:
     parameters: tuple[str, ...]
     law: Law
     initial: tuple[float, ...]
-    bound: float = BOUND
+    bound: float = ControllerConfig.gene_bound
     sensors: tuple[str, ...] = SENSORS
+    config: ControllerConfig = ControllerConfig()
 
     @property
     def lower(self) -> tuple[float, ...]:
@@ -99,30 +142,30 @@ class Controller:
 
     def act(
         self,
-        observation: np.ndarray,
-        genotype: np.ndarray,
+        observation: Float[np.ndarray, "P O"],
+        genotype: Float[np.ndarray, "*P G"],
         structure: Structure,
         state: State,
-    ) -> tuple[np.ndarray, State]:
-        """Return actions in [-1, 1], hinge targets as a share of the hinge's range, and the new state.
+    ) -> tuple[Float[np.ndarray, "P H"], State]:
+        """Compute actions in [-1, 1], hinge targets as a share of the hinge's range, and the new state.
 
         Args:
-            observation: `[P, O]`.
-            genotype: `[P, G]`, or `[G]` for all.
+            observation: one row for each controller.
+            genotype: one row for each controller, or one genotype for all.
             structure: where each quantity lies in an observation.
-            state: as `begin` or the call before returned it.
+            state: as returned by `begin` or the previous call.
         """
         count = len(observation)
         genes = genotype if genotype.ndim == 2 else np.broadcast_to(genotype, (count, len(self.parameters)))
         sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in self.sensors}
-        silence = (state.silence + 1) * (sensed["contact"] <= 0)
-        sensed["airborne"] = (silence > PATIENCE).astype(float)
-        sensed["rested"] = (silence <= STAMINA).astype(float)
+        ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
+        sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)
+        sensed["recent_contact"] = (ticks <= self.config.max_airborne_ticks).astype(float)
         target = self.law(sensed, genes) / HINGE_RANGE
-        return np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target), State(silence)
+        return np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target), State(ticks)
 
-    def check(self, genotypes: np.ndarray) -> None:
-        """Refuse genotypes that are not this controller's.
+    def check(self, genotypes: Float[np.ndarray, "*P G"]) -> None:
+        """Refuse genotypes that do not fit this controller.
 
         Raises:
             RunError: wrong length, or not finite.
@@ -133,121 +176,90 @@ class Controller:
                 f"reads {len(self.parameters)}: {', '.join(self.parameters[:12])}"
             )
         if not np.all(np.isfinite(genotypes)):
-            raise RunError("a genotype holds a number that is not finite")
+            raise RunError("a genotype has a number that is not finite")
 
 
-def reactive(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Bend each hinge by the pitch of the modules it joins, and the ends of the body that are in the air.
-
-    Eight numbers whatever the length of the body: a bias for all hinges and one more for the first and
-    the last, gains on the pitch ahead and behind, a posture for the modules between the head and the
-    first that touches ground and one for those behind the last that does, and the head's pitch to its
-    hinge.
-    """
-    bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
-    pitch, airborne = sensed["pitch"], sensed["airborne"]
-    front = np.multiply.accumulate(airborne, axis=1) * sensed["rested"]
-    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * sensed["rested"]
-    target = bias + ahead * pitch[:, :-1]
-    target += behind * pitch[:, 1:]
-    target += front_air * front[:, :-1]
-    target += rear_air * rear[:, 1:]
-    target[:, :1] += head_bias + head_pitch * pitch[:, :1]
-    target[:, -1:] += tail_bias
-    return target
-
-
-def travelling(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Hold a posture fixed to the ground: each hinge takes the angle of the place it passes.
-
-    What the head does at a place, every hinge behind it does there later (follow the leader). Twelve
-    knots along the way, joined by straight lines, 0 beyond them. Where the head is, its tracks tell (dead
-    reckoning from the start on the map), and where the hinges are, the pitch of the modules.
-    """
-    places = sensed["track_odometry"] - np.cumsum(MODULE_PITCH * np.cos(sensed["pitch"][:, :-1]), axis=1)
-    return _interpolate(genotype, places)
-
-
-def path(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Follow a path drawn over the ground: each module takes the slope that the path has at its place.
-
-    Twelve slopes along the way, joined by straight lines, 0 beyond them; a hinge takes the difference between the
-    slopes of the modules that it joins. Unlike the angles of `travelling`, a slope bends the body where it stands
-    and turns nothing far from there, so that genes act apart. Where the modules are, tracks and pitch tell.
-    """
-    half = 0.5 * MODULE_PITCH * np.cos(sensed["pitch"])
-    behind = np.cumsum(half[:, :-1] + half[:, 1:], axis=1)
-    places = sensed["track_odometry"] - np.pad(behind, ((0, 0), (1, 0)))
-    slopes = _interpolate(genotype, places)
-    return slopes[:, :-1] - slopes[:, 1:]
-
-
-def _interpolate(genotype: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the values `[P, n]` of lines through knots `[P, G]` at places [m]; 0 beyond them."""
-    position = (places - KNOTS[0]) / (KNOTS[1] - KNOTS[0])
-    padded = np.pad(genotype, ((0, 0), (1, 1)))
-    left = np.clip(np.floor(position), -1, len(KNOTS) - 1).astype(int)
-    share = np.clip(position - left, 0.0, 1.0)
-    here = np.take_along_axis(padded, left + 1, axis=1)
-    there = np.take_along_axis(padded, left + 2, axis=1)
-    return here + (there - here) * share
-
-
-def posture(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Hold one angle per hinge, from head to tail (paper, section III-A: the U shape).
-
-    A body shorter than the genotype's reads its first genes.
-    """
-    return np.array(genotype[:, : sensed["hinge_angle"].shape[1]])
-
-
-def network(sensed: Sensed, genotype: np.ndarray) -> np.ndarray:
-    """Let a small network with one hidden layer, the same at every hinge, choose the angle."""
-    angle, pitch, airborne = sensed["hinge_angle"], sensed["pitch"], sensed["airborne"]
-    count = angle.shape[1]
-    ones = np.ones_like(angle)
-    inputs = (ones, pitch[:, :-1], pitch[:, 1:], airborne[:, :-1], airborne[:, 1:], angle)
-    inputs += (ones * np.linspace(-1.0, 1.0, count), ones * pitch[:, :1])
-    weights = genotype.T[:, :, None]
-    target = weights[-1] * ones
-    for unit in range(HIDDEN):
-        first = unit * len(_INPUTS)
-        activation = weights[first] * inputs[0]
-        for offset in range(1, len(inputs)):
-            activation = activation + weights[first + offset] * inputs[offset]
-        target = target + weights[HIDDEN * len(_INPUTS) + unit] * np.tanh(activation)
-    return target
-
-
-def make_controller(name: str, modules: int) -> Controller:
-    """Return a controller.
+def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> Controller:
+    """Make a controller.
 
     Args:
         name: "path", "reactive", "travelling", "posture" or "network".
         modules: length of the longest body it is for.
+        config: parameters that are not evolved.
 
     Raises:
         RunError: there is no such controller, or the body has no hinge.
     """
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
-    if name == "reactive":
-        return Controller(name, modules, REACTIVE, reactive, REFLEX)
-    if name == "travelling":
-        knots = tuple(f"angle_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        return Controller(name, modules, knots, travelling, U_SHAPE, sensors=(*SENSORS, "track_odometry"))
-    if name == "path":
-        slopes = tuple(f"slope_at_{100 * x:+.0f}_cm" for x in KNOTS)
-        sensors = (*SENSORS, "track_odometry")
-        return Controller(name, modules, slopes, path, (0.0,) * len(slopes), sensors=sensors)
-    if name == "posture":
-        hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
-        return Controller(name, modules, hinges, posture, (0.0,) * (modules - 1))
-    if name == "network":
-        weights = tuple(f"hidden_{unit}_{name}" for unit in range(HIDDEN) for name in _INPUTS)
-        weights += (*(f"output_{unit}" for unit in range(HIDDEN)), "output_bias")
-        return Controller(name, modules, weights, network, (0.0,) * len(weights), bound=4.0)
-    raise RunError(f"there is no controller {name!r}; there are {', '.join(CONTROLLERS)}")
+    check_choice("controller", name, CONTROLLERS)
+    return _MAKERS[name](modules, config or ControllerConfig())
 
 
-CONTROLLERS = ("path", "reactive", "travelling", "posture", "network")
+def _make_path(modules: int, config: ControllerConfig) -> Controller:
+    return _make_knotted("path", path, "slope", (0.0,) * NUM_KNOTS, modules, config)
+
+
+def _make_reactive(modules: int, config: ControllerConfig) -> Controller:
+    bound = config.gene_bound
+    return Controller(
+        "reactive", modules, REACTIVE_GENES, reactive, REACTIVE_HINT, bound=bound, config=config
+    )
+
+
+def _make_travelling(modules: int, config: ControllerConfig) -> Controller:
+    return _make_knotted("travelling", travelling, "angle", U_SHAPE_HINT, modules, config)
+
+
+def _make_knotted(
+    name: str,
+    law: Callable[..., Float[np.ndarray, "P H"]],
+    quantity: str,
+    initial: tuple[float, ...],
+    modules: int,
+    config: ControllerConfig,
+) -> Controller:
+    """Make a controller whose genes are values of a quantity at knots along the course."""
+    knots = config.knots
+    return Controller(
+        name=name,
+        modules=modules,
+        parameters=tuple(f"{quantity}_at_{100 * x:+.0f}_cm" for x in knots),
+        law=partial(law, knots=knots),
+        initial=initial,
+        bound=config.gene_bound,
+        sensors=(*SENSORS, "track_odometry"),
+        config=config,
+    )
+
+
+def _make_posture(modules: int, config: ControllerConfig) -> Controller:
+    hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
+    initial = (0.0,) * len(hinges)
+    return Controller("posture", modules, hinges, posture, initial, bound=config.gene_bound, config=config)
+
+
+def _make_network(modules: int, config: ControllerConfig) -> Controller:
+    units = range(config.num_hidden)
+    weights = tuple(f"hidden_{unit}_{name}" for unit in units for name in NETWORK_INPUTS)
+    weights += (*(f"output_{unit}" for unit in units), "output_bias")
+    return Controller(
+        name="network",
+        modules=modules,
+        parameters=weights,
+        law=partial(network, num_hidden=config.num_hidden),
+        initial=(0.0,) * len(weights),
+        bound=config.weight_bound,
+        config=config,
+    )
+
+
+_MAKERS: dict[str, Callable[[int, ControllerConfig], Controller]] = {
+    "path": _make_path,
+    "reactive": _make_reactive,
+    "travelling": _make_travelling,
+    "posture": _make_posture,
+    "network": _make_network,
+}
+CONTROLLERS = tuple(_MAKERS)
+"""Names of the controllers."""

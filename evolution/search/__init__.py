@@ -1,1 +1,1 @@
-"""The search: CMA-ES, its loop, trials, validation, records, runs that resume."""
+"""The search: CMA-ES, the loop, validation, records, and runs that can be resumed."""

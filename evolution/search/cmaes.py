@@ -1,6 +1,6 @@
 """The covariance matrix adaptation strategy behind ask and tell, reproducible to the bit.
 
-pycma draws from NumPy's global random state. Here each strategy owns its state and lends it to the
+pycma draws from NumPy's global random state. Here each strategy owns its state and makes it the
 global one only during a call, so that equal seeds and equal fitness give equal genotypes whatever
 else the program draws, and replaying the same calls rebuilds the strategy exactly.
 
@@ -12,28 +12,51 @@ References:
 """
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
+from jaxtyping import Float, Int
 
-LARGEST_DOUBLING = 4
-"""The population doubles at a restart at most so many times."""
+from evolution.limits import MAX_TRIALS, as_range, coerce_integers
+
+_MAX_DOUBLINGS = 16
+
+
+@dataclass(frozen=True)
+class CmaesConfig:
+    """How the strategy restarts by itself, and how many more trials noise may cause.
+
+    Attributes:
+        max_doublings: a restart doubles the population, at most this many times; 4 bound a generation to 16 times
+            its first size (Auger and Hansen double without a limit).
+        restart_range: where a restart begins: uniform in this part of the range of each gene. The outer quarters
+            are left out, since a search that begins near a bound samples mostly outside.
+        max_trials_factor: noise handling multiplies the number of trials by at most this.
+    """
+
+    max_doublings: int = 4
+    restart_range: tuple[float, float] = (0.25, 0.75)
+    max_trials_factor: int = 8
+
+    def __post_init__(self) -> None:
+        coerce_integers(self, {"max_doublings": (0, _MAX_DOUBLINGS), "max_trials_factor": (1, MAX_TRIALS)})
+        object.__setattr__(self, "restart_range", as_range("restart_range", self.restart_range, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Space:
-    """What genotypes look like.
+    """The space of genotypes.
 
     Attributes:
-        names: one name a gene.
+        names: one for each gene.
         lower: smallest value of each gene.
         upper: largest value of each gene.
         initial: where the search begins.
         spread: width of the first sample relative to sigma, per gene.
-        integers: indices of the genes that hold whole numbers.
+        integers: indices of the genes that are integers.
     """
 
     names: tuple[str, ...]
@@ -55,15 +78,24 @@ class Strategy:
     Args:
         space: bounds and start of the genes.
         sigma: first step size, in units of `space.spread`.
-        population_size: genotypes a generation; doubled at a restart, up to 16 times as many.
+        population_size: genotypes of a generation; doubled at a restart.
         seed: of everything that is drawn.
         handle_noise: measure how re-evaluation changes ranks, and ask for more trials when it does.
+        config: of restarts and noise handling.
     """
 
     def __init__(
-        self, space: Space, sigma: float, population_size: int, seed: int, *, handle_noise: bool = False
+        self,
+        space: Space,
+        sigma: float,
+        population_size: int,
+        seed: int,
+        *,
+        handle_noise: bool = False,
+        config: CmaesConfig | None = None,
     ) -> None:
         self.space = space
+        self._config = config or CmaesConfig()
         self.restarts = self._doublings = 0
         self._first_sigma = sigma
         self._first_population_size = population_size
@@ -71,12 +103,13 @@ class Strategy:
         self._noise = None
         self._begin(np.asarray(space.initial), sigma)
         if handle_noise:
-            self._noise = _load_pycma().NoiseHandler(len(space.names), maxevals=[1, 1, 8], parallel=True)
+            evaluations = [1, 1, self._config.max_trials_factor]  # at the start, at least, at most
+            self._noise = _load_pycma().NoiseHandler(len(space.names), maxevals=evaluations, parallel=True)
 
     @property
     def population_size(self) -> int:
         """Genotypes in the next generation."""
-        return self._first_population_size * 2 ** min(self._doublings, LARGEST_DOUBLING)
+        return self._first_population_size * 2 ** min(self._doublings, self._config.max_doublings)
 
     @property
     def sigma(self) -> float:
@@ -84,87 +117,92 @@ class Strategy:
         return float(self._strategy.sigma)
 
     @property
-    def mean(self) -> np.ndarray:
-        """`[G]` centre of the search distribution."""
+    def mean(self) -> Float[np.ndarray, " G"]:
+        """Mean of the search distribution."""
         return np.asarray(self._strategy.result.xfavorite)
 
     @property
     def trials_factor(self) -> float:
-        """How many times the usual number of trials the noise calls for, at least 1."""
+        """Factor on the number of trials that the noise requires, at least 1."""
         return float(self._noise.evaluations) if self._noise is not None else 1.0
 
-    def ask(self) -> np.ndarray:
-        """Return the next generation, `[P, G]`."""
-        with self._own_randomness():
+    def ask(self) -> Float[np.ndarray, "P G"]:
+        """Sample the next generation."""
+        with self._own_random_state():
             return np.array(self._strategy.ask())
 
-    def find_reevaluations(self, fitness: np.ndarray) -> np.ndarray:
-        """Return the indices of the genotypes to try again, none where noise is not handled."""
+    def find_reevaluations(self, fitness: Float[np.ndarray, " P"]) -> Int[np.ndarray, " K"]:
+        """Return the indices of the genotypes to re-evaluate, none where noise is not handled."""
         if self._noise is None:
             return np.empty(0, dtype=int)
-        with self._own_randomness():
+        with self._own_random_state():
             return np.asarray(self._noise.indices(list(-fitness)), dtype=int)
 
-    def tell(self, genotypes: np.ndarray, fitness: np.ndarray, again: dict[int, float] | None = None) -> None:
-        """Learn from a generation; start anew with twice the population where the search has ended.
+    def tell(
+        self,
+        genotypes: Float[np.ndarray, "P G"],
+        fitness: Float[np.ndarray, " P"],
+        reevaluated: Mapping[int, float] | None = None,
+    ) -> None:
+        """Update the distribution; restart with twice the population where the search has converged.
 
         Args:
-            genotypes: `[P, G]` exactly as asked for.
-            fitness: `[P]` finite, higher is better.
-            again: fitness of those that were re-evaluated, by index.
+            genotypes: exactly as returned by `ask`.
+            fitness: finite, higher is better.
+            reevaluated: second fitness of those that were re-evaluated, by index.
         """
-        costs = list(-np.asarray(fitness, dtype=float))  # pycma minimises: the one place of negation
-        with self._own_randomness():
+        costs = list(-np.asarray(fitness, dtype=float))  # pycma minimizes: the one place of negation
+        with self._own_random_state():
             self._strategy.tell(list(genotypes), costs)
-            if self._noise is not None and again:
+            if self._noise is not None and reevaluated:
                 self._noise.fit = costs
-                again_costs = {index: -value for index, value in again.items()}
-                self._noise.fitre = [again_costs.get(index, cost) for index, cost in enumerate(costs)]
-                self._noise.idx = np.array(sorted(again))
+                second_costs = {index: -value for index, value in reevaluated.items()}
+                self._noise.fitre = [second_costs.get(index, cost) for index, cost in enumerate(costs)]
+                self._noise.idx = np.array(sorted(reevaluated))
                 self._noise.update_measure()
                 self._strategy.sigma *= self._noise.treat()
             if self._strategy.stop():
                 self.restarts += 1
                 self._doublings += 1
                 lower, upper = np.asarray(self.space.lower), np.asarray(self.space.upper)
-                middle = np.random.uniform(0.25, 0.75, len(lower))  # noqa: NPY002
+                middle = np.random.uniform(*self._config.restart_range, len(lower))  # noqa: NPY002
                 self._begin(lower + (upper - lower) * middle, self._first_sigma)
 
     def widen(self, sigma: float) -> None:
         """Raise the step size to at least `sigma`, for a landscape that has changed."""
         self._strategy.sigma = max(self._strategy.sigma, sigma)
 
-    def restart(self, start: np.ndarray, sigma: float) -> None:
-        """Begin anew around a genotype, with another step size and no directions learnt; as many genotypes."""
+    def restart(self, start: Float[np.ndarray, " G"], sigma: float) -> None:
+        """Restart around a genotype with another step size, no learned covariance and the same population size."""
         self.restarts += 1
         self._begin(start, sigma)
 
-    def _begin(self, start: np.ndarray, sigma: float) -> None:
+    def _begin(self, start: Float[np.ndarray, " G"], sigma: float) -> None:
         options = {
             "bounds": [list(self.space.lower), list(self.space.upper)],
             "CMA_stds": list(self.space.spread),
             "integer_variables": list(self.space.integers),
             "popsize": self.population_size,
-            "seed": np.nan,  # the state is ours
-            "verbose": -10,  # nor is a signals file read
+            "seed": np.nan,  # keep the random state
+            "verbose": -10,  # read no file of signals either
             "verb_log": 0,
             "verb_disp": 0,
         }
         self._strategy = _load_pycma().CMAEvolutionStrategy(start, sigma, options)
 
     @contextmanager
-    def _own_randomness(self) -> Iterator[None]:
-        others = np.random.get_state()  # noqa: NPY002
+    def _own_random_state(self) -> Iterator[None]:
+        global_state = np.random.get_state()  # noqa: NPY002
         np.random.set_state(self._random_state)  # noqa: NPY002
         try:
             yield
         finally:
             self._random_state = np.random.get_state()  # noqa: NPY002
-            np.random.set_state(others)  # noqa: NPY002
+            np.random.set_state(global_state)  # noqa: NPY002
 
 
 def _load_pycma() -> ModuleType:
-    """Import pycma, which takes a second: worker processes do without. It need not tell that matplotlib is absent."""
+    """Import pycma, which takes a second and is not needed by workers; without its warning about matplotlib."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Could not import matplotlib")
         import cma

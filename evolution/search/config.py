@@ -1,4 +1,4 @@
-"""The configuration of a run: what it searches for, and who does the work."""
+"""The configuration of a run: what it searches for, and on which workers."""
 
 import hashlib
 import json
@@ -6,74 +6,88 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from evolution.backends.trials import Randomisation, Scoring
+from evolution.backends.trials import Options, Randomization, Scoring
 from evolution.controllers.controller import CONTROLLERS
+from evolution.deprecation import accept_former_fields, rename_keys
 from evolution.errors import RunError
 from evolution.limits import (
-    LARGEST_SEED,
-    MOST_GENERATIONS,
-    MOST_GENOTYPES,
-    MOST_MODULES,
-    MOST_TRIALS,
-    MOST_WORKERS,
-    SMALLEST_STEP,
-    as_counts,
-    settle_counts,
-    settle_numbers,
+    MAX_GENERATIONS,
+    MAX_GENOTYPES,
+    MAX_MODULES,
+    MAX_SEED,
+    MAX_TRIALS,
+    MAX_WORKERS,
+    MIN_POSITIVE,
+    as_integers,
+    check_choice,
+    coerce_floats,
+    coerce_integers,
 )
-from evolution.search.environment_options import Options, open_options, sort_options
+from evolution.search.cmaes import CmaesConfig
+from evolution.search.environment_options import open_options, sort_options
 from evolution.search.evaluation import BACKENDS
 from evolution.search.stages import Stage
-from evolution.search.validation import Validation
+from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
 from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.environment.config import STARTS
 
-HOW = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
-"""Fields that may change when a run is resumed: they decide how far and by whom, not what comes out."""
-_COUNTS = {
-    "generations": (0, MOST_GENERATIONS),
-    "workers": (1, MOST_WORKERS),
-    "population_size": (4, MOST_GENOTYPES),
-    "trials": (1, MOST_TRIALS),
-    "modules": (2, MOST_MODULES),
-    "seed": (0, LARGEST_SEED),
+RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
+"""Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
+ORIGINS = ("hint", "zero")
+"""Where a search may begin."""
+FORMER_NAMES = {"randomisation": "randomization"}
+"""Former name -> present name of fields of `EvolutionConfig`."""
+_NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
+"""A digest is computed with the former names, so that runs of earlier versions keep theirs."""
+_ADDED = {"cmaes": asdict(CmaesConfig()), "success_threshold": Validation.success_threshold}
+"""Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
+_MAX_SIGMA = 1000.0
+_INTEGERS = {
+    "generations": (0, MAX_GENERATIONS),
+    "workers": (1, MAX_WORKERS),
+    "population_size": (4, MAX_GENOTYPES),
+    "trials": (1, MAX_TRIALS),
+    "modules": (2, MAX_MODULES),
+    "seed": (0, MAX_SEED),
 }
 
 
+@accept_former_fields(**FORMER_NAMES)
 @dataclass(frozen=True)
 class EvolutionConfig:
-    """A run of evolution. Every field is kept in the run folder.
+    """A run of evolution. The run folder stores every field.
 
     Attributes:
         arena: name or folder, of a run without stages.
         modules: length of the snake.
         seed: of everything that is drawn.
-        generations: at most so many.
-        folder: where the run is kept; None keeps it in memory only.
+        generations: largest number.
+        folder: of the run; None keeps it in memory only.
         workers: threads, processes or actors.
         backend: "batch", "processes" or "ray"; the results are equal.
         address: of an existing Ray cluster; None starts a local one.
         controller: "path", "reactive", "travelling", "posture" or "network".
         origin: where the search begins, "zero" (no knowledge) or "hint" (the controller's own, set by hand; then a
             sigma of 0.15 fits better).
-        population_size: genotypes a generation; doubles at a restart.
+        population_size: genotypes per generation; doubles at a restart.
         sigma: first step size.
         trials: of each genotype, under the same conditions within a generation; as many as there are stretches.
         start: where the trials begin, "pit" (close before it) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
-        stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and is this when
-            the search begins anew around the fittest genotype.
+        stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and set to this
+            when the search restarts around the fittest genotype.
         body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
-            holds, the search goes on among shorter ones.
-        restart_after: where in so many generations no more trials succeeded than in the best one before, the search
-            begins anew: where it began, or, with `body_lengths` or `stages`, around the fittest genotype of the stage,
-            since what was learned before is worth keeping. None means never.
+            succeeds reliably, the search continues with shorter ones.
+        restart_after: number of generations without more successful trials than in the best generation before, after
+            which the search restarts: where it began, or, with `body_lengths` or `stages`, around the fittest genotype
+            of the stage, to keep what was learned before. None means never.
         handle_noise: more trials when re-evaluation changes the order of the genotypes.
         stop_when_solved: end when a champion is confirmed.
-        randomisation: what the conditions of a trial are drawn from.
+        randomization: what the conditions of a trial are sampled from.
         scoring: how an outcome becomes a fitness.
         validation: how candidates for the champion are tried.
         environment: further options of the environment, such as pit or abyss.
+        cmaes: how CMA-ES restarts where it has converged, and handles noise.
     """
 
     arena: str = "gsrm"
@@ -96,10 +110,11 @@ class EvolutionConfig:
     restart_after: int | None = 10
     handle_noise: bool = False
     stop_when_solved: bool = True
-    randomisation: Randomisation = field(default_factory=Randomisation)
+    randomization: Randomization = field(default_factory=Randomization)
     scoring: Scoring = field(default_factory=Scoring)
     validation: Validation = field(default_factory=Validation)
     environment: Options = ()
+    cmaes: CmaesConfig = field(default_factory=CmaesConfig)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -109,7 +124,7 @@ class EvolutionConfig:
             set_field(self, "folder", str(self.folder))
         if not isinstance(self.arena, str):
             raise RunError(
-                f"arena is {type(self.arena).__name__}; a run is kept as text: "
+                f"arena is {type(self.arena).__name__}; a run is stored as text: "
                 "save the arena in a folder and name that"
             )
         set_field(self, "stages", tuple(self.stages))
@@ -117,44 +132,37 @@ class EvolutionConfig:
         self._check()
 
     def _check(self) -> None:
-        settle_counts(self, _COUNTS)
-        settle_numbers(self, dict.fromkeys(("sigma", "stage_sigma"), (SMALLEST_STEP, 1000.0)))
+        coerce_integers(self, _INTEGERS)
+        coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)))
         if self.restart_after is not None:
-            settle_counts(self, {"restart_after": (1, MOST_GENERATIONS)})
-        choices_by_name = {
-            "backend": BACKENDS,
-            "controller": CONTROLLERS,
-            "start": STARTS,
-            "origin": ("hint", "zero"),
-        }
-        for name, choices in choices_by_name.items():
-            if getattr(self, name) not in choices:
-                raise RunError(f"there is no {name} {getattr(self, name)!r}; there are {', '.join(choices)}")
+            coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)})
+        check_choice("backend", self.backend, BACKENDS)
+        check_choice("controller", self.controller, CONTROLLERS)
+        check_choice("start", self.start, STARTS)
+        check_choice("origin", self.origin, ORIGINS)
         if self.body_lengths is not None:
-            lengths = as_counts("body_lengths", self.body_lengths, 2, MOST_MODULES)
+            lengths = as_integers("body_lengths", self.body_lengths, 2, MAX_MODULES)
             object.__setattr__(self, "body_lengths", lengths)
             if len(lengths) != 2 or not lengths[0] < lengths[1]:
                 raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:
-        """The stages; one that lasts where none were named."""
+        """The stages; a single one where none are given."""
         return self.stages or (Stage(self.arena),)
 
     def digest(self) -> str:
-        """Return a fingerprint of all that decides what comes out.
+        """Return a fingerprint of all that decides the results of a run.
 
-        What is None says nothing: a run from before an option existed keeps its fingerprint.
+        Options that are None are left out: a run from before an option existed keeps its fingerprint.
         """
-        said = asdict(
-            self, dict_factory=lambda pairs: {name: value for name, value in pairs if value is not None}
-        )
-        content = {name: value for name, value in said.items() if name not in HOW}
+        content = asdict(self, dict_factory=_collect_for_digest)
+        content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def differences(self, other: "EvolutionConfig") -> list[str]:
-        """Return "field: this, not that" for all that decides what comes out and differs."""
-        names = [each.name for each in fields(self) if each.name not in HOW]
+        """Return "field: this, not that" for each difference that decides the results of a run."""
+        names = [each.name for each in fields(self) if each.name not in RUNTIME_FIELDS]
         return [
             f"{name}: {getattr(self, name)!r}, not {getattr(other, name)!r}"
             for name in names
@@ -166,15 +174,26 @@ class EvolutionConfig:
         return json.loads(json.dumps(asdict(self) | {"environment": dict(self.environment)}))
 
     @classmethod
-    def from_json(cls, content: Any) -> "EvolutionConfig":
-        """Return the configuration that `to_json` described.
+    def from_json(cls, content: object) -> "EvolutionConfig":
+        """Return the configuration described by `to_json`, also of an earlier version.
 
         Raises:
             RunError: a field is unknown or its value of the wrong kind.
         """
-        if isinstance(content, dict):  # a run from before there was the option never begins anew
+        content = rename_keys(content, FORMER_NAMES)
+        if isinstance(content, dict):  # a run from before this option existed never restarts
             content = {"restart_after": None} | content
+            if "validation" in content:
+                content["validation"] = rename_keys(content["validation"], FORMER_VALIDATION_NAMES)
         try:
             return as_type(open_options(content), cls, "config")
         except JsonError as error:
             raise RunError(str(error)) from error
+
+
+def _collect_for_digest(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {
+        _NAMES_IN_DIGEST.get(name, name): value
+        for name, value in pairs
+        if value is not None and not (name in _ADDED and value == _ADDED[name])
+    }

@@ -1,13 +1,11 @@
-"""Further options of the environment, as a run and its champion keep them: sorted pairs that can be hashed."""
+"""Further options of the environment, as a run and its champion store them: sorted pairs that can be hashed."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from evolution.backends.trials import Options
 from evolution.errors import RunError
 from symbrion_gym.environment.config import SnakePitConfig
-
-Options = tuple[tuple[str, Any], ...]
-"""Name and value of each option, sorted by name."""
 
 
 def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Options:

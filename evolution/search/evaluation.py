@@ -1,107 +1,119 @@
-"""Genotypes to fitness, by whichever backend."""
+"""The fitness of genotypes, on any backend."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
+from jaxtyping import Float, Num
 
 from evolution.backends.batch import BatchBackend
+from evolution.backends.pool import PoolConfig
 from evolution.backends.simulation import Simulate, find_simulate
-from evolution.backends.trials import Job, Outcome, Randomisation, Scoring, Trials
+from evolution.backends.trials import Job, Outcome, Randomization, Scoring, Trials
+from evolution.deprecation import accept_former_arguments
 from evolution.errors import RunError
+from evolution.limits import check_choice
+
+if TYPE_CHECKING:
+    from evolution.backends.trials import ArenaSource
 
 BACKENDS = ("batch", "processes", "ray")
 
 
 class Backend(Protocol):
-    """Who runs the jobs."""
+    """Runs jobs on its workers."""
 
     def run(self, jobs: Sequence[Job]) -> list[Outcome]:
         """Return one outcome for each job, in order."""
         ...
 
     def close(self) -> None:
-        """Let the workers go."""
+        """Stop the workers."""
         ...
 
 
 def make_backend(
-    name: str = "batch", workers: int = 1, address: str | None = None, simulate: Simulate | None = None
+    name: str = "batch",
+    workers: int = 1,
+    address: str | None = None,
+    simulate: Simulate | None = None,
+    pool: PoolConfig | None = None,
 ) -> Backend:
-    """Return a backend.
+    """Make a backend.
 
     Args:
         name: "batch", "processes" or "ray".
         workers: threads, processes or actors.
         address: of an existing Ray cluster; None starts a local one.
-        simulate: what tries a job; None means physics.
+        simulate: the function that tries jobs; None means physics.
+        pool: how processes or actors get their jobs, and how long they may take.
 
     Raises:
         RunError: unknown name, workers below 1, or Ray is not installed.
     """
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
+    check_choice("backend", name, BACKENDS)
     simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
     if name == "batch":
         return BatchBackend(simulate, workers)
     if name == "processes":
         from evolution.backends.processes import ProcessBackend
 
-        return ProcessBackend(simulate, workers)
-    if name == "ray":
-        from evolution.backends.cluster import RayBackend
+        return ProcessBackend(simulate, workers, pool)
+    from evolution.backends.cluster import RayBackend
 
-        return RayBackend(simulate, workers, address)
-    raise RunError(f"there is no backend {name!r}; there are {', '.join(BACKENDS)}")
+    return RayBackend(simulate, workers, address, pool)
 
 
 class Evaluation(NamedTuple):
-    """Fitness of genotypes, and what happened to each.
+    """Fitness of genotypes, and the outcomes of their trials.
 
     Attributes:
-        fitness: `[P]`, higher is better.
+        fitness: higher is better.
         outcomes: one for each genotype.
     """
 
-    fitness: np.ndarray
+    fitness: Float[np.ndarray, " P"]
     outcomes: list[Outcome]
 
 
+@accept_former_arguments(randomisation="randomization")
 def evaluate(
-    genotypes: np.ndarray,
-    arena: Any = "truth",
+    genotypes: Num[np.ndarray, "*P G"],
+    arena: "ArenaSource" = "truth",
     modules: int = 8,
     seed: int = 0,
     *,
     trials: int = 2,
     controller: str = "reactive",
     start: str = "pit",
-    randomisation: Randomisation | None = None,
+    randomization: Randomization | None = None,
     scoring: Scoring | None = None,
     backend: str = "batch",
     workers: int = 1,
     simulate: Simulate | None = None,
     **environment: Any,
 ) -> Evaluation:
-    """Try genotypes under the same randomised conditions.
+    """Try genotypes under the same randomized conditions.
 
     Args:
-        genotypes: `[P, G]`, or `[G]` for one.
+        genotypes: one per row, or a single one.
         arena: name, folder, or an `Arena` (backend "batch").
         modules: number of modules.
         seed: of the conditions.
-        trials: how many each genotype gets.
+        trials: of each genotype.
         controller: the law that reads the genotypes.
         start: "pit" or "floor".
-        randomisation: ranges of the conditions.
+        randomization: ranges of the conditions.
         scoring: how an outcome becomes a fitness.
         backend: "batch", "processes" or "ray"; the results are equal.
         workers: threads, processes or actors.
-        simulate: what tries a job; None means physics.
+        simulate: the function that tries jobs; None means physics.
         environment: further options of `SnakePitEnv`.
 
     Raises:
-        RunError: the shape of the genotypes does not fit the controller.
+        RunError: the genotypes do not fit the controller, or an argument is unknown or out of range.
     """
     from evolution.controllers.controller import make_controller
 
@@ -114,7 +126,7 @@ def evaluate(
         start=start,
         count=trials,
         seed=(seed,),
-        randomisation=randomisation or Randomisation(),
+        randomization=randomization or Randomization(),
         environment=tuple(sorted(environment.items())),
     )
     runner = make_backend(backend, workers, simulate=simulate)

@@ -1,7 +1,7 @@
-"""The loop: ask for genotypes, try them, tell their fitness, validate candidates, keep the record.
+"""The loop: ask for genotypes, try them, tell their fitness, validate candidates, record everything.
 
-A run resumes by living its recorded generations again, with outcomes from the record instead of
-physics, through the same code; so what follows is the same to the bit.
+A run resumes by replaying its recorded generations through the same code, with outcomes from the record instead of
+physics; so what follows is the same to the bit.
 """
 
 import logging
@@ -12,22 +12,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
 from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
+from evolution.search.config import RUNTIME_FIELDS, EvolutionConfig
 from evolution.search.evaluation import Backend, make_backend
-from evolution.search.record import AGAIN, HISTORY, SAMPLE, TIMES, VALIDATION, Entry, Record
+from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
+from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
-from evolution.search.task_search import Search
-from evolution.search.validation import Champion, select
+from evolution.search.stages import Stage
+from evolution.search.validation import Champion, select_champion
 from reconstruction.progress import Progress, silent
 
 OnGeneration = Callable[[Run], None]
-"""Called with the run so far after each generation; `run.history[-1]` holds the newest numbers."""
+"""Called with the run so far after each generation; the last row of `run.history` has the latest numbers."""
 
-log = logging.getLogger(__name__)
+logger = logging.getLogger(__name__)
 
 
 def evolve(
@@ -40,13 +42,13 @@ def evolve(
     """Run evolution from its beginning.
 
     Args:
-        config: what to search for; `config.folder` must not hold a run yet.
-        simulate: what tries a job; None means physics.
+        config: what to search for; `config.folder` must not contain a run yet.
+        simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each generation.
-        progress: told how far the run is.
+        progress: called with the progress of the run.
 
     Raises:
-        RunError: the folder is taken, cannot be written or is being written by another run.
+        RunError: the folder contains a run, cannot be written or is being written by another run.
     """
     if config.folder is None:
         return _run(config, Record(), None, simulate, on_generation, progress)
@@ -64,38 +66,38 @@ def resume(
     progress: Progress = silent,
     **changes: Any,
 ) -> Run:
-    """Go on with a run, as if it had never stopped.
+    """Continue a run as if it had never stopped.
 
     Args:
         folder: of the run.
-        simulate: what tries a job; None means physics.
+        simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each new generation.
-        progress: told how far the run is.
+        progress: called with the progress of the run.
         changes: new values of `generations`, `workers`, `backend`, `address` or `stop_when_solved`.
 
     Raises:
-        RunError: no run there, damaged, contradicting its configuration, or being written.
+        RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
     """
-    allowed = {"generations", "workers", "backend", "address", "stop_when_solved"}
+    allowed = set(RUNTIME_FIELDS) - {"folder"}
     if not set(changes) <= allowed:
         raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
     run_folder = RunFolder(folder)
-    if not run_folder.holds_run():
-        raise RunError(f"{folder} holds no run; evolve begins one")
+    if not run_folder.has_run():
+        raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
-        kept = run_folder.read_config()
-        config = replace(kept, folder=str(folder), **changes)
+        stored = run_folder.read_config()
+        config = replace(stored, folder=str(folder), **changes)
         record = run_folder.read_record(config)
-        if config != kept:
+        if config != stored:
             run_folder.write_config(config)
         return _run(config, record, run_folder, simulate, on_generation, progress)
 
 
 def load_run(folder: str | Path) -> Run:
-    """Read a run without going on with it; also while another process writes it.
+    """Read a run without continuing it; also while another process writes it.
 
     Raises:
-        RunError: no run there, damaged, or contradicting its configuration.
+        RunError: there is no run, or it is damaged or contradicts its configuration.
     """
     run_folder = RunFolder(folder)
     config = run_folder.read_config()
@@ -137,81 +139,88 @@ class _Evolution:
     """One run in progress."""
 
     def __init__(self, config: EvolutionConfig, past: Record, backend: Backend | None) -> None:
-        self._search = Search(config)
+        self._search = RestartingSearch(config)
         self._strategy = self._search.strategy
         self._config, self._past, self._backend = config, past, backend
         self._record = Record()
-        self._stage_began = [0]
+        self._stage_starts = [0]
         self._replayed: list[Entry] | None = None
         self._wall_seconds = 0.0
 
     def replay(self) -> None:
-        """Live the recorded generations again.
+        """Replay the recorded generations.
 
         Raises:
-            RunError: they do not come out as recorded.
+            RunError: the result differs from the record.
         """
         for entries, row in self._past.generations():
             self._replayed = list(entries)
             self.step()
             self._wall_seconds = float(row["wall_seconds"])
-            ours = self._record.history[-1]
-            differs = any(ours[name] != row[name] for name in HISTORY.names or () if name not in TIMES)
+            replayed = self._record.history[-1]
+            differs = any(replayed[name] != row[name] for name in HISTORY.names or () if name not in TIMES)
             if self._replayed or differs:
                 raise self._mismatch(int(row["generation"]))
             self._record.set_wall_seconds(self._wall_seconds)
         self._replayed = None
 
     def is_over(self) -> bool:
-        """Tell whether the run has come to its end."""
+        """Return whether the run has ended."""
         if self._record.num_generations >= self._config.generations:
             return True
         return self._config.stop_when_solved and self._is_solved()
 
     def step(self) -> None:
-        """Live one generation."""
+        """Run one generation."""
         began = time.perf_counter()
-        generation, stage = self._record.num_generations, len(self._stage_began) - 1
+        generation, stage = self._record.num_generations, len(self._stage_starts) - 1
         population_size, restarts = self._strategy.population_size, self._strategy.restarts
-        genotypes, centre = self._strategy.ask(), self._strategy.mean
+        genotypes, mean = self._strategy.ask(), self._strategy.mean
         count = round((self._stage.trials or self._config.trials) * self._strategy.trials_factor)
         samples = self._try(SAMPLE, list(enumerate(genotypes)), count)
         fitness = np.array([entry.fitness for entry in samples])
-        chosen = self._strategy.find_reevaluations(fitness)
-        repeated = self._try(AGAIN, [(int(index), genotypes[index]) for index in chosen], count)
+        indices = self._strategy.find_reevaluations(fitness)
+        repeated = self._try(REEVALUATION, [(int(index), genotypes[index]) for index in indices], count)
         self._strategy.tell(genotypes, fitness, {entry.index: entry.fitness for entry in repeated})
-        validated = self._validate(samples, centre)
+        validated = self._validate(samples, mean)
         entries = samples + repeated + validated
         self._wall_seconds += time.perf_counter() - began
-        before = self._record.history[-1] if generation else np.zeros(1, dtype=HISTORY)[0]
-        row = {
-            "generation": generation,
-            "evaluations": int(before["evaluations"]) + len(samples),
-            "wall_seconds": round(self._wall_seconds, 3),
+        row = self._make_row(samples, entries) | {
             "stage": stage,
-            "best": fitness.max(),
-            "median": np.median(fitness),
-            "sigma": self._strategy.sigma,
-            "successes": sum(all(entry.outcome.succeeded) for entry in samples),
             "population_size": population_size,
             "restarts": restarts,
-            "trials": int(before["trials"]) + sum(entry.outcome.trials for entry in entries),
             "validated": len({entry.index for entry in validated}),
-            "champion_successes": 0,
-            "champion_trials": 0,
-            "failures": sum(bool(entry.outcome.error) for entry in samples),
         }
         self._record.add_generation(entries, row)
         champion = self._find_champion(stage)
         if champion is not None:
             self._record.set_champion(champion.successes, champion.trials)
-            self._search.shorten(champion, generation + 1)
+            self._search.limit_length(champion, generation + 1)
         self._promote(stage)
-        self._search.restart_if_stuck(self._record.entries, generation + 1)
+        self._search.restart_if_stagnant(self._record.entries, generation + 1)
+
+    def _make_row(self, samples: Sequence[Entry], entries: Sequence[Entry]) -> dict[str, float]:
+        """Return most of a generation's row of the history, from its samples and all its entries."""
+        generation = self._record.num_generations
+        before = self._record.history[-1] if generation else np.zeros(1, dtype=HISTORY)[0]
+        fitness = np.array([entry.fitness for entry in samples])
+        return {
+            "generation": generation,
+            "evaluations": int(before["evaluations"]) + len(samples),
+            "wall_seconds": round(self._wall_seconds, 3),
+            "best": fitness.max(),
+            "median": np.median(fitness),
+            "sigma": self._strategy.sigma,
+            "successes": sum(all(entry.outcome.succeeded) for entry in samples),
+            "trials": int(before["trials"]) + sum(entry.outcome.trials for entry in entries),
+            "champion_successes": 0,
+            "champion_trials": 0,
+            "failures": sum(bool(entry.outcome.error) for entry in samples),
+        }
 
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""
-        stages = range(len(self._stage_began))
+        stages = range(len(self._stage_starts))
         champions = [champion for stage in stages if (champion := self._find_champion(stage)) is not None]
         return Run(
             config=self._config,
@@ -223,43 +232,49 @@ class _Evolution:
         )
 
     def _try(
-        self, kind: int, numbered: Sequence[tuple[int, np.ndarray]], count: int, block: int = 0
+        self, kind: int, numbered: Sequence[tuple[int, Float[np.ndarray, " G"]]], count: int, block: int = 0
     ) -> list[Entry]:
-        """Try genotypes, or take what came of them from the record."""
-        config, generation = self._config, self._record.num_generations
-        jobs = []
-        for index, genotype in numbered:
-            own = (index + 1, block) if kind == VALIDATION else ()
-            trials = Trials(
-                arena=self._stage.arena,
-                modules=self._search.count_modules(genotype),
-                controller=config.controller,
-                start=config.validation.start if kind == VALIDATION else config.start,
-                count=count,
-                seed=(config.seed, kind, generation, *own),
-                randomisation=config.randomisation,
-                environment=config.environment,
-            )
-            jobs.append(Job(self._search.strip(genotype), trials))
+        """Try genotypes, or take their outcomes from the record."""
         if self._replayed is not None:
             return self._take_recorded(kind, numbered)
         if self._backend is None:
-            raise RuntimeError("a run that is only read tries nothing")
+            raise RuntimeError("a run that is only read has no backend")
+        jobs = [self._make_job(kind, index, genotype, count, block) for index, genotype in numbered]
         outcomes = self._backend.run(jobs)
         return [
             Entry(
-                generation=generation,
+                generation=self._record.num_generations,
                 kind=kind,
                 index=index,
                 modules=job.trials.modules,
                 genotype=genotype,
-                fitness=config.scoring.score(outcome, job.trials.modules),
+                fitness=self._config.scoring.score(outcome, job.trials.modules),
                 outcome=outcome,
             )
             for (index, genotype), job, outcome in zip(numbered, jobs, outcomes, strict=True)
         ]
 
-    def _take_recorded(self, kind: int, numbered: Sequence[tuple[int, np.ndarray]]) -> list[Entry]:
+    def _make_job(
+        self, kind: int, index: int, genotype: Float[np.ndarray, " G"], count: int, block: int
+    ) -> Job:
+        """Return the trials of a genotype; candidates have conditions of their own in each round (`block`)."""
+        config, is_validation = self._config, kind == VALIDATION
+        own_seed = (index + 1, block) if is_validation else ()
+        trials = Trials(
+            arena=self._stage.arena,
+            modules=self._search.count_modules(genotype),
+            controller=config.controller,
+            start=config.validation.start if is_validation else config.start,
+            count=count,
+            seed=(config.seed, kind, self._record.num_generations, *own_seed),
+            randomization=config.randomization,
+            environment=config.environment,
+        )
+        return Job(self._search.select_controller_genes(genotype), trials)
+
+    def _take_recorded(
+        self, kind: int, numbered: Sequence[tuple[int, Float[np.ndarray, " G"]]]
+    ) -> list[Entry]:
         assert self._replayed is not None
         taken, self._replayed = self._replayed[: len(numbered)], self._replayed[len(numbered) :]
         if len(taken) < len(numbered) or any(
@@ -269,54 +284,56 @@ class _Evolution:
             raise self._mismatch(self._record.num_generations)
         return taken
 
-    def _validate(self, samples: Sequence[Entry], centre: np.ndarray) -> list[Entry]:
-        """Try the candidates of the last stage under fresh conditions, while they hold."""
-        if len(self._stage_began) < len(self._config.all_stages):
+    def _validate(self, samples: Sequence[Entry], mean: Float[np.ndarray, " G"]) -> list[Entry]:
+        """Try the candidates of the last stage under new conditions, while enough trials succeed."""
+        if len(self._stage_starts) < len(self._config.all_stages):
             return []
         validation = self._config.validation
         fitness = np.array([entry.fitness for entry in samples])
-        chosen = validation.choose(fitness, [entry.outcome for entry in samples])
-        genotypes = [*(entry.genotype for entry in samples), centre]
-        remaining = [(index, genotypes[index]) for index in chosen]
+        indices = validation.select_candidates(fitness, [entry.outcome for entry in samples])
+        genotypes = [*(entry.genotype for entry in samples), mean]
+        remaining = [(index, genotypes[index]) for index in indices]
         tried: list[Entry] = []
         for block, count in enumerate(validation.rounds):
             tried += self._try(VALIDATION, remaining, count, block)
             remaining = [
                 (index, genotype)
                 for index, genotype in remaining
-                if _share_of_successes(tried, index) >= validation.go_on
+                if _find_success_rate(tried, index) >= validation.continue_share
             ]
         return tried
 
     def _promote(self, stage: int) -> None:
         stages = self._config.all_stages
-        history = self._record.history[self._stage_began[-1] :]
+        history = self._record.history[self._stage_starts[-1] :]
         if stage + 1 < len(stages) and stages[stage].is_done(history):
-            self._stage_began.append(self._record.num_generations)
-            self._search.begin_task(self._record.num_generations)
-            log.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
+            self._stage_starts.append(self._record.num_generations)
+            self._search.widen(self._record.num_generations)
+            logger.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
 
     def _find_champion(self, stage: int) -> Champion | None:
+        config = self._config
         is_in_stage = list(self._record.history["stage"] == stage)
-        entry = select(self._record, is_in_stage, shortest=self._config.body_lengths is not None)
+        sufficient_rate = config.validation.success_threshold if config.body_lengths is not None else None
+        entry = select_champion(self._record, is_in_stage, sufficient_rate)
         if entry is None:
             return None
         is_validated = entry.kind == VALIDATION
         return Champion(
-            genotype=tuple(self._search.strip(entry.genotype).tolist()),
+            genotype=tuple(self._search.select_controller_genes(entry.genotype).tolist()),
             names=self._search.controller.parameters,
-            controller=self._config.controller,
+            controller=config.controller,
             modules=entry.modules,
-            arena=self._config.all_stages[stage].arena,
+            arena=config.all_stages[stage].arena,
             generation=entry.generation,
             fitness=entry.fitness,
             successes=entry.outcome.successes if is_validated else 0,
             trials=entry.outcome.trials if is_validated else 0,
-            environment=self._config.environment,
+            environment=config.environment,
         )
 
     def _is_solved(self) -> bool:
-        stage = len(self._stage_began) - 1
+        stage = len(self._stage_starts) - 1
         champion = self._find_champion(stage) if stage + 1 == len(self._config.all_stages) else None
         return (
             champion is not None
@@ -325,17 +342,17 @@ class _Evolution:
         )
 
     @property
-    def _stage(self) -> Any:
-        return self._config.all_stages[len(self._stage_began) - 1]
+    def _stage(self) -> Stage:
+        return self._config.all_stages[len(self._stage_starts) - 1]
 
     def _mismatch(self, generation: int) -> RunError:
         return RunError(
-            f"generation {generation} of {self._config.folder or 'this run'} does not come out as recorded: "
+            f"generation {generation} of {self._config.folder or 'this run'} does not replay as recorded: "
             "the record was changed, or NumPy, cma or the processor differ from those it began with "
-            "(config.json); resume it where it began, or start anew in another folder"
+            "(config.json); resume it where it began, or start again in another folder"
         )
 
 
-def _share_of_successes(entries: Sequence[Entry], index: int) -> float:
-    flags = [held for entry in entries if entry.index == index for held in entry.outcome.succeeded]
+def _find_success_rate(entries: Sequence[Entry], index: int) -> float:
+    flags = [succeeded for entry in entries if entry.index == index for succeeded in entry.outcome.succeeded]
     return sum(flags) / len(flags)

@@ -1,4 +1,4 @@
-"""Which commit of this project the running code is, where its own checkout can tell."""
+"""Which commit of this project the running code is, where it runs from a checkout."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ from pathlib import Path
 PROJECT = "symbrion-gym"
 """Name in the `pyproject.toml` at the root of a checkout."""
 CODE = ("reconstruction", "symbrion_gym", "evolution", "benchmarks", "assets", ":(exclude)benchmarks/results")
-"""What decides a result; a change elsewhere (documentation, tests, results) leaves a checkout clean."""
+"""Paths that decide results; a change elsewhere (documentation, tests, results) leaves a checkout clean."""
 
 
 @dataclass(frozen=True)

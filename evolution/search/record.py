@@ -1,6 +1,6 @@
-"""Everything a run has tried, in columns; replaying it rebuilds the run, so the record is the checkpoint.
+"""Everything a run has tried, in columns. Replaying it rebuilds the run, so the record is the checkpoint.
 
-One `.npz` file of plain arrays: no pickle, nothing in it can run code, and the checksums of its
+One `.npz` file of plain arrays: no pickle, so nothing in it can run code, and the checksums of its
 container reveal damage.
 """
 
@@ -9,14 +9,15 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Shaped
 
 from evolution.backends.trials import Outcome
 from evolution.errors import RunError
 from reconstruction.files.bounded_read import read_npz
 
 FORMAT = "symbrion run 2"
-SAMPLE, AGAIN, VALIDATION = 0, 1, 2
-"""Kinds of an evaluation: a genotype of a generation, the same once more, a candidate's fresh trials."""
+SAMPLE, REEVALUATION, VALIDATION = 0, 1, 2
+"""Kinds of an evaluation: a genotype of a generation, the same a second time, new trials of a candidate."""
 
 HISTORY = np.dtype(
     [
@@ -37,32 +38,32 @@ HISTORY = np.dtype(
         ("failures", "<i4"),
     ]
 )
-"""One row a generation: `evaluations` (genotypes tried) and `trials` (of all kinds) count from the start of
-the run, `successes` and `failures` are this generation's genotypes that held in all trials or could not be
-tried, `champion_*` the fresh trials of the champion so far."""
+"""One row per generation: `evaluations` (genotypes tried) and `trials` (of all kinds) count from the start of
+the run, `successes` and `failures` are this generation's genotypes that succeeded in all trials or could not be
+tried, `champion_*` the validation trials of the champion so far."""
 
 TIMES = ("wall_seconds",)
 """Columns that differ between equal runs."""
 
 
 class Entry(NamedTuple):
-    """One genotype, once tried.
+    """One evaluation of a genotype.
 
     Attributes:
         generation: in which it was tried.
-        kind: SAMPLE, AGAIN or VALIDATION.
-        index: of the genotype in its generation; one more than the last is the centre of the search.
+        kind: SAMPLE, REEVALUATION or VALIDATION.
+        index: of the genotype in its generation; one more than the last stands for the mean of the search distribution.
         modules: length of its body.
-        genotype: `[G]`.
+        genotype: controller genes, then the length of the body where it evolves.
         fitness: higher is better.
-        outcome: what happened.
+        outcome: of its trials.
     """
 
     generation: int
     kind: int
-    index: int
+    index: int  # pyright: ignore[reportIncompatibleMethodOverride]  (it replaces `tuple.index`)
     modules: int
-    genotype: np.ndarray
+    genotype: Float[np.ndarray, " G"]
     fitness: float
     outcome: Outcome
 
@@ -75,8 +76,8 @@ class Record:
         self._rows: list[np.void] = []
 
     @property
-    def history(self) -> np.ndarray:
-        """Structured array of `HISTORY`, one row a generation."""
+    def history(self) -> Shaped[np.ndarray, " generations"]:
+        """Structured array of `HISTORY`, one row per generation."""
         return np.array(self._rows, dtype=HISTORY) if self._rows else np.empty(0, dtype=HISTORY)
 
     @property
@@ -90,28 +91,28 @@ class Record:
         self._rows.append(np.array([tuple(row[name] for name in HISTORY.names or ())], dtype=HISTORY)[0])
 
     def set_wall_seconds(self, seconds: float) -> None:
-        """Set the time of the last generation, when it is lived again."""
+        """Set the time of the last generation, when it is replayed."""
         self._rows[-1]["wall_seconds"] = seconds
 
     def set_champion(self, successes: int, trials: int) -> None:
-        """Set the fresh trials of the champion as of the last generation."""
+        """Set the validation trials of the champion after the last generation."""
         self._rows[-1]["champion_successes"], self._rows[-1]["champion_trials"] = successes, trials
 
     def generations(self) -> Iterator[tuple[list[Entry], np.void]]:
         """Yield the entries and the row of each generation."""
         entries = iter(self.entries)
-        upcoming = next(entries, None)
+        following = next(entries, None)
         for row in self._rows:
-            mine = []
-            while upcoming is not None and upcoming.generation == row["generation"]:
-                mine.append(upcoming)
-                upcoming = next(entries, None)
-            yield mine, row
+            own: list[Entry] = []
+            while following is not None and following.generation == row["generation"]:
+                own.append(following)
+                following = next(entries, None)
+            yield own, row
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """Return the entries as arrays, one a column, each with a row an entry."""
+    def columns(self) -> dict[str, Shaped[np.ndarray, " entries *_"]]:
+        """Return the entries as arrays, one per column, with one row per entry."""
         outcomes = [entry.outcome for entry in self.entries]
-        flags = ["".join("01"[held] for held in outcome.succeeded) for outcome in outcomes]
+        flags = ["".join("01"[succeeded] for succeeded in outcome.succeeded) for outcome in outcomes]
         return {
             "generation": np.array([entry.generation for entry in self.entries], dtype="<i4"),
             "kind": np.array([entry.kind for entry in self.entries], dtype="<i4"),
@@ -128,10 +129,10 @@ class Record:
         }
 
     def to_bytes(self, digest: str) -> bytes:
-        """Return the file's content.
+        """Return the content of the file.
 
         Args:
-            digest: of the configuration that the record belongs to.
+            digest: of the configuration of the run.
         """
         buffer = io.BytesIO()
         arrays = {f"entry_{name}": column for name, column in self.columns().items()}
@@ -146,22 +147,22 @@ class Record:
 
     @classmethod
     def from_bytes(cls, content: bytes, source: str) -> tuple["Record", str]:
-        """Read the file's content; return the record and the digest of its configuration.
+        """Read the content of the file; return the record and the digest of its configuration.
 
         Args:
-            content: as `to_bytes` made it.
+            content: as returned by `to_bytes`.
             source: its name, for messages.
 
         Raises:
-            RunError: damaged, of another format, or holding objects instead of numbers.
+            RunError: damaged, of another format, or with objects instead of numbers.
         """
         try:
             arrays = read_npz(io.BytesIO(content))
             found = str(arrays["format"])
             if found != FORMAT:
                 raise RunError(
-                    f"{source} has format {found!r}, not {FORMAT!r}: go on with the release "
-                    "that began it, or start anew in another folder"
+                    f"{source} has format {found!r}, not {FORMAT!r}: continue with the release "
+                    "that began it, or start again in another folder"
                 )
             columns = {
                 name.removeprefix("entry_"): column
@@ -174,7 +175,7 @@ class Record:
         except Exception as error:  # a damaged or foreign file can be wrong in any way
             raise RunError(
                 f"{source} is damaged or not a record of a run ({error}); restore it from a copy, "
-                "or start anew in another folder"
+                "or start again in another folder"
             ) from error
 
     @classmethod

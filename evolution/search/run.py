@@ -1,12 +1,12 @@
-"""The run folder: what it holds, who may write it, and how it survives what may happen to a machine.
+"""The run folder: its files, who may write it, and how it survives crashes.
 
-    config.json     what was searched for; versions, commit and machine it began with
-    record.npz      every genotype tried and what came of it: the checkpoint
-    history.csv     one row a generation
-    champion.json   the genotype the run stands for
+    config.json     the configuration; versions, commit and machine the run began with
+    record.npz      every genotype tried and its outcome: the checkpoint
+    history.csv     one row per generation
+    champion.json   the best validated genotype
 
-`record.npz` is there, without a generation, before `config.json` is; so a run without it has lost it. It is replaced
-as a whole after each generation; the two others are derived from it. Reading a folder runs none of its content.
+An empty `record.npz` is written before `config.json`, so a run without one has lost it. It is replaced
+atomically after each generation; the two other files are derived from it. Reading a folder runs no code from it.
 """
 
 import csv
@@ -23,6 +23,7 @@ from typing import Any
 
 import filelock
 import numpy as np
+from jaxtyping import Shaped
 
 from evolution.errors import RunError
 from evolution.search.config import EvolutionConfig
@@ -39,15 +40,15 @@ PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
 
 @dataclass(frozen=True)
 class Run:
-    """A run as far as it has come.
+    """The state of a run.
 
     Attributes:
-        config: what was searched for.
-        record: every genotype and what came of it.
-        champion: the genotype it stands for; None before the first generation.
+        config: of the run.
+        record: every genotype and its outcome.
+        champion: its best validated genotype; None before the first generation.
         stage_champions: one for each stage that has begun.
         is_solved: whether a champion was confirmed.
-        folder: where it is kept, if anywhere.
+        folder: of the run; None if it is in memory only.
     """
 
     config: EvolutionConfig
@@ -58,13 +59,13 @@ class Run:
     folder: Path | None = None
 
     @property
-    def history(self) -> np.ndarray:
-        """Structured array, one row a generation; `history["best"]` and so on, see `record.HISTORY`."""
+    def history(self) -> Shaped[np.ndarray, " generations"]:
+        """Structured array, one row per generation; `history["best"]` and so on, see `record.HISTORY`."""
         return self.record.history
 
 
 class RunFolder:
-    """Reads and writes the folder of a run.
+    """Reader and writer of the folder of a run.
 
     Args:
         path: of the folder.
@@ -75,10 +76,10 @@ class RunFolder:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Hold the folder, so that nobody else writes it; a lock dies with its process.
+        """Lock the folder against other writers; the lock ends with its process.
 
         Raises:
-            RunError: another process (or thread) holds it, or the folder cannot be written.
+            RunError: another process (or thread) has locked it, or the folder cannot be written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -97,24 +98,24 @@ class RunFolder:
         finally:
             lock.release()
 
-    def holds_run(self) -> bool:
-        """Tell whether a run has begun here."""
+    def has_run(self) -> bool:
+        """Return whether a run has begun here."""
         return (self.path / CONFIG).exists() or (self.path / RECORD).exists()
 
     def begin(self, config: EvolutionConfig) -> None:
         """Write an empty record, then `config.json`.
 
         Raises:
-            RunError: the folder holds a run, a part of one, or files that a run would replace.
+            RunError: the folder contains a run, a part of one, or files that a run would replace.
         """
         if (self.path / CONFIG).exists():
             differences = self.read_config().differences(config)
             what = f"another run ({'; '.join(differences)})" if differences else "this run already"
-            raise RunError(f"{self.path} holds {what}; resume it, or name another folder")
+            raise RunError(f"{self.path} contains {what}; resume it, or name another folder")
         taken = [name for name in (RECORD, HISTORY_FILE, CHAMPION) if os.path.lexists(self.path / name)]
         if taken and not (taken == [RECORD] and self._is_empty_record()):
             raise RunError(
-                f"{self.path} holds {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
+                f"{self.path} contains {', '.join(taken)} but no {CONFIG}; restore that from a copy, "
                 "or name another folder"
             )
         self._replace(RECORD, Record().to_bytes(config.digest()))
@@ -127,7 +128,7 @@ class RunFolder:
         self._replace(CONFIG, _to_json(began | has_record | {"config": config.to_json()}))
 
     def remove(self) -> None:
-        """Remove the files of a run, and nothing else; only who holds the lock may."""
+        """Remove the files of a run, and nothing else. Call it only with the lock."""
         for name in (CHAMPION, HISTORY_FILE, RECORD, CONFIG):
             (self.path / name).unlink(missing_ok=True)
         self._remove_leftovers()
@@ -139,7 +140,7 @@ class RunFolder:
             RunError: there is none, or it is damaged.
         """
         if not (self.path / CONFIG).exists():
-            raise RunError(f"{self.path} holds no run: {CONFIG} is missing")
+            raise RunError(f"{self.path} contains no run: {CONFIG} is missing")
         content = self._read_json(CONFIG)
         try:
             return EvolutionConfig.from_json(content.get("config"))
@@ -149,7 +150,7 @@ class RunFolder:
             ) from error
 
     def write(self, run: Run) -> None:
-        """Write the record, then what is derived from it.
+        """Write the record, then the files derived from it.
 
         Raises:
             RunError: the disk is full or read-only; the last checkpoint survives.
@@ -162,7 +163,7 @@ class RunFolder:
     def read_record(self, config: EvolutionConfig) -> Record:
         """Read `record.npz`.
 
-        A run that an older release began has none before its first generation is finished.
+        In a run that an older release began it is missing until the first generation is finished.
 
         Raises:
             RunError: missing, damaged, of another program, or of another configuration.
@@ -180,29 +181,29 @@ class RunFolder:
         record, digest = Record.from_bytes(content, str(path))
         if digest != config.digest():
             raise RunError(
-                f"{path} belongs to another configuration than {CONFIG} beside it; "
-                "undo the change, or start anew in another folder"
+                f"{path} belongs to another configuration than {CONFIG} in the same folder; "
+                "undo the change, or start again in another folder"
             )
         return record
 
     def _refuse_lost_record(self) -> None:
-        told = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
+        existing = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]
         if self._read_json(CONFIG).get("record") == RECORD:
-            told.append(CONFIG)
-        if told:
+            existing.append(CONFIG)
+        if existing:
             raise RunError(
-                f"{self.path / RECORD} is missing, though the run has begun ({' and '.join(told)} tell so); "
-                "restore it from a copy, or start anew in another folder"
+                f"{self.path / RECORD} is missing, though the run has begun (according to {' and '.join(existing)}); "
+                "restore it from a copy, or start again in another folder"
             )
 
     def _refuse_links(self) -> None:
-        """Refuse to write over what lies elsewhere: somebody else's folder may hold links to anything."""
+        """Refuse to write through links: a folder of unknown origin may contain links to anything."""
         for name in (CONFIG, RECORD, HISTORY_FILE, CHAMPION):
             if (self.path / name).is_symlink():
                 raise RunError(f"{self.path / name} is a link; put the file itself there")
 
     def _is_empty_record(self) -> bool:
-        """Tell whether the record is that of a run which was killed before it had a `config.json`."""
+        """Return whether the record is that of a run which was killed before it had a `config.json`."""
         record, _ = Record.from_bytes((self.path / RECORD).read_bytes(), str(self.path / RECORD))
         return record.num_generations == 0
 
@@ -217,17 +218,17 @@ class RunFolder:
         except JsonError as error:
             raise RunError(f"{self.path / name}: {error}; restore it from a copy") from error
         if not isinstance(content, dict):
-            raise RunError(f"{self.path / name} holds no run's description")
+            raise RunError(f"{self.path / name} is no description of a run")
         return content
 
     def _replace(self, name: str, content: bytes) -> None:
         try:
-            with write_atomically(self.path / name) as beside:
-                beside.write_bytes(content)
+            with write_atomically(self.path / name) as temporary:
+                temporary.write_bytes(content)
         except OSError as error:
             raise RunError(
                 f"{self.path / name} cannot be written ({error}); the last checkpoint is kept, "
-                "make room and resume"
+                "free some space and resume"
             ) from error
 
 
@@ -245,7 +246,7 @@ def load_champion(path: str | Path) -> Champion:
         raise RunError(f"{path}: {error}; a run writes it after each generation") from error
 
 
-def format_history(history: np.ndarray) -> str:
+def format_history(history: Shaped[np.ndarray, " generations"]) -> str:
     """Return `history.csv`: numbers in their shortest exact form."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")

@@ -1,15 +1,23 @@
-"""Stages: coarse models early, for speed; fine ones late, for truth (paper, section I)."""
+"""Stages of a run: coarse arenas first, for speed; fine ones later, for accuracy (paper, section I)."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
+from jaxtyping import Shaped
 
 from evolution.errors import RunError
-from evolution.limits import MOST_GENERATIONS, MOST_TRIALS, SMALLEST_STEP, settle_counts, settle_numbers
+from evolution.limits import (
+    MAX_GENERATIONS,
+    MAX_TRIALS,
+    MIN_POSITIVE,
+    check_choice,
+    coerce_floats,
+    coerce_integers,
+)
 
 Promotion = Literal["success", "stagnation", "either", "budget"]
-PROMOTIONS = ("success", "stagnation", "either", "budget")
+PROMOTIONS: tuple[Promotion, ...] = get_args(Promotion)
 
 
 @dataclass(frozen=True)
@@ -18,13 +26,13 @@ class Stage:
 
     Attributes:
         arena: name or folder.
-        generations: at most so many; None means no limit.
-        promotion: what ends the stage early: "success" (enough genotypes hold), "stagnation" (the best
+        generations: largest number; None means no limit.
+        promotion: what ends the stage early: "success" (enough genotypes succeed), "stagnation" (the best
             no longer improves), "either", or "budget" (nothing).
-        success_share: share of a generation's genotypes that must hold in all their trials.
+        success_share: share of a generation's genotypes that must succeed in all their trials.
         patience: generations without improvement that count as stagnation.
-        trials: of each genotype in this stage; None means as many as the run says. One is enough to tell in a
-            coarse model where to search.
+        trials: of each genotype in this stage; None means as many as in the run. One is enough in a
+            coarse arena, which only shows where to search.
     """
 
     arena: str
@@ -35,29 +43,28 @@ class Stage:
     trials: int | None = None
 
     def __post_init__(self) -> None:
-        if self.promotion not in PROMOTIONS:
-            raise RunError(f"there is no promotion {self.promotion!r}; there are {', '.join(PROMOTIONS)}")
-        optional = {"generations": (1, MOST_GENERATIONS), "trials": (1, MOST_TRIALS)}
-        settle_counts(
+        check_choice("promotion", self.promotion, PROMOTIONS)
+        optional = {"generations": (1, MAX_GENERATIONS), "trials": (1, MAX_TRIALS)}
+        coerce_integers(
             self, {name: limits for name, limits in optional.items() if getattr(self, name) is not None}
         )
-        settle_counts(self, {"patience": (1, MOST_GENERATIONS)})
-        settle_numbers(self, {"success_share": (SMALLEST_STEP, 1.0)})
+        coerce_integers(self, {"patience": (1, MAX_GENERATIONS)})
+        coerce_floats(self, {"success_share": (MIN_POSITIVE, 1.0)})
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")
 
-    def is_done(self, history: np.ndarray) -> bool:
-        """Tell whether the stage ends after these generations of its own (rows of a run's history)."""
+    def is_done(self, history: Shaped[np.ndarray, " generations"]) -> bool:
+        """Return whether the stage ends after these generations of its own (rows of a run's history)."""
         if not len(history):
             return False
         if self.generations is not None and len(history) >= self.generations:
             return True
         last = history[-1]
-        holds = last["successes"] >= self.success_share * last["population_size"]
+        succeeds = last["successes"] >= self.success_share * last["population_size"]
         stagnates = len(history) > self.patience and (
             history["best"][-self.patience :].max() <= history["best"][: -self.patience].max()
         )
         return bool(
-            (holds and self.promotion in ("success", "either"))
+            (succeeds and self.promotion in ("success", "either"))
             or (stagnates and self.promotion in ("stagnation", "either"))
         )

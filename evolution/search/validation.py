@@ -1,9 +1,9 @@
-"""Choosing the champion: by fresh randomised trials, never by the luckiest sample.
+"""Selection of the champion: by new randomized trials, never by the luckiest sample.
 
-The best of many samples of few trials each is mostly luck, and trials used again and again are learned
-by heart. So the fittest genotype of a generation that held in all its trials becomes a candidate, and so does
-the centre of the search, which was not drawn and owes nothing to luck. Each is tried under conditions that no
-genotype has met before, round by round, and drops out once it fails too often.
+The best of many samples of few trials each is mostly luck, and a search overfits to trials that are repeated. So the
+fittest genotype of a generation that succeeded in all its trials becomes a candidate, and so does the mean of the
+search distribution, which was not selected by its luck. Each is tried under conditions that no genotype has met
+before, round by round, and drops out once it fails too often.
 
 References:
     pycma, `CMAEvolutionStrategy.result.xfavorite`: the mean of the distribution is its best estimate of the
@@ -15,98 +15,104 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from evolution.backends.trials import Outcome
+from evolution.backends.trials import Options, Outcome
 from evolution.controllers.controller import CONTROLLERS
+from evolution.deprecation import accept_former_fields
 from evolution.errors import RunError
 from evolution.limits import (
-    MOST_GENERATIONS,
-    MOST_GENOTYPES,
-    MOST_MODULES,
-    MOST_TRIALS,
-    SMALLEST_STEP,
-    as_counts,
+    MAX_GENERATIONS,
+    MAX_GENOTYPES,
+    MAX_MAGNITUDE,
+    MAX_MODULES,
+    MAX_TRIALS,
+    MIN_POSITIVE,
     as_floats,
-    settle_counts,
-    settle_numbers,
+    as_integers,
+    check_choice,
+    check_count,
+    coerce_floats,
+    coerce_integers,
 )
-from evolution.search.environment_options import Options, open_options, sort_options
+from evolution.search.environment_options import open_options, sort_options
 from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
 from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.environment.config import STARTS
 
-HOLDS = 0.93
-"""Expected success rate from which a body is long enough: a shorter one is preferred to a surer one."""
-MOST_ROUNDS = 100
-"""Of the fresh trials of a candidate."""
-LARGEST_GENE = LARGEST_FITNESS = 1e9
-"""Far beyond what any controller reads or any trial is worth."""
+MAX_ROUNDS = 100
+"""Of the validation trials of a candidate."""
+FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
+"""Former name -> present name of fields of `Validation`."""
 
 
+@accept_former_fields(**FORMER_VALIDATION_NAMES)
 @dataclass(frozen=True)
 class Validation:
     """How candidates are tried.
 
     Attributes:
-        candidates: at most so many genotypes of a generation, those of highest fitness.
-        centre: share of a generation's genotypes that must hold for the centre of the search to be a candidate,
-            too; above 1 it never is.
-        rounds: number of fresh trials in each round.
-        go_on: share of successes so far that earns the next round.
-        solved: share of successes after all rounds that ends the run; of champions confirmed with 0.95 one held in
-            17 of 20 trials in the true arena only.
-        start: where the fresh trials begin; from the floor, as the final judgement, because a champion that
-            holds from close before the pit need not hold from there.
+        candidates: largest number of genotypes of a generation, those of highest fitness.
+        mean_share: share of a generation's genotypes that must succeed for the mean of the search distribution to be
+            a candidate, too; above 1 it never is.
+        rounds: number of new trials in each round.
+        continue_share: share of successes so far that is needed for the next round.
+        solved_share: share of successes after all rounds that ends the run; of the champions confirmed with 0.95 one
+            succeeded in only 17 of 20 trials in the true arena.
+        start: where the new trials begin; "floor" as in the final test, because a champion that
+            succeeds from close before the pit may fail from there.
+        success_threshold: expected success rate from which the length of a body is sufficient: a shorter body is
+            then preferred to a more reliable one. 0.93 is exceeded by 46 of 48 successes, not by 45.
     """
 
     candidates: int = 1
-    centre: float = 0.25
+    mean_share: float = 0.25
     rounds: tuple[int, ...] = (8, 8, 16, 16)
-    go_on: float = 0.9
-    solved: float = 0.97
+    continue_share: float = 0.9
+    solved_share: float = 0.97
     start: str = "floor"
+    success_threshold: float = 0.93
 
     @property
     def trials(self) -> int:
-        """Fresh trials of a candidate that passes all rounds."""
+        """Number of trials of a candidate that passes all rounds."""
         return sum(self.rounds)
 
     def is_solved(self, successes: int, trials: int) -> bool:
-        """Tell whether a champion with these fresh trials ends the run."""
-        return trials >= self.trials and successes >= self.solved * trials
+        """Return whether a champion with these validation trials ends the run."""
+        return trials >= self.trials and successes >= self.solved_share * trials
 
     def __post_init__(self) -> None:
-        settle_counts(self, {"candidates": (0, MOST_GENOTYPES)})
-        object.__setattr__(self, "rounds", as_counts("rounds", self.rounds, 1, MOST_TRIALS))
-        if not 1 <= len(self.rounds) <= MOST_ROUNDS:
-            raise RunError(f"rounds has {len(self.rounds)} values; 1 to {MOST_ROUNDS} are possible")
-        settle_numbers(self, {"go_on": (0.0, 1.0), "solved": (0.0, 1.0), "centre": (SMALLEST_STEP, 1e9)})
-        if self.start not in STARTS:
-            raise RunError(f"there is no start {self.start!r}; there are {', '.join(STARTS)}")
+        coerce_integers(self, {"candidates": (0, MAX_GENOTYPES)})
+        object.__setattr__(self, "rounds", as_integers("rounds", self.rounds, 1, MAX_TRIALS))
+        check_count("rounds", self.rounds, MAX_ROUNDS)
+        shares = ("continue_share", "solved_share", "success_threshold")
+        coerce_floats(self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)})
+        check_choice("start", self.start, STARTS)
 
-    def choose(self, fitness: np.ndarray, outcomes: Sequence[Outcome]) -> list[int]:
-        """Return the indices of the candidates of a generation; `len(outcomes)` stands for the centre."""
+    def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
+        """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
         order = sorted(range(len(outcomes)), key=lambda index: (-fitness[index], index))
-        held = [index for index in order if all(outcomes[index].succeeded)]
-        centre = [len(outcomes)] if len(held) >= self.centre * len(outcomes) else []
-        return centre + held[: self.candidates]
+        successful = [index for index in order if all(outcomes[index].succeeded)]
+        mean = [len(outcomes)] if len(successful) >= self.mean_share * len(outcomes) else []
+        return mean + successful[: self.candidates]
 
 
 @dataclass(frozen=True)
 class Champion:
-    """The genotype that a run stands for.
+    """The result of a run: its best validated genotype.
 
     Attributes:
-        genotype: one number a gene.
+        genotype: one number for each gene of the controller.
         names: of the genes.
         controller: the law that reads them.
         modules: length of the body.
-        arena: in which it was chosen.
+        arena: in which it was selected.
         environment: further options of the environment there.
         generation: in which it was sampled.
-        fitness: there, by few trials.
-        successes: among its fresh trials.
-        trials: number of fresh trials; 0 if no genotype earned any.
+        fitness: there, from few trials.
+        successes: among its validation trials.
+        trials: number of validation trials; 0 if no genotype became a candidate.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
@@ -124,32 +130,31 @@ class Champion:
     environment: Options = ()
 
     def __post_init__(self) -> None:
-        genotype = as_floats("genotype", self.genotype, -LARGEST_GENE, LARGEST_GENE)
+        genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE)
         object.__setattr__(self, "genotype", genotype)
         if len(self.genotype) != len(self.names):
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
             )
-        if self.controller not in CONTROLLERS:
-            raise RunError(f"there is no controller {self.controller!r}; there are {', '.join(CONTROLLERS)}")
-        counts = {"modules": (1, MOST_MODULES), "generation": (0, MOST_GENERATIONS)}
-        trials = MOST_TRIALS * MOST_ROUNDS
-        settle_counts(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
-        settle_numbers(self, {"fitness": (-LARGEST_FITNESS, LARGEST_FITNESS)})
+        check_choice("controller", self.controller, CONTROLLERS)
+        counts = {"modules": (1, MAX_MODULES), "generation": (0, MAX_GENERATIONS)}
+        trials = MAX_TRIALS * MAX_ROUNDS
+        coerce_integers(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
+        coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)})
         object.__setattr__(self, "environment", sort_options(self.environment))
 
     @property
     def score(self) -> float:
-        """Expected success rate after the fresh trials (rule of succession); 0 without any."""
-        return (self.successes + 1) / (self.trials + 2) if self.trials else 0.0
+        """Expected success rate after the validation trials (rule of succession); 0 without any."""
+        return expect_success(self.successes, self.trials) if self.trials else 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what `champion.json` holds."""
+        """Return the content of `champion.json`."""
         return asdict(self) | {"environment": dict(self.environment)}
 
     @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> "Champion":
-        """Return the champion that `as_dict` described.
+    def from_dict(cls, content: object) -> "Champion":
+        """Return the champion described by `as_dict`.
 
         Raises:
             RunError: a field is missing, unknown or of the wrong kind.
@@ -160,28 +165,36 @@ class Champion:
             raise RunError(str(error)) from error
 
 
-def select(record: Record, is_in_stage: Sequence[bool], shortest: bool = False) -> Entry | None:
+def expect_success(successes: int, trials: int) -> float:
+    """Return the expected success rate after some trials (Laplace's rule of succession)."""
+    return (successes + 1) / (trials + 2)
+
+
+def select_champion(
+    record: Record, is_in_stage: Sequence[bool], sufficient_rate: float | None = None
+) -> Entry | None:
     """Return the entry of the champion, None before the first generation.
 
     Args:
         record: of the run.
-        is_in_stage: `[generation]`, which generations count.
-        shortest: among those that hold, prefer the shortest body.
+        is_in_stage: for each generation, whether it counts.
+        sufficient_rate: among bodies of at least this expected success rate, prefer the shortest; None: the most
+            reliable one, whatever its length.
 
     Returns:
-        A pooled VALIDATION entry of the candidate with the best fresh trials; of equal ones the later
+        A pooled VALIDATION entry of the candidate with the best validation trials; of equal ones the later
         generation. Without validated candidates the SAMPLE entry of highest fitness.
     """
     counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
     candidates = find_candidates(counted)
     if candidates:
-        return max(candidates, key=lambda entry: _rank(entry, shortest))
+        return max(candidates, key=lambda entry: _rank(entry, sufficient_rate))
     samples = [entry for entry in counted if entry.kind == SAMPLE]
     return max(samples, key=lambda entry: entry.fitness, default=None)
 
 
 def find_candidates(entries: Iterable[Entry]) -> list[Entry]:
-    """Return one entry for each candidate, with all its fresh trials."""
+    """Return one entry for each candidate, with all its validation trials."""
     pooled: dict[tuple[int, int], Entry] = {}
     for entry in entries:
         if entry.kind == VALIDATION:
@@ -203,9 +216,9 @@ def _pool(first: Entry, second: Entry) -> Entry:
     return first._replace(outcome=outcome)
 
 
-def _rank(entry: Entry, shortest: bool) -> tuple[float, ...]:
-    rate = (entry.outcome.successes + 1) / (entry.outcome.trials + 2)
-    if shortest:
-        holds = rate >= HOLDS
-        return (float(holds), -entry.modules if holds else 0.0, rate, entry.generation)
+def _rank(entry: Entry, sufficient_rate: float | None) -> tuple[float, ...]:
+    rate = expect_success(entry.outcome.successes, entry.outcome.trials)
+    if sufficient_rate is not None:
+        suffices = rate >= sufficient_rate
+        return (float(suffices), -entry.modules if suffices else 0.0, rate, entry.generation)
     return (rate, entry.generation)

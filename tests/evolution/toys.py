@@ -32,7 +32,7 @@ def plain(jobs: Sequence[Job], threads: int) -> list[Outcome]:
 
 
 def hopeless(jobs: Sequence[Job], threads: int) -> list[Outcome]:
-    """The bowl, in which nothing holds."""
+    """The bowl, in which no trial succeeds."""
     return [
         Outcome(outcome.progress, outcome.effort, (False,) * outcome.trials, outcome.seconds)
         for outcome in bowl(jobs, threads)
@@ -88,29 +88,33 @@ def deadly(jobs: Sequence[Job], threads: int) -> list[Outcome]:
 
 
 class Observed:
-    """Stand-in that keeps the jobs it is given, in order; of `count` trials so many hold as `held` tells, all else."""
+    """Stand-in that records its jobs, in order.
 
-    def __init__(self, held: dict[int, int] | None = None) -> None:
+    Args:
+        successes: how many of n trials succeed, by n; all where it is missing.
+    """
+
+    def __init__(self, successes: dict[int, int] | None = None) -> None:
         self.jobs: list[Job] = []
-        self._held = held or {}
+        self._successes = successes or {}
 
     def __call__(self, jobs: Sequence[Job], threads: int) -> list[Outcome]:
         self.jobs += jobs
         counts = [job.trials.count for job in jobs]
-        flags = [[trial < self._held.get(count, count) for trial in range(count)] for count in counts]
+        flags = [[trial < self._successes.get(count, count) for trial in range(count)] for count in counts]
         return [
-            Outcome(float(job.genotype.sum()), 0.0, tuple(held), seconds=1.0)
-            for job, held in zip(jobs, flags, strict=True)
+            Outcome(float(job.genotype.sum()), 0.0, tuple(succeeded), seconds=1.0)
+            for job, succeeded in zip(jobs, flags, strict=True)
         ]
 
 
 def find_conditions(job: Job) -> frozenset[float]:
-    """Return what tells the conditions of a job's trials from those of others."""
-    return frozenset(job.trials.randomisation.draw(job.trials.seed, job.trials.count)["friction"])
+    """Return the frictions of a job's trials, which differ between different conditions."""
+    return frozenset(job.trials.randomization.draw(job.trials.seed, job.trials.count)["friction"])
 
 
 def _roll(job: Job) -> Outcome:
-    conditions = job.trials.randomisation.draw(job.trials.seed, job.trials.count)
+    conditions = job.trials.randomization.draw(job.trials.seed, job.trials.count)
     distance = float(((job.genotype - 0.5) ** 2).sum())
-    held = tuple(bool(distance + 2 * (friction - 0.7) < 0.5) for friction in conditions["friction"])
-    return Outcome(float(conditions["yaw"].sum()) - distance, 0.0, held, seconds=1.0)
+    succeeded = tuple(bool(distance + 2 * (friction - 0.7) < 0.5) for friction in conditions["friction"])
+    return Outcome(float(conditions["yaw"].sum()) - distance, 0.0, succeeded, seconds=1.0)

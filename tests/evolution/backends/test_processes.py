@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import toys
 
+from evolution.backends.pool import PoolConfig
 from evolution.backends.processes import ProcessBackend
 from evolution.errors import RunError
 from evolution.search.evaluation import make_backend
@@ -39,7 +40,7 @@ def test_a_worker_that_dies_costs_nothing(make_pool, tmp_path, monkeypatch):
     jobs = toys.make_jobs()
     pool = make_pool(toys.dies_once)
     assert pool.run(jobs) == toys.bowl(jobs, 1)
-    assert pool.deaths == 1
+    assert pool.num_deaths == 1
 
 
 def test_a_worker_killed_between_generations_is_replaced(make_pool):
@@ -83,9 +84,29 @@ def test_fewer_workers_than_wanted_do_all_the_work(make_pool, monkeypatch):
     """A cluster that has lost a node has no room for as many as before."""
     jobs = toys.make_jobs()
     pool = make_pool(toys.bowl, 3)
-    monkeypatch.setattr(pool, "_start_several", lambda count: [] if pool.process_ids else [pool._start()])
+    monkeypatch.setattr(pool, "_start_many", lambda count: [] if pool.process_ids else [pool._start()])
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert len(pool.process_ids) == 1
     monkeypatch.undo()
     assert pool.run(jobs) == toys.bowl(jobs, 1)
     assert len(pool.process_ids) == 3
+
+
+def test_a_pool_follows_its_config():
+    jobs = toys.make_jobs(6)
+    backend = make_backend("processes", 2, simulate=toys.deadly, pool=PoolConfig(max_deaths=1))
+    try:
+        outcomes = backend.run(jobs)
+    finally:
+        backend.close()
+    errors = {outcome.error for job, outcome in zip(jobs, outcomes, strict=True) if job.genotype[0] > 0.3}
+    assert errors == {"its worker died, once"}
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"max_deaths": 0}, {"batches_per_worker": 0.5}, {"exit_timeout": -1.0}]
+)
+def test_pool_configs_refuse(arguments):
+    (name,) = arguments
+    with pytest.raises(RunError, match=name):
+        PoolConfig(**arguments)

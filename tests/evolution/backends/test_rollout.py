@@ -1,15 +1,16 @@
-"""Jobs in the real environment: equal on any number of lanes, threads and beside any neighbours."""
+"""Jobs in the real environment: equal with any batch size, number of threads and other jobs."""
 
+from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from evolution.backends import rollout
-from evolution.backends.rollout import make_environment_options, simulate, split_job
-from evolution.backends.trials import Job, Outcome, Randomisation, Trials
+from evolution.backends.rollout import RolloutConfig, make_environment_options, simulate, split_job
+from evolution.backends.trials import Job, Outcome, Randomization, Trials
 from evolution.champions.policy import ChampionPolicy
-from evolution.controllers.controller import REFLEX, SENSORS, make_controller
+from evolution.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution.errors import RunError
 from evolution.search.config import EvolutionConfig
 from evolution.search.evaluation import evaluate, make_backend
@@ -25,17 +26,16 @@ def make_jobs(trials: Trials = SHORT, count: int = 3) -> list[Job]:
     return [Job(genotype, trials) for genotype in genotypes]
 
 
-def test_lanes_threads_and_neighbours_change_nothing(monkeypatch):
+def test_batch_sizes_threads_and_other_jobs_change_nothing():
     jobs = make_jobs()
     expected = simulate(jobs, 1)
     assert simulate(jobs, 2) == expected
     assert [simulate([job], 1)[0] for job in jobs] == expected
-    monkeypatch.setattr(rollout, "LANES", (2,))
-    rollout._environments.clear()
-    assert simulate(jobs[::-1], 1)[::-1] == expected
+    small = RolloutConfig(batch_sizes=(2,))
+    assert simulate(jobs[::-1], 1, small)[::-1] == expected
 
 
-def test_a_mixed_batch_is_sorted_out():
+def test_jobs_of_several_bodies_and_starts_are_grouped():
     jobs = (
         make_jobs(count=2)
         + make_jobs(replace(SHORT, modules=5), 2)
@@ -75,16 +75,16 @@ def test_processes_agree_to_the_bit():
         backend.close()
 
 
-def test_physics_that_diverges_costs_its_genotype_only(monkeypatch):
+def test_diverged_physics_affects_its_genotype_only(monkeypatch):
     jobs = make_jobs()
     expected = simulate(jobs, 1)
-    endings = rollout._run_lanes
+    run_trials = rollout._run_trials
 
     def diverge(environment, controller, trials):
-        ended = endings(environment, controller, trials)
-        return {key: ending._replace(diverged=key[0] == 1) for key, ending in ended.items()}
+        results = run_trials(environment, controller, trials)
+        return {key: result._replace(diverged=key[0] == 1) for key, result in results.items()}
 
-    monkeypatch.setattr(rollout, "_run_lanes", diverge)
+    monkeypatch.setattr(rollout, "_run_trials", diverge)
     outcomes = simulate(jobs, 1)
     assert outcomes[1].diverged == 3
     assert outcomes[1].progress == -1.0
@@ -112,10 +112,28 @@ def test_evolution_runs_in_the_environment(tmp_path):
     assert run.champion.environment == (("duration", 2.0),)
 
 
+def test_environments_follow_the_config_and_the_options(monkeypatch):
+    environments = OrderedDict()
+    monkeypatch.setattr(rollout, "_environments", environments)
+    config = RolloutConfig(stuck_time=1.5, batch_sizes=(2,), max_environments=1)
+    for options, stuck_time in ((), 1.5), ((("stuck_time", 0.5),), 0.5):
+        job = Job(np.zeros(8), replace(SHORT, count=1, environment=(("duration", 0.1), *options)))
+        simulate([job], 1, config)
+        (environment,) = environments.values()
+        assert (environment.config.stuck_time, environment.num_envs) == (stuck_time, 2)
+
+
+@pytest.mark.parametrize("arguments", [{"stuck_time": 0.0}, {"batch_sizes": ()}, {"max_environments": 0}])
+def test_rollout_configs_refuse(arguments):
+    (name,) = arguments
+    with pytest.raises(RunError, match=name):
+        RolloutConfig(**arguments)
+
+
 @pytest.fixture
 def champion() -> Champion:
     controller = make_controller("reactive", 4)
-    return Champion(REFLEX, controller.parameters, "reactive", 4, "truth", 0, 0.0)
+    return Champion(REACTIVE_HINT, controller.parameters, "reactive", 4, "truth", 0, 0.0)
 
 
 def test_a_champion_is_a_policy(champion, tmp_path):
@@ -128,8 +146,8 @@ def test_a_champion_is_a_policy(champion, tmp_path):
         assert environment.action_space.contains(action)
         observation, _, terminated, truncated, info = environment.step(action)
         ended = terminated or truncated
-    rest = Randomisation((0.7, 0.7), (1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
-    _, outcomes = evaluate(np.array(REFLEX), modules=4, trials=1, randomisation=rest, duration=2.0)
+    rest = Randomization((0.7, 0.7), (1.0, 1.0), (0.0, 0.0), (0.0, 0.0))
+    _, outcomes = evaluate(np.array(REACTIVE_HINT), modules=4, trials=1, randomization=rest, duration=2.0)
     assert isinstance(outcomes[0], Outcome)
     assert outcomes[0].progress == info["progress"]
 
@@ -140,7 +158,7 @@ def test_a_policy_forgets_between_episodes_and_refuses_another_body(champion):
     rows = np.zeros((2, environment.observation_structure["contact"].stop))
     _, state = policy.predict(rows)
     _, state = policy.predict(rows, state, episode_start=np.array([True, False]))
-    assert state.silence[:, 0].tolist() == [1, 2]
+    assert state.ticks_since_contact[:, 0].tolist() == [1, 2]
     with pytest.raises(RunError, match="lacks contact"):
         ChampionPolicy(champion, {"hinge_angle": slice(0, 3), "pitch": slice(3, 7)})
     with pytest.raises(RunError, match="has 4 modules"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import toys
 
-from evolution.backends.trials import Randomisation, Scoring
+from evolution.backends.trials import Randomization, Scoring
 from evolution.errors import RunError
 from evolution.experiments.paper.config import QUICK
 from evolution.experiments.paper.folder import PaperFolder
@@ -100,8 +100,8 @@ def test_a_run_configured_with_integers_is_resumed(tmp_path):
         generations=1,
         sigma=1,
         scoring=Scoring(success=2),
-        randomisation=Randomisation(friction=(1, 1), stretch=[1]),  # pyright: ignore[reportArgumentType]
-        validation=Validation(rounds=[4, 4], solved=1),  # pyright: ignore[reportArgumentType]
+        randomization=Randomization(friction=(1, 1), stretch=[1]),  # pyright: ignore[reportArgumentType]
+        validation=Validation(rounds=[4, 4], solved_share=1),  # pyright: ignore[reportArgumentType]
         folder=str(tmp_path / "run"),
     )
     evolve(config, simulate=toys.bowl)
@@ -149,16 +149,16 @@ def test_configs_refuse_what_no_machine_holds(arguments):
 @pytest.mark.parametrize(
     ("kind", "arguments"),
     [
-        (Randomisation, {"friction": (0.0, 1.0)}),
-        (Randomisation, {"yaw": (0.0, 9.0)}),
-        (Randomisation, {"torque_scale": (1.0,)}),
-        (Randomisation, {"stretch": ()}),
-        (Randomisation, {"stretch": (0.0,)}),
+        (Randomization, {"friction": (0.0, 1.0)}),
+        (Randomization, {"yaw": (0.0, 9.0)}),
+        (Randomization, {"torque_scale": (1.0,)}),
+        (Randomization, {"stretch": ()}),
+        (Randomization, {"stretch": (0.0,)}),
         (Scoring, {"effort": float("nan")}),
         (Scoring, {"success": 1e308}),
         (Validation, {"rounds": (1,) * 101}),
         (Validation, {"rounds": (10**6,)}),
-        (Validation, {"centre": float("inf")}),
+        (Validation, {"mean_share": float("inf")}),
         (Validation, {"start": "sky"}),
         (Stage, {"arena": "a", "patience": 1.5}),
         (Stage, {"arena": "a", "trials": 10**9}),

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from evolution.search.cmaes import Space, Strategy
+from evolution.errors import RunError
+from evolution.search.cmaes import CmaesConfig, Space, Strategy
 
 
 def make_space(size: int = 6, with_integer: bool = False) -> Space:
@@ -22,17 +23,17 @@ def make_space(size: int = 6, with_integer: bool = False) -> Space:
 
 
 def climb(strategy: Strategy, generations: int, noise: float = 0.0) -> list[np.ndarray]:
-    generator = np.random.default_rng(1)
+    rng = np.random.default_rng(1)
     asked = []
     for _ in range(generations):
         genotypes = strategy.ask()
         asked.append(genotypes)
-        fitness = -((genotypes - 0.4) ** 2).sum(axis=1) + noise * generator.standard_normal(len(genotypes))
-        again = {
-            int(index): float(fitness[index] + noise * generator.standard_normal())
+        fitness = -((genotypes - 0.4) ** 2).sum(axis=1) + noise * rng.standard_normal(len(genotypes))
+        reevaluated = {
+            int(index): float(fitness[index] + noise * rng.standard_normal())
             for index in strategy.find_reevaluations(fitness)
         }
-        strategy.tell(genotypes, fitness, again)
+        strategy.tell(genotypes, fitness, reevaluated)
     return asked
 
 
@@ -60,7 +61,7 @@ def test_the_global_random_state_is_left_alone():
     assert np.array_equal(np.random.uniform(size=3), expected)  # noqa: NPY002
 
 
-def test_genotypes_keep_their_bounds_and_whole_numbers():
+def test_genotypes_keep_their_bounds_and_integers():
     strategy = Strategy(make_space(with_integer=True), 0.8, 12, seed=0)
     genotypes = np.concatenate([strategy.ask() for _ in range(5)])
     assert np.abs(genotypes[:, :-1]).max() <= 1.5
@@ -69,7 +70,7 @@ def test_genotypes_keep_their_bounds_and_whole_numbers():
     assert genotypes[:, -1].max() <= 10
 
 
-def test_it_starts_anew_with_twice_the_population_on_a_plain():
+def test_it_restarts_with_twice_the_population_on_a_plain():
     strategy = Strategy(make_space(), 0.3, 8, seed=0)
     for _ in range(400):
         strategy.tell(genotypes := strategy.ask(), np.zeros(len(genotypes)))
@@ -77,6 +78,24 @@ def test_it_starts_anew_with_twice_the_population_on_a_plain():
             break
     assert strategy.restarts == 1
     assert len(strategy.ask()) == strategy.population_size == 16
+
+
+def test_restarts_follow_their_config():
+    config = CmaesConfig(max_doublings=0, restart_range=(0.9, 0.9))
+    strategy = Strategy(make_space(), 0.01, 8, seed=0, config=config)
+    while not strategy.restarts:
+        strategy.tell(genotypes := strategy.ask(), np.zeros(len(genotypes)))
+    assert strategy.population_size == 8
+    assert strategy.mean == pytest.approx(np.full(6, 1.2))
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"max_doublings": -1}, {"restart_range": (0.1, 1.1)}, {"max_trials_factor": 0}]
+)
+def test_configs_refuse(arguments):
+    (name,) = arguments
+    with pytest.raises(RunError, match=name):
+        CmaesConfig(**arguments)
 
 
 def test_noise_asks_for_more_trials():

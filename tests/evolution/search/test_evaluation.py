@@ -1,17 +1,17 @@
-"""Jobs and outcomes: equal for every backend, failures contained."""
+"""Jobs and outcomes: equal on every backend, failures isolated."""
 
 import numpy as np
 import pytest
 import toys
 
 from evolution.backends.simulation import find_simulate, name_simulate
-from evolution.backends.trials import FAILED_PROGRESS, Outcome, Randomisation, Scoring
+from evolution.backends.trials import FAILED_PROGRESS, Outcome, Randomization, Scoring
 from evolution.errors import RunError
 from evolution.search.evaluation import evaluate, make_backend
 
 
 @pytest.mark.parametrize("toy", [toys.fragile, toys.nonsense])
-def test_a_bad_genotype_costs_itself_only(toy):
+def test_a_failing_genotype_affects_no_other(toy):
     jobs = toys.make_jobs()
     outcomes = make_backend("batch", 2, simulate=toy).run(jobs)
     expected = toys.bowl(jobs, 1)
@@ -32,10 +32,10 @@ def test_a_wrong_run_is_not_blamed_on_genotypes():
 
 
 def test_conditions_are_equal_for_equal_seeds_spread_and_within_their_ranges():
-    randomisation = Randomisation()
-    drawn = randomisation.draw((1, 2), 10)
-    again, other = randomisation.draw((1, 2), 10), randomisation.draw((1, 3), 10)
-    low, high = randomisation.friction
+    randomization = Randomization()
+    drawn = randomization.draw((1, 2), 10)
+    again, other = randomization.draw((1, 2), 10), randomization.draw((1, 3), 10)
+    low, high = randomization.friction
     for name in drawn:
         assert np.array_equal(drawn[name], again[name])
         assert not np.array_equal(drawn[name], other[name])

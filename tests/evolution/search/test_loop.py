@@ -1,24 +1,24 @@
-"""What the loop hands out, what it keeps, and what it refuses to live again."""
+"""The loop: jobs, champion and history follow from the configuration, the seed and the outcomes."""
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import toys
+from histories import TOY, read_without_times, without_times
 
-from evolution.backends.trials import Outcome, Randomisation, Scoring
-from evolution.controllers.controller import KNOTS
-from evolution.errors import RunError
+from evolution.backends.trials import Outcome, Randomization, Scoring
+from evolution.controllers.controller import NUM_KNOTS
 from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.record import AGAIN, SAMPLE, VALIDATION, Record
-from evolution.search.run import Run
+from evolution.search.loop import evolve, load_run
+from evolution.search.record import REEVALUATION, SAMPLE, VALIDATION
 from evolution.search.stages import Stage
 from evolution.search.validation import Validation, find_candidates
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
+
+
 SPECIAL = replace(
     SHORT,
     arena="simple",
@@ -26,14 +26,14 @@ SPECIAL = replace(
     seed=7,
     controller="travelling",
     trials=4,
-    randomisation=Randomisation(friction=(0.6, 0.7)),
+    randomization=Randomization(friction=(0.6, 0.7)),
     scoring=Scoring(success=2.0, effort=0.5, module=0.1),
     environment={"pit": 0.3},  # pyright: ignore[reportArgumentType]
-    validation=Validation(rounds=(6, 5), go_on=0.0),
+    validation=Validation(rounds=(6, 5), continue_share=0.0),
 )
 
 
-def test_every_job_is_what_the_configuration_says():
+def test_every_job_follows_the_configuration():
     observed = toys.Observed()
     run = evolve(SPECIAL, simulate=observed)
     assert len(observed.jobs) == len(run.record.entries)
@@ -41,31 +41,31 @@ def test_every_job_is_what_the_configuration_says():
         trials = job.trials
         assert np.array_equal(job.genotype, entry.genotype)
         assert (trials.arena, trials.modules, trials.controller) == ("simple", 5, "travelling")
-        assert (trials.randomisation, trials.environment) == (SPECIAL.randomisation, (("pit", 0.3),))
+        assert (trials.randomization, trials.environment) == (SPECIAL.randomization, (("pit", 0.3),))
         assert trials.count == entry.outcome.trials
         assert trials.count in ((6, 5) if entry.kind == VALIDATION else (4,))
         assert entry.fitness == SPECIAL.scoring.score(entry.outcome, 5)
         assert entry.modules == 5
 
 
-def test_the_champion_is_what_the_configuration_says():
+def test_the_champion_follows_the_configuration():
     run = evolve(SPECIAL, simulate=toys.Observed())
     champion = run.champion
     assert champion is not None
     assert (champion.arena, champion.modules, champion.controller) == ("simple", 5, "travelling")
     assert champion.environment == (("pit", 0.3),)
-    assert len(champion.names) == len(champion.genotype) == len(KNOTS)
+    assert len(champion.names) == len(champion.genotype) == NUM_KNOTS
     assert (champion.successes, champion.trials) == (11, 11)
     pooled = [
         entry for entry in find_candidates(run.record.entries) if entry.generation == champion.generation
     ]
-    chosen = [entry for entry in pooled if tuple(entry.genotype) == champion.genotype]
-    assert len(chosen) == 1
-    assert champion.fitness == chosen[0].fitness
+    selected = [entry for entry in pooled if tuple(entry.genotype) == champion.genotype]
+    assert len(selected) == 1
+    assert champion.fitness == selected[0].fitness
     assert run.stage_champions == (champion,)
 
 
-def test_a_champion_without_fresh_trials_has_none():
+def test_a_champion_may_have_no_validation_trials():
     run = evolve(SHORT, simulate=toys.hopeless)
     assert run.champion is not None
     assert (run.champion.successes, run.champion.trials) == (0, 0)
@@ -102,7 +102,7 @@ def test_history_follows_from_the_entries(simulate):
             "failures": sum(entry.outcome.error != "" for entry in samples),
         }
         assert {name: row[name] for name in expected} == expected
-        again = [entry for entry in entries if entry.kind == AGAIN]
+        again = [entry for entry in entries if entry.kind == REEVALUATION]
         assert all(np.array_equal(entry.genotype, samples[entry.index].genotype) for entry in again)
     assert run.champion is not None
     last = run.history[-1]
@@ -112,6 +112,45 @@ def test_history_follows_from_the_entries(simulate):
     )
     assert 0 < last["wall_seconds"] <= time.perf_counter() - began + 0.001
     assert np.array_equal(run.history["wall_seconds"], run.history["wall_seconds"].round(3))
+
+
+def test_history_counts_evaluations_and_trials():
+    run = evolve(TOY, simulate=toys.bowl)
+    history = run.history
+    assert np.array_equal(history["generation"], np.arange(24))
+    assert np.array_equal(history["evaluations"], 12 * np.arange(1, 25))
+    kinds = run.record.columns()["kind"]
+    assert (kinds == SAMPLE).sum() == 24 * 12
+    assert (kinds == VALIDATION).any()
+    assert history["trials"][-1] == sum(entry.outcome.trials for entry in run.record.entries)
+    assert history["best"][-6:].mean() > history["best"][:6].mean()
+    assert np.all(np.diff(history["wall_seconds"]) >= 0)
+
+
+def test_equal_seeds_give_equal_runs():
+    first, second = (evolve(TOY, simulate=toys.bowl) for _ in range(2))
+    other = evolve(replace(TOY, seed=1), simulate=toys.bowl)
+    assert without_times(first.history) == without_times(second.history)
+    assert first.champion == second.champion
+    assert without_times(first.history) != without_times(other.history)
+
+
+@pytest.mark.parametrize(("backend", "workers"), [("batch", 4), ("processes", 2)])
+def test_backends_give_equal_runs(backend, workers, tmp_path):
+    alone = evolve(replace(TOY, generations=8, folder=str(tmp_path / "alone")), simulate=toys.bowl)
+    config = replace(TOY, generations=8, folder=str(tmp_path / "many"), backend=backend, workers=workers)
+    many = evolve(config, simulate=toys.bowl)
+    assert many.champion == alone.champion
+    assert read_without_times(tmp_path / "alone") == read_without_times(tmp_path / "many")
+
+
+def test_a_solvable_run_is_solved_and_stops():
+    run = evolve(replace(TOY, generations=60, stop_when_solved=True), simulate=toys.bowl)
+    assert run.is_solved
+    assert len(run.history) < 60
+    assert run.champion is not None
+    assert run.champion.trials == Validation().trials
+    assert np.abs(np.array(run.champion.genotype) - 0.5).max() < 0.5
 
 
 def test_only_the_last_stage_is_validated_and_can_be_solved():
@@ -129,7 +168,7 @@ def test_only_the_last_stage_is_validated_and_can_be_solved():
     assert run.history["validated"].tolist() == [0, 0, 2]
 
 
-def test_a_body_is_solved_once_it_is_as_short_as_it_may_be():
+def test_a_run_with_body_lengths_is_solved_by_the_shortest_body():
     config = replace(SHORT, body_lengths=(4, 5), generations=20, stop_when_solved=True)
     run = evolve(config, simulate=toys.Observed())
     assert run.is_solved
@@ -139,7 +178,7 @@ def test_a_body_is_solved_once_it_is_as_short_as_it_may_be():
     assert len(run.history) < 20
 
 
-def test_a_shorter_body_that_holds_stands_before_a_surer_longer_one():
+def test_a_sufficient_shorter_body_is_preferred_to_a_more_reliable_longer_one():
     def simulate(jobs, threads):
         outcomes = toys.Observed()(jobs, threads)
         return [
@@ -157,121 +196,8 @@ def test_a_shorter_body_that_holds_stands_before_a_surer_longer_one():
     assert (run.champion.successes, run.champion.trials) == (46, 48)
 
 
-def make_run(folder: Path) -> Run:
-    return evolve(replace(SHORT, handle_noise=True, folder=str(folder)), simulate=toys.bowl)
-
-
-def put_back(folder: Path, run: Run, entries: list) -> None:
-    record = Record()
-    record.entries = entries
-    for row in run.history:
-        record.add_generation([], {name: row[name] for name in run.history.dtype.names or ()})
-    (folder / "record.npz").write_bytes(record.to_bytes(run.config.digest()))
-
-
-def test_entries_live_again_must_be_those_that_were_tried(tmp_path):
-    run = make_run(tmp_path)
-    entries = run.record.entries
-    put_back(tmp_path, run, entries)
-    assert load_run(tmp_path).champion == run.champion
-    place = next(place for place, entry in enumerate(entries) if entry.generation == 1)
-    one = entries[place]
-    for changed, generation in (
-        ([*entries[:place], one._replace(kind=VALIDATION), *entries[place + 1 :]], 1),
-        ([*entries[:place], one._replace(index=5), *entries[place + 1 :]], 1),
-        ([*entries[:place], one._replace(genotype=one.genotype * 1.001), *entries[place + 1 :]], 1),
-        ([*entries[:place], *entries[place + 1 :]], 1),
-        ([*entries[:place], one, *entries[place:]], 1),
-        (entries[:-1], 2),
-        ([*entries, entries[-1]], 2),
-    ):
-        put_back(tmp_path, run, changed)
-        for action in (load_run, resume):
-            with pytest.raises(RunError) as caught:
-                action(tmp_path)
-            assert str(caught.value) == (
-                f"generation {generation} of {tmp_path} does not come out as recorded: the record was changed, "
-                "or NumPy, cma or the processor differ from those it began with (config.json); "
-                "resume it where it began, or start anew in another folder"
-            )
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"generations": 4},
-        {"workers": 2},
-        {"backend": "processes"},
-        {"address": "here"},
-        {"stop_when_solved": True},
-        {"generations": 4, "workers": 2, "backend": "processes", "address": "here", "stop_when_solved": True},
-    ],
-)
-def test_how_far_and_by_whom_may_change(tmp_path, changes):
-    make_run(tmp_path)
-    run = resume(tmp_path, simulate=toys.bowl, **changes)
-    assert {name: getattr(run.config, name) for name in changes} == changes
-    assert load_run(tmp_path).config == run.config
-
-
-def test_a_folder_that_was_moved_goes_on_where_it_is(tmp_path):
-    before = make_run(tmp_path / "old")
-    (tmp_path / "old").rename(tmp_path / "new")
-    run = resume(tmp_path / "new", generations=4, simulate=toys.bowl)
-    assert run.folder == tmp_path / "new"
-    assert run.config.folder == load_run(tmp_path / "new").config.folder == str(tmp_path / "new")
-    assert run.history["best"][:3].tolist() == before.history["best"].tolist()
-    assert not (tmp_path / "old").exists()
-
-
-def test_what_decides_the_outcome_may_not_change(tmp_path):
-    run = make_run(tmp_path)
-    with pytest.raises(
-        RunError, match=r"^\['seed', 'sigma'\] cannot change in a run; .*'generations'.* can$"
-    ):
-        resume(tmp_path, sigma=0.3, generations=4, seed=1)
-    assert load_run(tmp_path).config == run.config
-
-
-def test_a_run_that_goes_on_reports_every_generation_and_keeps_its_time(tmp_path):
-    before = make_run(tmp_path)
-    heard: list[tuple[int, Path | None]] = []
-    told: list[tuple[str, float]] = []
-    run = resume(
-        tmp_path,
-        generations=5,
-        simulate=toys.bowl,
-        on_generation=lambda run: heard.append((len(run.history), run.folder)),
-        progress=lambda message, share: told.append((message, share)),
-    )
-    assert heard == [(4, tmp_path), (5, tmp_path)]
-    assert told == [("generation 4", 0.8), ("generation 5", 1.0)]
-    times = run.history["wall_seconds"]
-    assert np.array_equal(times[:3], before.history["wall_seconds"])
-    assert np.all(np.diff(times) >= 0)
-    assert run.folder == tmp_path
-    assert evolve(SHORT, simulate=toys.bowl).folder is None
-
-
-def test_a_folder_that_holds_a_run_says_in_what_it_differs(tmp_path):
-    make_run(tmp_path)
-    config = replace(SHORT, handle_noise=True, folder=str(tmp_path))
-    with pytest.raises(RunError, match="holds this run already; resume it, or name another folder"):
-        evolve(config)
-    with pytest.raises(
-        RunError, match=r"holds another run \(seed: 0, not 1; sigma: 0.5, not 0.2\); resume it"
-    ):
-        evolve(replace(config, seed=1, sigma=0.2))
-
-
-def test_a_damaged_record_that_is_left_alone_is_named(tmp_path):
-    (tmp_path / "record.npz").write_bytes(b"PK")
-    with pytest.raises(RunError, match=rf"^{tmp_path}/record\.npz is damaged"):
-        evolve(replace(SHORT, folder=str(tmp_path)), simulate=toys.bowl)
-
-
 @pytest.mark.parametrize("fails", [False, True])
-def test_the_workers_are_those_of_the_configuration_and_are_let_go(monkeypatch, fails):
+def test_workers_follow_the_configuration_and_are_stopped(monkeypatch, fails):
     made: list[tuple] = []
     closed: list[bool] = []
 
@@ -301,18 +227,30 @@ def test_the_workers_are_those_of_the_configuration_and_are_let_go(monkeypatch, 
 
 def test_a_run_in_a_folder_reports_as_one_in_memory_does(tmp_path):
     for folder in (None, str(tmp_path / "run")):
-        heard, told = [], []
+        called, reported = [], []
         evolve(
             replace(SHORT, folder=folder),
             simulate=toys.bowl,
-            on_generation=lambda run, heard=heard: heard.append(len(run.history)),
-            progress=lambda message, share, told=told: told.append((message, share)),
+            on_generation=lambda run, called=called: called.append(len(run.history)),
+            progress=lambda message, share, reported=reported: reported.append((message, share)),
         )
-        assert heard == [1, 2, 3]
-        assert [share for _, share in told] == pytest.approx([1 / 3, 2 / 3, 1.0])
+        assert called == [1, 2, 3]
+        assert [share for _, share in reported] == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
-def test_where_noise_decides_there_are_more_trials():
+def test_callbacks_are_called_for_every_generation():
+    called, fractions = [], []
+    evolve(
+        replace(TOY, generations=4),
+        simulate=toys.bowl,
+        on_generation=lambda run: called.append(run.history[-1]["generation"]),
+        progress=lambda message, fraction: fractions.append(fraction),
+    )
+    assert called == [0, 1, 2, 3]
+    assert fractions[-1] == 1.0
+
+
+def test_noise_increases_the_number_of_trials():
     """Two of the same conditions never agree: the ranks of what is tried again are mere chance."""
     rng = np.random.default_rng(0)
 
@@ -326,3 +264,15 @@ def test_where_noise_decides_there_are_more_trials():
     assert max(counts) > 3
     for entries, _ in run.record.generations():
         assert len({entry.outcome.trials for entry in entries}) == 1
+
+
+def test_a_genotype_that_raises_affects_no_other(tmp_path):
+    config = replace(TOY, generations=6, folder=str(tmp_path / "run"))
+    run = evolve(config, simulate=toys.fragile)
+    columns = run.record.columns()
+    failed = columns["error"] != ""
+    assert np.array_equal(failed, columns["genotype"][:, 0] > 0.3)
+    assert 0 < failed.sum() < len(failed)
+    assert run.history["failures"].sum() == failed[columns["kind"] == SAMPLE].sum()
+    assert np.isfinite(columns["fitness"]).all()
+    assert load_run(tmp_path / "run").record.columns()["error"].tolist() == columns["error"].tolist()

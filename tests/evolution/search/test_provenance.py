@@ -40,6 +40,17 @@ def test_a_checkout_knows_its_commit(tmp_path: Path) -> None:
     assert (revision.commit, revision.is_dirty, str(revision)) == (commit, False, commit[:7])
 
 
+def test_a_file_two_folders_deep_knows_the_commit(tmp_path: Path) -> None:
+    write_project(tmp_path)
+    file = tmp_path / "evolution" / "search" / "deep" / "module.py"
+    file.parent.mkdir(parents=True)
+    file.write_text("VALUE = 1\n")
+    commit = commit_all(tmp_path)
+    revision = find_revision(file)
+    assert revision is not None
+    assert revision.commit == commit
+
+
 def test_only_code_makes_a_checkout_dirty(tmp_path: Path) -> None:
     file = write_project(tmp_path)
     results = tmp_path / "benchmarks" / "results"
@@ -73,6 +84,18 @@ def test_a_copy_that_another_repository_tracks_is_not_ours(tmp_path: Path, name:
     file = write_project(tmp_path / "vendor" if name == "symbrion-gym" else tmp_path, name)
     commit_all(tmp_path)
     assert find_revision(file) is None
+
+
+def test_a_copy_in_a_subfolder_of_another_repository_is_not_ours(tmp_path: Path) -> None:
+    """The other repository tracks the copy, and has a `pyproject.toml` of the same name at its own root."""
+    file = write_project(tmp_path / "third_party" / "symbrion")
+    deep = file.parent / "search" / "module.py"
+    deep.parent.mkdir()
+    deep.write_text("VALUE = 1\n")
+    (tmp_path / "pyproject.toml").write_text('[project]\nname = "symbrion-gym"\n')
+    commit_all(tmp_path)
+    assert find_revision(file) is None
+    assert find_revision(deep) is None
 
 
 def test_an_ignored_copy_at_the_root_is_not_the_commit(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from evolution.backends.trials import Outcome
 from evolution.errors import RunError
-from evolution.search.record import AGAIN, FORMAT, HISTORY, SAMPLE, VALIDATION, Entry, Record
+from evolution.search.record import FORMAT, HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
 
 
 def make_row(generation: int) -> dict[str, float]:
@@ -25,7 +25,7 @@ def make_record() -> Record:
     record.add_generation(
         [
             Entry(0, SAMPLE, 0, 8, np.array([0.1, -0.2]), 1.5, first),
-            Entry(0, AGAIN, 1, 7, np.array([0.3, 0.4]), -2.5, second),
+            Entry(0, REEVALUATION, 1, 7, np.array([0.3, 0.4]), -2.5, second),
         ],
         make_row(0),
     )

@@ -11,15 +11,15 @@ from evolution.backends.trials import Outcome
 from evolution.errors import RunError
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve
-from evolution.search.record import AGAIN, HISTORY, SAMPLE, VALIDATION, Entry, Record
+from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
 from evolution.search.stages import Stage
-from evolution.search.validation import Champion, Validation, find_candidates, select
+from evolution.search.validation import Champion, Validation, find_candidates, select_champion
 
 
 def make_entry(
-    index: int, kind: int, held: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
+    index: int, kind: int, successes: str, generation: int = 0, fitness: float = 0.0, modules: int = 8
 ) -> Entry:
-    outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in held))
+    outcome = Outcome(0.0, 0.0, tuple(flag == "1" for flag in successes))
     return Entry(generation, kind, index, modules, np.full(2, float(index)), fitness, outcome)
 
 
@@ -41,42 +41,45 @@ def test_the_champion_is_the_one_with_the_best_fresh_trials_not_the_luckiest_sam
         make_entry(1, VALIDATION, "1111111111"),
         make_entry(1, VALIDATION, "1111111110"),
     )
-    chosen = select(record, [True])
-    assert chosen is not None
-    assert chosen.index == 1
-    assert (chosen.outcome.successes, chosen.outcome.trials) == (19, 20)
+    selected = select_champion(record, [True])
+    assert selected is not None
+    assert selected.index == 1
+    assert (selected.outcome.successes, selected.outcome.trials) == (19, 20)
 
 
 def test_without_fresh_trials_the_fittest_sample_stands_in():
     record = make_record(make_entry(0, SAMPLE, "01", fitness=1.0), make_entry(1, SAMPLE, "00", fitness=3.0))
-    chosen = select(record, [True])
-    assert chosen is not None
-    assert (chosen.index, chosen.kind) == (1, SAMPLE)
-    assert select(record, [False]) is None
+    selected = select_champion(record, [True])
+    assert selected is not None
+    assert (selected.index, selected.kind) == (1, SAMPLE)
+    assert select_champion(record, [False]) is None
 
 
-def test_the_shortest_body_that_holds_is_preferred():
+def test_the_shortest_sufficient_body_is_preferred():
     entries = [
         make_entry(0, VALIDATION, "1" * 30, modules=8),
         make_entry(1, VALIDATION, "1" * 29 + "0", modules=6),
         make_entry(2, VALIDATION, "1" * 8 + "0" * 8, modules=5),
     ]
     record = make_record(*entries)
-    assert [getattr(select(record, [True], shortest), "index", None) for shortest in (False, True)] == [0, 1]
+    assert [getattr(select_champion(record, [True], rate), "index", None) for rate in (None, 0.93)] == [0, 1]
 
 
-def test_candidates_are_those_that_held_in_all_trials():
-    outcomes = [Outcome(0.0, 0.0, held) for held in ((True, True), (True, False), (True, True), (True, True))]
+def test_candidates_are_those_that_succeeded_in_all_trials():
+    outcomes = [
+        Outcome(0.0, 0.0, successes)
+        for successes in ((True, True), (True, False), (True, True), (True, True))
+    ]
     fitness = np.array([1.0, 9.0, 3.0, 2.0])
-    assert Validation(candidates=2, centre=2).choose(fitness, outcomes) == [2, 3]
+    assert Validation(candidates=2, mean_share=2).select_candidates(fitness, outcomes) == [2, 3]
 
 
-def test_the_centre_of_the_search_is_a_candidate_where_enough_genotypes_hold():
-    outcomes = [Outcome(0.0, 0.0, (held,)) for held in (True, False, False, False)]
+def test_the_mean_of_the_search_is_a_candidate_where_enough_genotypes_succeed():
+    outcomes = [Outcome(0.0, 0.0, (successes,)) for successes in (True, False, False, False)]
     fitness = np.arange(4.0)
-    assert Validation(centre=0.25).choose(fitness, outcomes) == [4, 0]
-    assert Validation(centre=0.5).choose(fitness, outcomes) == [0]
-    assert Validation().choose(fitness, outcomes[1:]) == []
+    assert Validation(mean_share=0.25).select_candidates(fitness, outcomes) == [4, 0]
+    assert Validation(mean_share=0.5).select_candidates(fitness, outcomes) == [0]
+    assert Validation().select_candidates(fitness, outcomes[1:]) == []
 
 
 def test_validation_refuses():
@@ -84,11 +87,11 @@ def test_validation_refuses():
         {"candidates": -1},
         {"rounds": ()},
         {"rounds": (8, 0)},
-        {"go_on": 1.5},
-        {"solved": -0.1},
-        {"solved": 1.1},
-        {"go_on": -0.1},
-        {"centre": 0.0},
+        {"continue_share": 1.5},
+        {"solved_share": -0.1},
+        {"solved_share": 1.1},
+        {"continue_share": -0.1},
+        {"mean_share": 0.0},
     ):
         with pytest.raises(RunError):
             Validation(**arguments)
@@ -125,7 +128,7 @@ def test_stages_refuse():
             Stage("a", **arguments)
 
 
-def test_records_go_through_bytes():
+def test_records_survive_bytes():
     record = make_record(make_entry(0, SAMPLE, "10"), make_entry(1, SAMPLE, "11", generation=1))
     again, digest = Record.from_bytes(record.to_bytes("abc"), "a file")
     assert digest == "abc"
@@ -136,7 +139,7 @@ def test_records_go_through_bytes():
     assert [len(entries) for entries, _ in again.generations()] == [1, 1]
 
 
-def test_champions_go_through_json():
+def test_champions_survive_json():
     champion = Champion((0.1, 0.2), ("a", "b"), "posture", 3, "truth", 4, 1.5, 15, 16, (("pit", 0.3),))
     assert Champion.from_dict(champion.as_dict()) == champion
     assert champion.score == pytest.approx(16 / 18)
@@ -144,8 +147,8 @@ def test_champions_go_through_json():
         Champion.from_dict(champion.as_dict() | {"wings": 2})
 
 
-def test_no_candidate_and_no_round_meets_conditions_that_were_met_before():
-    """Genotypes of a generation share theirs, so do those tried again; nothing else ever does."""
+def test_no_candidate_and_no_round_has_conditions_that_were_used_before():
+    """Genotypes of a generation share theirs, so do re-evaluations; all others differ."""
     observed = toys.Observed()
     validation = Validation(candidates=2, rounds=(3, 3))
     config = EvolutionConfig(generations=3, handle_noise=True, stop_when_solved=False, validation=validation)
@@ -158,15 +161,15 @@ def test_no_candidate_and_no_round_meets_conditions_that_were_met_before():
             group = (*candidate, rounds[candidate])
             rounds[candidate] += 1
         groups[group].add(toys.find_conditions(job))
-    assert {group[1] for group in groups} == {SAMPLE, AGAIN, VALIDATION}
-    assert len(rounds) == 9  # two genotypes and the centre, in each of three generations
+    assert {group[1] for group in groups} == {SAMPLE, REEVALUATION, VALIDATION}
+    assert len(rounds) == 9  # two genotypes and the mean, in each of three generations
     assert all(len(conditions) == 1 for conditions in groups.values())
     values = [value for conditions in groups.values() for each in conditions for value in each]
     assert len(set(values)) == len(values)
 
 
 @pytest.mark.parametrize(
-    ("held", "tried"),
+    ("successes", "tried"),
     [
         ({10: 8}, (10,)),
         ({10: 9}, (10, 5, 4)),
@@ -175,14 +178,14 @@ def test_no_candidate_and_no_round_meets_conditions_that_were_met_before():
         ({10: 10, 5: 3}, (10, 5)),
     ],
 )
-def test_a_candidate_goes_on_while_enough_of_all_its_trials_hold(held, tried):
-    validation = Validation(rounds=(10, 5, 4), go_on=0.9)
+def test_a_candidate_continues_while_enough_of_all_its_trials_succeed(successes, tried):
+    validation = Validation(rounds=(10, 5, 4), continue_share=0.9)
     config = EvolutionConfig(generations=1, trials=3, validation=validation)
-    run = evolve(config, simulate=toys.Observed(held))
+    run = evolve(config, simulate=toys.Observed(successes))
     entries = [entry for entry in run.record.entries if entry.kind == VALIDATION]
     for index in {entry.index for entry in entries}:
         assert tuple(entry.outcome.trials for entry in entries if entry.index == index) == tried
-    assert len({entry.index for entry in entries}) == 2  # the fittest and the centre
+    assert len({entry.index for entry in entries}) == 2  # the fittest and the mean
 
 
 def test_one_candidate_that_drops_out_takes_no_other_with_it():
@@ -213,7 +216,7 @@ def test_fresh_trials_begin_where_validation_says(samples, fresh):
 
 
 def test_a_run_is_solved_by_enough_successes_in_all_rounds():
-    validation = Validation(rounds=(8, 8), solved=0.75)
+    validation = Validation(rounds=(8, 8), solved_share=0.75)
     for successes, trials, is_solved in ((12, 16, True), (11, 16, False), (15, 15, False), (24, 32, True)):
         assert validation.is_solved(successes, trials) is is_solved
 
@@ -222,9 +225,9 @@ def test_validation_takes_its_limits():
     for arguments in (
         {"candidates": 0},
         {"rounds": (1,)},
-        {"go_on": 0, "solved": 0},
-        {"go_on": 1, "solved": 1},
-        {"centre": 0.01},
+        {"continue_share": 0, "solved_share": 0},
+        {"continue_share": 1, "solved_share": 1},
+        {"mean_share": 0.01},
     ):
         assert Validation(**arguments)
     assert Validation(rounds=(3, 4)).trials == 7
@@ -232,9 +235,13 @@ def test_validation_takes_its_limits():
 
 def test_of_equally_fit_genotypes_the_first_are_candidates():
     outcomes = [Outcome(0.0, 0.0, (True,))] * 4
-    assert Validation(candidates=2, centre=2).choose(np.array([1.0, 3.0, 1.0, 3.0]), outcomes) == [1, 3]
-    assert Validation(candidates=3, centre=2).choose(np.array([1.0, 3.0, 1.0, 3.0]), outcomes) == [1, 3, 0]
-    assert Validation(candidates=0, centre=1).choose(np.zeros(4), outcomes) == [4]
+    assert Validation(candidates=2, mean_share=2).select_candidates(
+        np.array([1.0, 3.0, 1.0, 3.0]), outcomes
+    ) == [1, 3]
+    assert Validation(candidates=3, mean_share=2).select_candidates(
+        np.array([1.0, 3.0, 1.0, 3.0]), outcomes
+    ) == [1, 3, 0]
+    assert Validation(candidates=0, mean_share=1).select_candidates(np.zeros(4), outcomes) == [4]
 
 
 def test_fresh_trials_of_all_rounds_are_pooled():
@@ -253,22 +260,22 @@ def test_fresh_trials_of_all_rounds_are_pooled():
 
 def test_many_trials_count_for_more_than_a_few_lucky_ones():
     few, many = make_entry(0, VALIDATION, "1" * 8), make_entry(1, VALIDATION, "1" * 47 + "0")
-    assert getattr(select(make_record(few, many), [True]), "index", None) == 1
+    assert getattr(select_champion(make_record(few, many), [True]), "index", None) == 1
 
 
-def test_of_equal_champions_the_later_one_stands_and_only_generations_of_the_stage_count():
+def test_of_equal_champions_the_later_one_is_selected_and_only_generations_of_the_stage_count():
     entries = [make_entry(g, VALIDATION, "1" * 8, generation=g) for g in range(3)]
     entries += [make_entry(9, SAMPLE, "1", generation=g, fitness=float(g)) for g in range(3)]
     record = make_record(*entries)
-    for is_in_stage, chosen in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
-        found = select(record, is_in_stage)
+    for is_in_stage, selected in (([True] * 3, 2), ([True, True, False], 1), ([True, False, False], 0)):
+        found = select_champion(record, is_in_stage)
         assert found is not None
-        assert (found.generation, found.kind) == (chosen, VALIDATION)
-    assert select(record, [False] * 3) is None
+        assert (found.generation, found.kind) == (selected, VALIDATION)
+    assert select_champion(record, [False] * 3) is None
 
 
-def test_a_shorter_body_must_hold_to_be_preferred():
-    """It holds from an expected success rate of 0.93 on: 26 of 26 do, 25 of 26 do not."""
+def test_a_shorter_body_must_be_reliable_to_be_preferred():
+    """The threshold is an expected success rate of 0.93: 26 of 26 exceed it, 25 of 26 do not."""
     long, short = (
         make_entry(0, VALIDATION, "1" * 48, modules=8),
         make_entry(1, VALIDATION, "1" * 26, modules=6),
@@ -282,10 +289,13 @@ def test_a_shorter_body_must_hold_to_be_preferred():
         ([almost, worse], 2),
         ([short, surer, long], 4),
     ):
-        assert getattr(select(make_record(*entries), [True], shortest=True), "index", None) == index
+        assert (
+            getattr(select_champion(make_record(*entries), [True], sufficient_rate=0.93), "index", None)
+            == index
+        )
 
 
-def test_a_champion_says_what_it_is():
+def test_a_champion_as_plain_content():
     champion = Champion(
         (0.1,), ("a",), "posture", 3, "truth", 4, 1.5, environment=(("pit", 0.3), ("abyss", True))
     )
@@ -310,7 +320,7 @@ def test_a_champion_says_what_it_is():
         {"names": 3},
     ],
 )
-def test_what_is_no_champion_is_refused(change):
+def test_invalid_champions_are_refused(change):
     champion = Champion((0.1,), ("a",), "posture", 3, "truth", 4, 1.5)
     (name,) = change
     with pytest.raises(RunError, match=rf"^(genotype|{name})"):
