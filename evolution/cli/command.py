@@ -77,7 +77,9 @@ def require_writable_folder(path: Path, option: str) -> None:
     if path.exists() and not path.is_dir():
         raise UsageError(f"{option} {path} is a file; give a folder")
     existing = path
-    while not existing.exists():
+    while (
+        not existing.exists() and existing != existing.parent
+    ):  # the root may be absent, too: a drive of Windows
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
         raise UsageError(f"{option} {path} cannot be written; choose another place")

@@ -18,7 +18,7 @@ import tyro
 from evolution.cli.command import Command, UsageError
 from evolution.cli.commands import COMMANDS
 from evolution.cli.console import Console
-from evolution.cli.streams import flush_streams, prepare_streams
+from evolution.cli.streams import flush_streams, is_unread, prepare_streams
 from evolution.errors import RunError
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.extras import MissingExtraError
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:  # of the streams: those of the work are told by `run`
         code, problem = 0, error
     problem = flush_streams() or problem
-    if problem is not None and not isinstance(problem, BrokenPipeError):
+    if problem is not None and not is_unread(problem):
         code = _fail(problem, 1)
     sys.exit(code)
 

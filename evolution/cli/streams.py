@@ -1,5 +1,6 @@
 """Standard output and error as they may be: closed, a pipe that nobody reads, of an encoding that lacks our letters."""
 
+import errno
 import os
 import sys
 from typing import IO
@@ -27,8 +28,13 @@ def flush_streams() -> OSError | None:
             stream.flush()
         except OSError as error:
             discard_output(stream)
-            problem = None if isinstance(error, BrokenPipeError) else error
+            problem = None if is_unread(error) else error
     return problem
+
+
+def is_unread(error: OSError) -> bool:
+    """Return whether writing failed as nobody reads the pipe any more, which is no failure of the command."""
+    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and error.errno == errno.EINVAL)
 
 
 def discard_output(stream: IO[str]) -> None:

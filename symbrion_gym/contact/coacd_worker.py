@@ -6,8 +6,8 @@ Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the r
 
 from __future__ import annotations
 
+import contextlib
 import json
-import resource
 import sys
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 def main(source: str, target: str, processor_limit: str = "") -> None:
     """Decompose `vertices`, `faces` of one file into pieces in another, within so many seconds of processor time."""
     if processor_limit:
-        resource.setrlimit(resource.RLIMIT_CPU, (int(processor_limit), int(processor_limit) + 1))
+        limit_processor_time(int(processor_limit))
     import coacd
 
     with np.load(source, allow_pickle=False) as given:
@@ -29,6 +29,14 @@ def main(source: str, target: str, processor_limit: str = "") -> None:
         arrays[f"vertices_{i}"] = np.asarray(vertices, dtype=np.float64)
         arrays[f"faces_{i}"] = np.asarray(faces, dtype=np.int64)
     np.savez(target, count=len(pieces), **arrays)
+
+
+def limit_processor_time(seconds: int) -> None:
+    """Have the system end this process after some processor time; Windows cannot, there the caller's clock ends it."""
+    with contextlib.suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,8 @@ from symbrion_gym.errors import ArenaError
 MIN_VOLUME = 1e-6
 """Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
 MAX_HULL_VERTICES = 64
+_TIME_IS_UP = -getattr(signal, "SIGXCPU", 0)
+"""Exit code of a process that has used up its processor time; Windows has no such limit, there never met."""
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
@@ -39,7 +41,8 @@ def decompose(
         threshold: concavity left, relative to half the longest extent.
         seed: of coacd's search.
         time_limit: the process is ended after this time, by the clock [s].
-        processor_limit: likewise after this processor time, which other work does not change [s].
+        processor_limit: likewise after this processor time, which other work does not change [s]; Windows has no
+            such limit.
         options: more options of `coacd.run_coacd`.
 
     Raises:
@@ -64,7 +67,7 @@ def decompose(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
                 "ask for less accuracy or allow more time"
             ) from error
-        if done.returncode == -signal.SIGXCPU:
+        if done.returncode and done.returncode == _TIME_IS_UP:
             raise ArenaError(
                 f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
                 "the mesh, ask for less accuracy or allow more time"

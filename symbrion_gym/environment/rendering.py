@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import logging
-import os
-import sys
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from symbrion_gym.arenas.spec import SURFACE_GROUP
+from symbrion_gym.headless import has_display
 from symbrion_gym.robot.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
@@ -113,17 +112,21 @@ class Pictures:
         return tuple(images) if mode == "rgbd_tuple" else images[0]
 
     def _draw_window(self) -> None:
-        if not _has_display():
-            if not self._has_complained:
-                log.warning("no display: the window is left out; render_mode='rgb_array' works without one")
-            self._has_complained = True
+        if not has_display():
+            self._warn_once("no display: the window is left out; render_mode='rgb_array' works without one")
             return
         if self._window is None:
             from mujoco import viewer
 
-            self._window = viewer.launch_passive(
-                self._model, self._data, show_left_ui=False, show_right_ui=False
-            )
+            try:
+                self._window = viewer.launch_passive(
+                    self._model, self._data, show_left_ui=False, show_right_ui=False
+                )
+            except RuntimeError as error:  # on macOS the window needs MuJoCo's own interpreter, mjpython
+                self._warn_once(
+                    f"the window is left out ({error}); render_mode='rgb_array' works without one"
+                )
+                return
             with self._window.lock():
                 self._window.opt.geomgroup[:] = self._option.geomgroup
                 for name in ("distance", "azimuth", "elevation"):
@@ -131,6 +134,11 @@ class Pictures:
         with self._window.lock():
             self._window.cam.lookat[:] = self.camera.lookat
         self._window.sync()
+
+    def _warn_once(self, message: str) -> None:
+        if not self._has_complained:
+            log.warning(message)
+        self._has_complained = True
 
     def close(self) -> None:
         """Free the graphics context and close the window."""
@@ -140,10 +148,3 @@ class Pictures:
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-def _has_display() -> bool:
-    """Return whether a window can be opened here."""
-    return not sys.platform.startswith("linux") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
