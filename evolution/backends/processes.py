@@ -65,7 +65,7 @@ class ProcessBackend(WorkerPool):
         ours, theirs = multiprocessing.Pipe()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
         command = [sys.executable, "-m", "evolution.backends.worker", str(theirs.fileno()), self._simulate]
-        process: subprocess.Popen[bytes] = subprocess.Popen(
+        process = subprocess.Popen[bytes](
             command, env=environment, stdin=subprocess.DEVNULL, **share_pipe(theirs.fileno())
         )
         theirs.close()

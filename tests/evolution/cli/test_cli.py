@@ -42,7 +42,7 @@ def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
     assert "sheet.xyz" in line
     assert "limit of 5e-05 GB" in line
     assert "--max-gigabytes" in line
-    assert "no limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
+    assert "not a limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
     assert not (tmp_path / "a.ply").exists()
     assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
 
@@ -86,10 +86,10 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--workers", "0"], "--workers 0"),
-        (["resume", "absent"], "holds no run"),
+        (["resume", "absent"], "contains no run"),
         (["resume", "absent", "--seed", "1"], "--seed"),
         (["resume", "absent", "--backend", "cluster"], "cluster"),
-        (["replay", "absent"], "holds no run"),
+        (["replay", "absent"], "contains no run"),
         (["demo", "--seed", "-5"], "-5 is negative"),
     ],
 )

@@ -21,7 +21,7 @@ from evolution.cli.main import run
 from evolution.experiments.demo.demo import DemoConfig, claim_folder
 from evolution.experiments.paper import robots
 from evolution.experiments.paper.config import QUICK
-from evolution.experiments.paper.folder import MADE, PaperFolder, write_json
+from evolution.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
 from evolution.report.page import Page
 
 DEMO_MADE = (
@@ -79,7 +79,7 @@ def test_a_mark_of_others_makes_no_folder_the_demos(tmp_path: Path, content: str
     assert (tmp_path / "demo.json").read_text() == content
 
 
-@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("name", OUTPUTS)
 def test_the_paper_refuses_a_folder_with_things_of_others(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,7 +111,7 @@ def test_the_paper_removes_no_run_that_cannot_be_written(
     def refuse(*arguments: object, **options: object) -> None:
         raise ev.RunError("the disk is full")
 
-    monkeypatch.setattr(robots, "_goes_on", lambda wanted, place: True)
+    monkeypatch.setattr(robots, "_can_resume", lambda wanted, run_folder: True)
     monkeypatch.setattr(robots.ev, "resume", refuse)
     put_mine(tmp_path, "run/record.npz")
     with pytest.raises(ev.RunError, match="disk is full"):
@@ -151,7 +151,7 @@ def test_a_default_name_replaces_nothing_of_others(
         Path(name).write_text("mine")
     before = take_stock(tmp_path)
     assert run([command, "truth" if command == "survey" else "cloud.xyz"]) == 2
-    assert f"{name} is there and was not written by this command" in capsys.readouterr().err
+    assert f"{name} exists and was not written by this command" in capsys.readouterr().err
     assert take_stock(tmp_path) == before
 
 

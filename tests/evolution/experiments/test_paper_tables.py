@@ -1,8 +1,8 @@
-"""The tables of the paper's page: our figures, the paper's beside them, machine and number of runs below."""
+"""The tables of the paper's page: our figures, those of the paper next to them, machine and runs in the caption."""
 
 from pathlib import Path
 
-from evolution.experiments.paper.benchmark import find_benchmark
+from evolution.experiments.paper.benchmark import load_benchmark
 from evolution.experiments.paper_page import tables
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
@@ -38,7 +38,7 @@ def test_table_1_stands_beside_the_papers() -> None:
 
 
 def test_table_2_has_ratios_and_runs() -> None:
-    row = {"arena": "gg", "text": "GG", "pieces": 4, "triangles": 13858, "physics_us": COST,
+    row = {"arena": "gg", "text": "growing grid, convex pieces", "pieces": 4, "triangles": 13858, "physics_us": COST,
            "collision_us": COST, "contacts": 5.8, "crossed": 2}  # fmt: skip
     rows = [row, row | {"arena": "simple"}, row | {"arena": "prisms", "pieces": 4231}]
     ratios = {name: {"physics_us": RATIO, "collision_us": RATIO} for name in ("gg", "prisms")}
@@ -46,7 +46,7 @@ def test_table_2_has_ratios_and_runs() -> None:
         record({"runs": 3, "steps": 3500, "interrupted": 0.012, "rows": rows, "ratios": ratios})
     )
     gg, simple, prisms = check(table)
-    assert gg == ["gg", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846", "1.05 (1.01 to 1.09)",
+    assert gg == ["growing grid, convex pieces", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846", "1.05 (1.01 to 1.09)",
                   "2 of 3"]  # fmt: skip
     assert simple[7] == "1"
     assert prisms[1] == "4,231"
@@ -90,7 +90,7 @@ def test_the_widened_pit_has_a_before_and_an_after() -> None:
     figures = {"pit": [0.35, 0.40], "surfaces": [surface], **runs}
     check(tables.tabulate_widened(record(figures)))
     table = tables.tabulate_widened_champions(record(figures))
-    assert list(table.columns[2:]) == ["held, pit of 35 cm", "held, pit of 40 cm"]
+    assert list(table.columns[2:]) == ["trials crossed, pit of 35 cm", "trials crossed, pit of 40 cm"]
     before, after = check(table)
     assert before[1:] == ["48", "9 of 10", "0 of 10"]
     assert after[1:] == ["48", "9 of 10", "8 of 10"]
@@ -116,7 +116,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     measured = "2026-11-20, 2026-11-21; 0123456"
     assert table.rows[0] == ["GSRM 2,200 units", "1 of 3", "1 (1)", "1,180", "60", measured, "20, 17", "19"]
     assert table.rows[1] == ["GG 210 triangles", "not measured", *["-"] * 6]
-    assert "2 of 3 were judged by seeds that stand in the code" in table.caption
+    assert "2 of 3 runs were judged with fixed seeds" in table.caption
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
     table = tables.tabulate_stages(benchmark)
     assert table.rows[0][0] == "GSRM 2,200 units only"
@@ -130,7 +130,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     assert "0.7 times the processor time" in tables.tabulate_stages(benchmark).caption
 
 
-def test_no_benchmark_is_told() -> None:
-    table = tables.tabulate_models(find_benchmark(Path("nowhere")))
+def test_an_absent_benchmark_is_reported() -> None:
+    table = tables.tabulate_models(load_benchmark(Path("nowhere")))
     assert {row[1] for row in table.rows} == {"not measured"}
-    assert "No results" in table.caption
+    assert "no results of the benchmark" in table.caption

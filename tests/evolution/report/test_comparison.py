@@ -54,7 +54,7 @@ def test_a_run_that_has_just_begun_has_a_row_but_no_curve(tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [([], "run folders"), (["absent"], "holds no run"), (["RUN", "--out", "curves.txt"], ".png, .html")],
+    [([], "run folders"), (["absent"], "contains no run"), (["RUN", "--out", "curves.txt"], ".png, .html")],
 )
 def test_wrong_use_is_refused(folders, words, said, capsys):
     assert run_command(["compare", *[str(folders[0]) if word == "RUN" else word for word in words]]) == 2
