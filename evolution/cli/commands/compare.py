@@ -36,6 +36,11 @@ class Compare(Command):
             require_writable_file(self.out, "--out", (".png", ".html"))
 
     def run(self, console: Console) -> dict[str, Any]:
+        """Compare the runs.
+
+        Raises:
+            RunError: a run is damaged, or there is no generation to draw.
+        """
         if self.out is not None:
             require_extras("`symbrion compare --out`", "report")
         runs = {str(folder): ev.load_run(folder) for folder in self.folders}

@@ -50,6 +50,11 @@ class Replay(SeededCommand):
             require_writable_file(self.video, "--video", (".mp4",))
 
     def run(self, console: Console) -> dict[str, Any]:
+        """Judge, record and show the champion.
+
+        Raises:
+            RunError: the run is damaged, or has no champion yet.
+        """
         if self.video is not None:
             require_extras("`symbrion replay --video`", "report")
         champion = ev.load_run(self.folder).champion

@@ -22,6 +22,8 @@ from symbrion_gym.ready_made import SPACING
 
 MARKER = "demo.json"
 """The file that the demo writes first; it shows that the folder is a demo's."""
+OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
+"""Files and folders that the demo makes."""
 ADDED_FIELDS = {"trials"}
 """Fields of `DemoConfig` that the `demo.json` of an earlier version lacks."""
 
@@ -162,18 +164,8 @@ def claim_folder(config: DemoConfig) -> None:
     Raises:
         RunError: the folder contains a file that the demo would replace and no demo wrote.
     """
-    names = (
-        "survey.npz",
-        "cloud.ply",
-        "gsrm.npz",
-        "gg.npz",
-        "arenas/gsrm",
-        "arenas/gg",
-        "run",
-        "report.html",
-    )
     _refuse_foreign_marker(config.folder / MARKER)
-    refuse_foreign_files(config.folder, MARKER, names)
+    refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     config.folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(config.folder / MARKER) as beside:
         beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")

@@ -53,7 +53,8 @@ def build_arenas(
 
     Args:
         folder: contains the surfaces; the arenas are written to it.
-        config: sizes and seed.
+        config: sizes of the networks whose surfaces become arenas, and the seed of the decomposition into convex
+            pieces.
         progress: called with a message and the share that is done.
 
     Returns:

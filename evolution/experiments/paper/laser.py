@@ -101,63 +101,86 @@ def measure_laser(
     """
     plan = plan or ScanPlan()
     poses = list_poses(load_arena(folder, "simple"), config.scans, plan)
-    scans = _list_methods(folder, config)
-    for scan in scans:
-        scan.caster(poses[0])  # the first scan takes longer: memory is allocated, trees are built
-    seconds: list[list[float]] = [[] for _ in scans]
-    errors: list[list[float]] = [[] for _ in scans]
-    hits: list[float] = []
+    methods = _list_methods(folder, config)
+    measured = _time_alternately(methods, poses, config, plan, progress)
+    return {
+        "beams": LaserScanner.num_beams,
+        "hits": float(np.mean(measured.hits)),
+        "rows": [
+            {
+                "model": method.model,
+                "method": method.method,
+                "triangles": method.triangles,
+                "scan_us": summarize(times),
+                "scans": len(times),
+                "error": float(np.mean(differences)) if method.method != "tree" and differences else None,
+            }
+            for method, times, differences in zip(methods, measured.times, measured.differences, strict=True)
+        ],
+        "ratios": {
+            name: {
+                model: find_ratio(
+                    _find_times(methods, measured.times, model, name),
+                    _find_times(methods, measured.times, "simple", name),
+                )
+                for model in ("gg", "gsrm")
+            }
+            for name in ("tree", "brute force")
+        },
+        "powers": _find_powers(methods, measured.times),
+    }
+
+
+class ScanTimes(NamedTuple):
+    """What was measured.
+
+    Attributes:
+        times: of each method, the time of every scan [µs].
+        differences: of each method, differences from the ranges on the exact surface [m].
+        hits: share of the beams of each scan that hit the arena.
+    """
+
+    times: list[list[float]]
+    differences: list[list[float]]
+    hits: list[float]
+
+
+def _time_alternately(
+    methods: list[ScanMethod],
+    poses: Float[np.ndarray, "count 4 4"],
+    config: PaperConfig,
+    plan: ScanPlan,
+    progress: rc.Progress,
+) -> ScanTimes:
+    """Time all methods block by block; brute force takes only a share of each block."""
+    for method in methods:
+        method.caster(poses[0])  # the first scan takes longer: memory is allocated, trees are built
+    measured = ScanTimes([[] for _ in methods], [[] for _ in methods], [])
     for start in range(0, len(poses), plan.block):
         progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
         block = poses[start : start + plan.block]
         exact: dict[str, list[np.ndarray]] = {}
-        for scan, times, differences in zip(scans, seconds, errors, strict=True):
-            is_slow = scan.method == "brute force"
-            taken = block[: -(-len(block) * config.brute_scans // config.scans)] if is_slow else block
-            clock = time.process_time if is_slow else time.thread_time
-            ranges = _time_scans(scan.caster, taken, times, clock)
-            if scan is scans[0]:
-                hits += [float(np.isfinite(one).mean()) for one in ranges]
-            expected = exact.setdefault(scan.model if scan.method == "tree" else scan.reference, ranges)
+        for index, method in enumerate(methods):
+            is_brute = method.method == "brute force"
+            taken = block[: -(-len(block) * config.brute_scans // config.scans)] if is_brute else block
+            clock = time.process_time if is_brute else time.thread_time
+            ranges = _time_scans(method.caster, taken, measured.times[index], clock)
+            if index == 0:
+                measured.hits.extend(float(np.isfinite(one).mean()) for one in ranges)
+            expected = exact.setdefault(method.model if method.method == "tree" else method.reference, ranges)
             for one, other in zip(ranges, expected, strict=False):
                 difference = np.abs(one - other)
-                differences += difference[np.isfinite(difference)].tolist()
-    return {
-        "beams": LaserScanner.num_beams,
-        "hits": float(np.mean(hits)),
-        "rows": [
-            {
-                "model": scan.model,
-                "method": scan.method,
-                "triangles": scan.triangles,
-                "scan_us": summarize(times),
-                "scans": len(times),
-                "error": float(np.mean(differences)) if scan.method != "tree" and differences else None,
-            }
-            for scan, times, differences in zip(scans, seconds, errors, strict=True)
-        ],
-        "ratios": {
-            method: {
-                model: find_ratio(
-                    _pick(scans, seconds, model, method), _pick(scans, seconds, "simple", method)
-                )
-                for model in ("gg", "gsrm")
-            }
-            for method in ("tree", "brute force")
-        },
-        "powers": {
-            method: find_power(
-                *np.transpose(
-                    [
-                        (scan.triangles, np.median(times))
-                        for scan, times in zip(scans, seconds, strict=True)
-                        if scan.method == method
-                    ]
-                )
-            )
-            for method in dict.fromkeys(scan.method for scan in scans if scan.triangles)
-        },
-    }
+                measured.differences[index].extend(difference[np.isfinite(difference)].tolist())
+    return measured
+
+
+def _find_powers(methods: list[ScanMethod], times: list[list[float]]) -> dict[str, float]:
+    """Return method -> exponent with which the median time grows with the number of triangles."""
+    points: dict[str, list[tuple[int, float]]] = {}
+    for method, values in zip(methods, times, strict=True):
+        if method.triangles:
+            points.setdefault(method.method, []).append((method.triangles, float(np.median(values))))
+    return {name: find_power(*np.transpose(pairs)) for name, pairs in points.items()}
 
 
 def list_poses(arena: sg.Arena, count: int, plan: ScanPlan | None = None) -> Float[np.ndarray, "count 4 4"]:
@@ -186,12 +209,10 @@ def _time_scans(
     return ranges
 
 
-def _pick(scans: list[ScanMethod], seconds: list[list[float]], model: str, method: str) -> list[float]:
-    return next(
-        times
-        for scan, times in zip(scans, seconds, strict=True)
-        if (scan.model, scan.method) == (model, method)
-    )
+def _find_times(methods: list[ScanMethod], times: list[list[float]], model: str, name: str) -> list[float]:
+    """Return the times of a model with a method [µs]."""
+    pairs = zip(methods, times, strict=True)
+    return next(values for method, values in pairs if (method.model, method.method) == (model, name))
 
 
 def _list_methods(folder: Path, config: PaperConfig) -> list[ScanMethod]:

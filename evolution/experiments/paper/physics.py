@@ -51,7 +51,11 @@ class CrossingConfig:
 
 
 def measure_physics(
-    folder: Path, champion: Champion, config: PaperConfig, progress: rc.Progress = rc.silent
+    folder: Path,
+    champion: Champion,
+    config: PaperConfig,
+    progress: rc.Progress = rc.silent,
+    crossing: CrossingConfig | None = None,
 ) -> dict[str, Any]:
     """Time the champion's crossings in every arena, by MuJoCo's own timers.
 
@@ -63,6 +67,7 @@ def measure_physics(
         champion: controls the body.
         config: runs, steps and seed.
         progress: called with a message and the share that is done.
+        crossing: which part of a crossing is timed, and what differs between the runs.
 
     Returns:
         `rows`, one for each arena: `physics_us` of a whole step and `collision_us` within it (mean, deviation and
@@ -71,7 +76,7 @@ def measure_physics(
         intervals; `samples`, as `time_crossings` returns them.
     """
     arenas = {name: load_arena(folder, name) for name in RECIPES}
-    samples = time_crossings(champion, arenas, config, progress)
+    samples = time_crossings(champion, arenas, config, progress, crossing)
     rows = [
         {
             "arena": name,

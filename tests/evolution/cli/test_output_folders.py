@@ -1,5 +1,6 @@
 """Commands write over nothing of others, and a kill leaves what was there or what was wanted."""
 
+import json
 import os
 import random
 import shutil
@@ -18,22 +19,12 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.cli.main import run
+from evolution.experiments.demo.demo import OUTPUTS as DEMO_OUTPUTS
 from evolution.experiments.demo.demo import DemoConfig, claim_folder
 from evolution.experiments.paper import robots
 from evolution.experiments.paper.config import QUICK
 from evolution.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
 from evolution.report.page import Page
-
-DEMO_MADE = (
-    "survey.npz",
-    "cloud.ply",
-    "gsrm.npz",
-    "gg.npz",
-    "arenas/gsrm",
-    "arenas/gg",
-    "run",
-    "report.html",
-)
 
 
 def put_mine(folder: Path, name: str) -> Path:
@@ -48,7 +39,7 @@ def take_stock(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("name", DEMO_MADE)
+@pytest.mark.parametrize("name", DEMO_OUTPUTS)
 def test_the_demo_refuses_a_folder_with_things_of_others(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -64,7 +55,7 @@ def test_the_demo_refuses_a_folder_with_things_of_others(
 def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
     config = DemoConfig(tmp_path / "x")
     claim_folder(config)
-    for name in DEMO_MADE:
+    for name in DEMO_OUTPUTS:
         (tmp_path / "x" / name).parent.mkdir(exist_ok=True)
         (tmp_path / "x" / name).touch()
     claim_folder(config)
@@ -215,6 +206,16 @@ def test_a_kill_leaves_the_old_file_or_the_new_one(
     assert seen == {old, new}
 
 
+def test_the_demo_knows_the_folder_of_an_earlier_version(tmp_path: Path) -> None:
+    config = DemoConfig(tmp_path)
+    claim_folder(config)
+    content = json.loads((tmp_path / "demo.json").read_text())
+    del content["trials"]
+    (tmp_path / "demo.json").write_text(json.dumps(content))
+    (tmp_path / "survey.npz").touch()
+    claim_folder(config)
+
+
 def test_a_kill_leaves_a_paper_folder_that_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
     folder = tmp_path / "paper"
@@ -252,7 +253,7 @@ def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
         process = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, *words, "--out", str(out), "--quiet", "--json"],
             cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
             stdout=subprocess.DEVNULL,
         )
         while process.poll() is None and _list(out.parent) == before:

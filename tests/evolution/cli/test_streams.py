@@ -13,10 +13,13 @@ import toys
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve, load_run
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SYMBRION = f"{sys.executable} -c 'from evolution.cli.main import main; main()'"
 NAME = os.fsdecode(b"[bold]r\xc3\xbcn[/bold] $x^$ \xff\x1b[31m")
 """Markup, a letter beyond ASCII, bad mathematics, a byte that is no UTF-8, a control sequence."""
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="needs bash, /dev/full and names of any bytes"
+)
 ASCII = {"LC_ALL": "C", "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 

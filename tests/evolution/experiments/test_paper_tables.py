@@ -46,8 +46,8 @@ def test_table_2_has_ratios_and_runs() -> None:
         record({"runs": 3, "steps": 3500, "interrupted": 0.012, "rows": rows, "ratios": ratios})
     )
     gg, simple, prisms = check(table)
-    assert gg == ["growing grid, convex pieces", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846", "1.05 (1.01 to 1.09)",
-                  "2 of 3"]  # fmt: skip
+    assert gg == ["growing grid, convex pieces", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846",
+                  "1.05 (1.01 to 1.09)", "2 of 3"]  # fmt: skip
     assert simple[7] == "1"
     assert prisms[1] == "4,231"
     assert prisms[4] == prisms[6] == "-"
