@@ -219,7 +219,7 @@ def _list_methods(folder: Path, config: PaperConfig) -> list[ScanMethod]:
     """Return all models with all methods, first those that see the exact surface by its tree."""
     arenas = {name: load_arena(folder, name) for name in dict.fromkeys((*MODELS, *CONTACT_SHAPES))}
     surfaces = {name: arenas[name].surface for name in MODELS} | _load_others(folder, config)
-    scans = [
+    methods = [
         ScanMethod(
             name,
             "tree",
@@ -231,17 +231,17 @@ def _list_methods(folder: Path, config: PaperConfig) -> list[ScanMethod]:
     ]
     for name, shapes in CONTACT_SHAPES.items():
         reference = {"boxes": "simple"}.get(name, name if name in MODELS else "gsrm")
-        scans.append(ScanMethod(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
+        methods.append(ScanMethod(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
     casters: dict[str, type[EmbreeCaster | BruteForceCaster]] = {"brute force": BruteForceCaster}
     if importlib.util.find_spec("embreex"):
         casters = {"embree": EmbreeCaster, **casters}
     else:
         logger.warning("Table III is made without Embree; pip install '.[embree]' installs it")
     for method, make in casters.items():
-        scans += [
+        methods += [
             ScanMethod(name, method, len(mesh.faces), make(mesh), name) for name, mesh in surfaces.items()
         ]
-    return scans
+    return methods
 
 
 def _load_others(folder: Path, config: PaperConfig) -> dict[str, trimesh.Trimesh]:

@@ -129,7 +129,7 @@ def test_ratio_of_known_costs() -> None:
     }  # fmt: skip
 
 
-def test_all_ways_of_scanning_see_the_same() -> None:
+def test_all_scan_methods_agree() -> None:
     arena = sg.load_arena("simple")
     casters = [TreeCaster(arena), TreeCaster(arena, on_contact=True), BruteForceCaster(arena.surface)]
     with contextlib.suppress(ImportError):
@@ -172,7 +172,7 @@ def test_crossings_are_timed(champion: ev.Champion) -> None:
     assert min(samples["contacts"]) > 1
 
 
-def test_moments_tell_the_story() -> None:
+def test_frames_before_the_pit_half_way_and_last() -> None:
     positions = np.zeros((100, 3, 3))
     positions[:, 0, 0] = np.linspace(-2.35, 1.65, 100)  # the head is before the pit at half time
     assert select_frames(positions, 20) == [10, 14, 19]

@@ -23,7 +23,7 @@ def check(table: tables.Table) -> list[list[str]]:
     return [[str(cell) for cell in row] for row in table.rows]
 
 
-def test_table_1_stands_beside_the_papers() -> None:
+def test_table_1_has_the_figures_of_the_paper() -> None:
     row = {
         "network": "gsrm_2200", "method": "gsrm", "size": 2200, "triangles": 4231, "cold_seconds": None,
         "warm_seconds": 0.2, "truth_to_mesh": 0.001, "truth_to_mesh_p95": 0.003, "mesh_to_truth": 0.0007,
@@ -55,7 +55,7 @@ def test_table_2_has_ratios_and_runs() -> None:
     assert "1.2 %" in table.caption
 
 
-def test_table_3_has_the_papers_ratio() -> None:
+def test_table_3_has_the_ratio_of_the_paper() -> None:
     row = {"model": "gg", "method": "tree", "triangles": 13858, "scan_us": COST, "scans": 100, "error": None}
     rows = [row | {"method": "hulls", "triangles": 0, "error": 0.0013}, row]
     ratios = {"tree": {"gg": RATIO}, "brute force": {"gg": RATIO}}
@@ -84,8 +84,8 @@ def test_the_widened_pit_has_a_before_and_an_after() -> None:
                "truth_to_mesh_p95": 0.006, "mesh_to_truth": 0.0017, "boundary_loops": 1}  # fmt: skip
     runs = {
         when: {"genotypes": 48, "judged": {"narrow": {"successes": 9, "trials": 10},
-                                           "wide": {"successes": held, "trials": 10}}}
-        for when, held in (("before", 0), ("after", 8))
+                                           "wide": {"successes": successes, "trials": 10}}}
+        for when, successes in (("before", 0), ("after", 8))
     }  # fmt: skip
     figures = {"pit": [0.35, 0.40], "surfaces": [surface], **runs}
     check(tables.tabulate_widened(record(figures)))
