@@ -1,4 +1,4 @@
-"""Start the command `symbrion`, or say which extra it lacks."""
+"""Start the command `symbrion`, or report which extra is missing."""
 
 import sys
 
@@ -6,7 +6,7 @@ from reconstruction.extras import MissingExtraError, require_extras
 
 
 def main() -> None:
-    """Run the command line and exit with its code; without the extra `cli`, say so and exit with 1."""
+    """Run the command line and exit with its code; with 1 and a message where the extra `cli` is missing."""
     try:
         require_extras("the command `symbrion`", "cli")
     except MissingExtraError as error:

@@ -1,4 +1,4 @@
-"""Render without a display: on Linux, choose EGL for MuJoCo where there is none.
+"""Render without a display: on Linux without one, MuJoCo uses EGL; elsewhere it finds the system's OpenGL itself.
 
 MuJoCo reads the choice when it is first imported, so this module is imported before it.
 """
@@ -9,10 +9,14 @@ import sys
 GL_VARIABLE = "MUJOCO_GL"
 
 
+def has_display() -> bool:
+    """Return whether a window can be opened here: macOS and Windows always have a display, Linux may not."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
+
+
 def prefer_egl() -> None:
-    """Choose EGL where there is no display and the user has chosen nothing."""
-    has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    if sys.platform == "linux" and not has_display:
+    """Select EGL where there is no display and the user has selected nothing; macOS and Windows refuse EGL."""
+    if not has_display():
         os.environ.setdefault(GL_VARIABLE, "egl")
 
 

@@ -22,6 +22,25 @@ READY = "ready"
 """First message of a worker."""
 
 
+def share_pipe(handle: int) -> dict[str, object]:
+    """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other.
+
+    Args:
+        handle: file descriptor of the end; on Windows its handle.
+    """
+    if sys.platform != "win32":
+        return {"pass_fds": [handle]}
+    os.set_handle_inheritable(handle, True)
+    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
+
+
+def open_pipe(handle: int) -> multiprocessing.connection.Connection:
+    """Return the end of a pipe that this process has inherited."""
+    if sys.platform != "win32":
+        return multiprocessing.connection.Connection(handle)
+    return multiprocessing.connection.PipeConnection(handle)
+
+
 class _Worker(NamedTuple):
     process: subprocess.Popen[bytes]
     connection: Connection
@@ -52,8 +71,8 @@ class ProcessBackend(WorkerPool[_Worker]):
         ours, theirs = multiprocessing.Pipe()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
         command = [sys.executable, "-m", "evolution.backends.worker", str(theirs.fileno()), self._simulate]
-        process = subprocess.Popen(
-            command, pass_fds=[theirs.fileno()], env=environment, stdin=subprocess.DEVNULL
+        process = subprocess.Popen[bytes](
+            command, env=environment, stdin=subprocess.DEVNULL, **share_pipe(theirs.fileno())
         )
         theirs.close()
         try:

@@ -1,9 +1,8 @@
 """A worker process: reads jobs from the pipe it was given, answers with outcomes, ends with the pipe."""
 
 import sys
-from multiprocessing.connection import Connection
 
-from evolution.backends.processes import READY
+from evolution.backends.processes import READY, open_pipe
 from evolution.backends.simulation import find_simulate, run_isolated
 from evolution.errors import RunError
 
@@ -12,10 +11,10 @@ def main(descriptor: int, simulate_name: str) -> None:
     """Serve until the other end closes.
 
     Args:
-        descriptor: file descriptor of the pipe, inherited.
+        descriptor: file descriptor of the pipe, inherited; on Windows its handle.
         simulate_name: "module:function" that tries jobs.
     """
-    connection = Connection(descriptor)
+    connection = open_pipe(descriptor)
     simulate = find_simulate(simulate_name)
     try:
         connection.send(READY)

@@ -1,4 +1,4 @@
-"""What every subcommand shares: seed, output form, and the checks of what the user asked for."""
+"""What all subcommands share: common options, and checks of paths."""
 
 import abc
 import dataclasses
@@ -11,7 +11,7 @@ from evolution.cli.console import Console
 
 
 class UsageError(ValueError):
-    """The command was called in a way that cannot work; the message names the value and the remedy."""
+    """A command line cannot be executed; the message names the value and a remedy."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -19,21 +19,21 @@ class Command(abc.ABC):
     """A subcommand: its fields are its options, `run` does the work."""
 
     json: bool = False
-    """Print a machine-readable summary on standard output, and nothing else."""
+    """Print a summary as JSON on standard output, and nothing else."""
     quiet: bool = False
-    """Draw no progress."""
+    """Show no progress."""
 
     @abc.abstractmethod
     def run(self, console: Console) -> dict[str, Any]:
-        """Do the work and return a summary; `ok: False` in it makes the exit code 1."""
+        """Do the work and return a summary; with `ok: False` in it the exit code is 1."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeededCommand(Command):
-    """A subcommand that draws random numbers."""
+    """A subcommand that uses random numbers."""
 
     seed: int = 0
-    """Equal seeds give equal results."""
+    """Seed of all random numbers; equal seeds give equal results."""
 
     def __post_init__(self) -> None:
         if self.seed < 0:
@@ -41,43 +41,45 @@ class SeededCommand(Command):
 
 
 def require_file(path: Path, option: str) -> None:
-    """Refuse a path that is not a readable file."""
+    """Refuse a path that is not a readable file, by a `UsageError` that names the option."""
     if not path.exists():
         raise UsageError(f"{option} {path}: no such file")
     if path.is_dir():
         raise UsageError(f"{option} {path} is a folder; give a file")
     if not os.access(path, os.R_OK):
-        raise UsageError(f"{option} {path} cannot be read; mend its permissions")
+        raise UsageError(f"{option} {path} cannot be read; change its permissions")
 
 
 def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> None:
-    """Refuse a file name that cannot be written, or whose ending names no known format."""
+    """Refuse a file that cannot be written, or whose ending is not one of `endings`, by a `UsageError`."""
     if not path.name.lower().endswith(endings):
-        raise UsageError(f"{option} {path} has no known ending; use one of {', '.join(endings)}")
+        raise UsageError(f"{option} {path} has an unknown ending; use one of {', '.join(endings)}")
     if path.is_dir():
         raise UsageError(f"{option} {path} is a folder; give a file name")
     if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
-        raise UsageError(f"{option} {path} is write-protected or no regular file; give another name")
+        raise UsageError(f"{option} {path} is write-protected or not a regular file; give another name")
     require_writable_folder(path.parent, option)
 
 
 def require_own_archive(path: Path, option: str, member: str) -> None:
-    """Refuse a default name under which something else lies than this command writes: nobody asked to replace it."""
+    """Refuse to replace a file at the default place that this command did not write, by a `UsageError`."""
     if not path.exists():
         return
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
             if f"{member}.npy" in archive.namelist():
                 return
-    raise UsageError(f"{path} is there and was not written by this command; name another file with {option}")
+    raise UsageError(f"{path} exists and was not written by this command; name another file with {option}")
 
 
 def require_writable_folder(path: Path, option: str) -> None:
-    """Refuse a folder that neither exists and can be written nor can be made."""
+    """Refuse a folder that cannot be created or written to, by a `UsageError`."""
     if path.exists() and not path.is_dir():
         raise UsageError(f"{option} {path} is a file; give a folder")
     existing = path
-    while not existing.exists():
+    while (
+        not existing.exists() and existing != existing.parent
+    ):  # the root may be absent, too: a drive on Windows
         existing = existing.parent
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
-        raise UsageError(f"{option} {path} cannot be written; choose another place")
+        raise UsageError(f"{option} {path} cannot be written; give another folder")

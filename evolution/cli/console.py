@@ -1,4 +1,4 @@
-"""What the command line shows while it works: titles, progress bars with the time left, results."""
+"""Output of the command line: progress bars with the remaining time, results as lines and tables."""
 
 import sys
 import time
@@ -15,11 +15,11 @@ from reconstruction.progress import Progress as ProgressCallback
 
 
 class Console:
-    """Draws progress on standard error, so that standard output holds results only.
+    """Draws progress on standard error, so that standard output contains only results.
 
     Args:
-        quiet: draw no progress.
-        mute: print no results either.
+        quiet: show no progress.
+        mute: print no results.
     """
 
     def __init__(self, quiet: bool = False, mute: bool = False):
@@ -47,7 +47,7 @@ class Console:
     ) -> None:
         self._bars.stop()
 
-    def say(self, text: str) -> None:
+    def print_line(self, text: str) -> None:
         """Print a line of results."""
         self._out.print(make_printable(text))
 
@@ -59,41 +59,49 @@ class Console:
         self._out.print(table)
 
     def track(self, title: str) -> "Step":
-        """Return a step with a bar of its own, for use in a `with` block."""
+        """Return a step with its own progress bar, for use in a `with` block."""
         return Step(
             make_printable(title), self._bars, None if self.quiet or self._rich.is_terminal else self._rich
         )
 
 
 class _PlainConsole(RichConsole):
-    """Prints text as it is: a name in square brackets is no markup. Goes on, mute, where nobody reads any more."""
+    """Prints text literally, without markup; becomes silent when the reader of a pipe has closed it."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(markup=False, emoji=False, highlight=False, **options)
 
     def on_broken_pipe(self) -> None:
-        """Let the work go on: what counts is in files, and the run is resumable."""
+        """Continue without output: the results are in files."""
         self.quiet = True
         discard_output(self.file)
 
 
 class Step:
-    """One step of work: long functions call its `progress`. Without a terminal it prints lines instead.
+    """One step of the work: long functions call its `progress`. Without a terminal it prints lines instead of a bar.
 
     Args:
         title: what the step does.
-        bars: where its bar is drawn.
-        log: where lines go when there is no terminal; None for nowhere.
+        bars: draws the progress bar.
+        log: prints lines where there is no terminal; None to print none.
+
+    Attributes:
+        seconds: wall time of the step, known when it has ended.
     """
+
+    LOG_INTERVAL = 5.0
+    """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
+    MIN_FRACTION = 0.02
+    """Share of the work from which the remaining time is estimated; before, the start-up dominates."""
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
         self.seconds = 0.0
         self._task: TaskID | None = None
-        self._started = self._logged = 0.0
+        self._start = self._last_line = 0.0
 
     def __enter__(self) -> "Step":
-        self._started = self._logged = time.perf_counter()
+        self._start = self._last_line = time.perf_counter()
         self._task = self._bars.add_task(self.title, total=1.0, detail="")
         if self._log:
             self._log.print(f"{self.title} ...")
@@ -102,7 +110,7 @@ class Step:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.seconds = time.perf_counter() - self._started
+        self.seconds = time.perf_counter() - self._start
         if self._task is not None and error is None:
             self._bars.update(self._task, completed=1.0, detail="")
         if self._log and error is None:
@@ -117,8 +125,9 @@ class Step:
         if self._task is not None:
             self._bars.update(self._task, completed=fraction, detail=message)
         now = time.perf_counter()
-        if self._log and now - self._logged > 5.0:
-            self._logged = now
-            left = (now - self._started) * (1 - fraction) / max(fraction, 1e-6)
-            tail = f", about {left:.0f} s left" if 0.02 < fraction < 1 else ""
-            self._log.print(f"  {message} ({fraction:.0%}{tail})")
+        if self._log and now - self._last_line > self.LOG_INTERVAL:
+            self._last_line = now
+            estimate = ""
+            if self.MIN_FRACTION < fraction < 1:
+                estimate = f", about {(now - self._start) * (1 / fraction - 1):.0f} s left"
+            self._log.print(f"  {message} ({fraction:.0%}{estimate})")

@@ -1,7 +1,7 @@
-"""The command `symbrion`: one subcommand a step of the road, and `demo` for the whole of it.
+"""The command `symbrion`: one subcommand for each step of the pipeline, and `demo` for all of them.
 
-Exit codes: 0 done, 1 the work failed, 2 wrong use, 130 stopped by the keyboard. Errors are one line on standard
-error; results go to standard output, as JSON with `--json`.
+Exit codes: 0 success, 1 the work failed, 2 wrong usage, 130 interrupted by the keyboard. Errors are one line on
+standard error; results go to standard output, as JSON with `--json`.
 """
 
 import contextlib
@@ -12,13 +12,14 @@ import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any
 
 import tyro
 
 from evolution.cli.command import Command, UsageError
 from evolution.cli.commands import COMMANDS
 from evolution.cli.console import Console
-from evolution.cli.streams import flush_streams, prepare_streams
+from evolution.cli.streams import flush_streams, is_unread, prepare_streams
 from evolution.errors import RunError
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.extras import MissingExtraError
@@ -27,10 +28,10 @@ from symbrion_gym.errors import ArenaError, OrganismError
 
 DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the pit.
 
-The road, a subcommand a step:
-survey (scan an arena) -> reconstruct (surface from points) -> arena (surface to MuJoCo geometry)
--> evolve (CMA-ES) -> replay (judge and film the champion). `symbrion demo` walks all of it.
-`symbrion --version` tells the release."""
+The pipeline, one subcommand for each step:
+survey (scan an arena) -> reconstruct (points to surface) -> arena (surface to MuJoCo geometry)
+-> evolve (CMA-ES) -> replay (judge the champion, record a video). `symbrion demo` runs all of them.
+`symbrion --version` prints the version."""
 
 EXPECTED_ERRORS = (
     ScanError,
@@ -50,10 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     problem: OSError | None = None
     try:
         code = run(sys.argv[1:] if arguments is None else arguments)
-    except OSError as error:  # of the streams: those of the work are told by `run`
+    except OSError as error:  # of the streams; `run` reports those of the work
         code, problem = 0, error
     problem = flush_streams() or problem
-    if problem is not None and not isinstance(problem, BrokenPipeError):
+    if problem is not None and not is_unread(problem):
         code = _fail(problem, 1)
     sys.exit(code)
 
@@ -65,14 +66,14 @@ def run(arguments: Sequence[str]) -> int:
         arguments: the words after `symbrion`.
 
     Returns:
-        The exit code: 0 done, 1 failed, 2 wrong use, 130 stopped by the keyboard.
+        The exit code: 0 success, 1 failure, 2 wrong usage, 130 interrupted by the keyboard.
     """
     if list(arguments) == ["--version"]:
         sys.stdout.write(f"symbrion-gym {version('symbrion-gym')}\n")
         return 0
     try:
         command = _parse(arguments)
-    except SystemExit as end:  # --help, or wrong use already reported
+    except SystemExit as end:  # --help, or wrong usage, which is already reported
         return int(end.code or 0)
     console = Console(quiet=command.quiet or command.json, mute=command.json)
     logging.basicConfig(level=logging.WARNING, format="symbrion: %(message)s", stream=sys.stderr)
@@ -84,14 +85,18 @@ def run(arguments: Sequence[str]) -> int:
     except EXPECTED_ERRORS as error:
         return _fail(error, 1)
     except KeyboardInterrupt:
-        return _fail("stopped by the keyboard", 130)
+        return _fail("interrupted by the keyboard", 130)
     if command.json:
         _print_json(summary)
     return 0 if summary.get("ok", True) else 1
 
 
 def _parse(arguments: Sequence[str]) -> Command:
-    """Return the command that the words ask for; raise SystemExit with 0 after `--help`, 2 after wrong use."""
+    """Return the command of a command line.
+
+    Raises:
+        SystemExit: with 0 after `--help`, with 2 after wrong usage.
+    """
     errors = io.StringIO()
     try:
         with contextlib.redirect_stderr(errors):
@@ -112,7 +117,7 @@ def _parse(arguments: Sequence[str]) -> Command:
 
 
 def _flatten(report: str) -> str:
-    """Make one line of the parser's boxed report: what is wrong, and where the help is."""
+    """Return the boxed report of the parser as one line: what is wrong, and where the help is."""
     lines = [re.sub(r"[╭╮╰╯│]", " ", line).strip() for line in report.splitlines()]
     lines = [line for line in lines[1:] if line.strip("─- ")]
     text = " ".join(lines)
@@ -122,19 +127,20 @@ def _flatten(report: str) -> str:
 
 
 def _fail(error: object, code: int) -> int:
+    """Print an error as one line; return the exit code."""
     text = make_printable(" ".join(str(error).split())) or type(error).__name__
     with contextlib.suppress(BrokenPipeError):
         sys.stderr.write(f"symbrion: {text}\n")
     return code
 
 
-def _print_json(summary: dict) -> None:
+def _print_json(summary: dict[str, Any]) -> None:
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.write(json.dumps(summary, default=_to_plain) + "\n")
 
 
 def _to_plain(value: object) -> object:
-    """Turn paths, arrays and NumPy numbers into what JSON knows."""
+    """Return paths, arrays and NumPy numbers as JSON content."""
     tolist = getattr(value, "tolist", None)
     return tolist() if tolist else str(value)
 

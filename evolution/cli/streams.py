@@ -1,12 +1,13 @@
-"""Standard output and error as they may be: closed, a pipe that nobody reads, of an encoding that lacks our letters."""
+"""Standard output and error in all states: closed, a pipe without reader, an encoding without our characters."""
 
+import errno
 import os
 import sys
 from typing import IO
 
 
 def prepare_streams() -> None:
-    """Make both streams writable: letters that their encoding lacks are escaped, closed ones lead nowhere."""
+    """Make both streams writable: characters that an encoding lacks are escaped, closed streams discard output."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -16,10 +17,10 @@ def prepare_streams() -> None:
 
 
 def flush_streams() -> OSError | None:
-    """Write what is still buffered, so that nothing is left to fail when the interpreter ends.
+    """Write buffered output, so that nothing fails when the interpreter ends.
 
     Returns:
-        What went wrong, a full disk say; a reader who has gone is nothing wrong.
+        The error, for example of a full disk; None, too, if the reader of a pipe has closed it.
     """
     problem = None
     for stream in (sys.stdout, sys.stderr):
@@ -27,12 +28,17 @@ def flush_streams() -> OSError | None:
             stream.flush()
         except OSError as error:
             discard_output(stream)
-            problem = None if isinstance(error, BrokenPipeError) else error
+            problem = None if is_unread(error) else error
     return problem
 
 
+def is_unread(error: OSError) -> bool:
+    """Return whether writing failed because the reader has closed the pipe, which is no failure of the command."""
+    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and error.errno == errno.EINVAL)
+
+
 def discard_output(stream: IO[str]) -> None:
-    """Lead a stream, what is buffered included, to nowhere."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    """Discard the output of a stream from now on, including what is buffered."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)

@@ -1,4 +1,4 @@
-"""What people look at: figures, video, and one self-contained HTML page."""
+"""Results for people: figures, video, and self-contained HTML pages."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: text, tables, figures and video inside the file, nothing fetched."""
+"""One self-contained HTML page: text, tables, figures and video are inside the file."""
 
 import base64
 import dataclasses
@@ -11,7 +11,7 @@ import jinja2
 from matplotlib.figure import Figure
 
 from evolution.report.pictures import find_width, to_png
-from evolution.report.scene import Scene, get_plotly_program
+from evolution.report.scene import Scene, get_plotly_script
 from reconstruction.files.atomic_write import write_atomically
 
 _TEMPLATE = jinja2.Environment(
@@ -25,11 +25,11 @@ _TEMPLATE = jinja2.Environment(
 
 @dataclasses.dataclass
 class Page:
-    """A page that grows section by section and is written at once.
+    """A page to which blocks are added one after the other, and which is written at the end.
 
     Attributes:
-        title: the heading and the name of the browser's tab.
-        summary: one paragraph below it.
+        title: the heading, and the title of the browser tab.
+        summary: one paragraph below the heading.
         footer: machine, versions, command.
     """
 
@@ -39,12 +39,12 @@ class Page:
     _blocks: list[dict[str, Any]] = dataclasses.field(default_factory=list)
 
     def add_section(self, title: str, text: str = "") -> None:
-        """Start a section; what follows belongs to it."""
+        """Start a section; the blocks that follow belong to it."""
         anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
         self._blocks.append({"kind": "section", "title": title, "text": text, "anchor": anchor})
 
     def add_contents(self) -> None:
-        """Add links to all sections."""
+        """Add a list of links to all sections."""
         self._blocks.append({"kind": "contents"})
 
     def add_text(self, text: str) -> None:
@@ -52,21 +52,21 @@ class Page:
         self._blocks.append({"kind": "text", "text": text})
 
     def add_verdict(self, text: str, good: bool) -> None:
-        """Add a line that stands out, green or red."""
+        """Add a highlighted line, green where the result is good, else red."""
         self._blocks.append({"kind": "verdict", "text": text, "good": good})
 
     def add_list(self, entries: Sequence[str]) -> None:
-        """Add a list of sentences."""
+        """Add a bulleted list."""
         self._blocks.append({"kind": "list", "entries": list(entries)})
 
     def add_figure(self, picture: bytes | Figure, caption: str) -> None:
-        """Add a figure, or a PNG picture; the caption says what is seen."""
+        """Add a figure, or a PNG image, with a caption."""
         png = _as_png(picture)
         shown = {"source": _inline(png, "image/png"), "width": find_width(png)}
         self._blocks.append({"kind": "figure", **shown, "caption": caption})
 
     def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
-        """Add pictures beside each other, each with its label, below each other where the page is narrow."""
+        """Add images with labels, side by side, or one below the other on a narrow page."""
         shown = [
             {"label": label, "source": _inline(_as_png(item), "image/png")}
             for label, item in pictures.items()
@@ -74,9 +74,13 @@ class Page:
         self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
 
     def add_scene(self, scene: Scene, caption: str) -> None:
-        """Add an interactive scene with its switches; one a page."""
+        """Add an interactive scene and its switches; a page can have one.
+
+        Raises:
+            ValueError: the page has a scene already.
+        """
         if any(block["kind"] == "scene" for block in self._blocks):
-            raise ValueError("a page holds one scene; it has one already")
+            raise ValueError("a page can have one scene, and has one already")
         switches = scene.switches()
         self._blocks.append(
             {"kind": "scene", "html": scene.to_html(), "switches": switches, "caption": caption}
@@ -87,21 +91,21 @@ class Page:
         self._blocks.append({"kind": "video", "source": _inline(mp4, "video/mp4"), "caption": caption})
 
     def add_table(self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str) -> None:
-        """Add a table; the first column is its rows' heading."""
+        """Add a table; the first column contains the headings of the rows."""
         is_text = [any(str(row[index])[:1].isalpha() for row in rows) for index in range(len(columns))]
         self._blocks.append(
             {"kind": "table", "columns": columns, "rows": rows, "is_text": is_text, "caption": caption}
         )
 
     def write(self, path: Path) -> None:
-        """Write the page; it appears whole or not at all."""
+        """Write the page as one file, atomically."""
         has_scene = any(block["kind"] == "scene" for block in self._blocks)
         html = _TEMPLATE.render(
             title=self.title,
             summary=self.summary,
             footer=self.footer,
             blocks=self._blocks,
-            program=get_plotly_program() if has_scene else "",
+            program=get_plotly_script() if has_scene else "",
         )
         with write_atomically(path) as beside:
             beside.write_text(html, encoding="utf-8", errors="backslashreplace")

@@ -1,23 +1,26 @@
-"""Figures as picture files: PNG cut to what is drawn, SVG with lines as lines and crowds of points as pixels."""
+"""Figures as image files: PNG cropped to the drawing, SVG with lines as vectors and many points as pixels."""
 
 import io
 
 import matplotlib as mpl
 import numpy as np
+from jaxtyping import UInt8
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
 DPI = 110
-"""Of pictures without text; on a screen a page draws one pixel of theirs as one of its own."""
+"""Resolution of figures without text; a page shows them pixel by pixel."""
 CHART_DPI = 150
+"""Resolution of charts; higher, so that their text is sharp on screens of high density."""
 CHART_WIDTH = 5.6
-"""Width of a chart [inch]: its text can be read on a phone, too."""
+"""Width of a chart [inch]; its text can be read on a phone, too."""
 MARGIN = 12
+"""White border around a figure [pixel]."""
 
 
 def to_png(figure: Figure) -> bytes:
-    """Return the figure as PNG, cut to what is drawn on it."""
+    """Return the figure as PNG, cropped to the drawing."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]
@@ -28,8 +31,8 @@ def to_png(figure: Figure) -> bytes:
     return encode_png(cut, figure.dpi)
 
 
-def encode_png(pixels: np.ndarray, dpi: float = DPI) -> bytes:
-    """Return `[H, W, 3]` bytes as PNG that knows its dots per inch, in 256 colours: nothing to speak of is lost."""
+def encode_png(pixels: UInt8[np.ndarray, "H W 3"], dpi: float = DPI) -> bytes:
+    """Return an image as PNG with its resolution; it is reduced to 256 colors, which figures hardly exceed."""
     buffer = io.BytesIO()
     image = Image.fromarray(np.ascontiguousarray(pixels))
     image.quantize(256, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True, dpi=(dpi, dpi))
@@ -37,13 +40,13 @@ def encode_png(pixels: np.ndarray, dpi: float = DPI) -> bytes:
 
 
 def find_width(png: bytes) -> int:
-    """Return the width at which a page shows a picture: a chart has more pixels than that, for sharp text."""
+    """Return the width at which a page shows an image [pixel]; a chart has more pixels, for sharp text."""
     image = Image.open(io.BytesIO(png))
     return round(image.width * DPI / image.info.get("dpi", (DPI, DPI))[0])
 
 
 def to_svg(figure: Figure) -> bytes:
-    """Return the figure as SVG; figures drawn alike give equal bytes."""
+    """Return the figure as SVG; equal figures give equal bytes."""
     buffer = io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "symbrion"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})

@@ -1,4 +1,4 @@
-"""Machine and versions, for the foot of a page and for the files beside it."""
+"""Machine and versions, for the footer of a page and for result files."""
 
 import os
 import platform
@@ -11,7 +11,7 @@ PACKAGES = ("symbrion-gym", "mujoco", "jax", "numpy", "coacd", "cma")
 
 
 def describe_machine() -> str:
-    """Return processor, cores, Python, package versions and the commit of a checkout in one line."""
+    """Return processor, cores, versions of Python and packages, and the commit of a checkout in one line."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     revision = find_revision()
     packages += f", commit {revision}" if revision else ""
@@ -19,7 +19,7 @@ def describe_machine() -> str:
 
 
 def _find_processor() -> str:
-    """Return the processor's name where Linux tells it, else its architecture."""
+    """Return the name of the processor, which Linux has in a file; on other systems its architecture."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

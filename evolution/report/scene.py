@@ -1,6 +1,6 @@
-"""An interactive 3-D scene inside a page: layers that can be turned, zoomed and switched on and off.
+"""An interactive 3-D scene inside a page: it can be turned and zoomed, and its layers switched on and off.
 
-Drawn by Plotly, whose program travels inside the page: it works from the file system, without a network.
+Plotly draws it. Its script is part of the page, which therefore works from a file, without a network.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,23 +10,29 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import trimesh
+from jaxtyping import Float
 from markupsafe import Markup
 
-from evolution.report.figures import PALETTE, shade
+from evolution.report.figures import EDGE_COLOR, PALETTE, shade
 
 Trace = dict[str, Any]
-MILLIMETRE_DIGITS = 3
+MILLIMETER_DIGITS = 3
+"""Decimals of coordinates in meters."""
 CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
+BODY_COLOR = "#7a1f12"
+BACKGROUND_COLOR = "#eef1f5"
+PATH_STEP = 5
+"""Every fifth position of the head becomes a point of its path."""
 
 
 @dataclass
 class Layer:
-    """What a switch of the scene shows or hides.
+    """A part of the scene that a switch shows or hides.
 
     Attributes:
-        name: beside the switch.
-        traces: of Plotly, as plain dictionaries.
-        is_shown: at the beginning.
+        name: label of the switch.
+        traces: Plotly traces, as plain dictionaries.
+        is_shown: whether it is visible at first.
     """
 
     name: str
@@ -40,49 +46,62 @@ class Scene:
 
     layers: list[Layer] = field(default_factory=list)
 
-    def add_points(self, name: str, points: np.ndarray, limit: int = 15_000, is_shown: bool = True) -> None:
-        """Add a cloud `[N, 3]` [m], coloured by height, thinned evenly to `limit`."""
+    def add_points(
+        self, name: str, points: Float[np.ndarray, "N 3"], limit: int = 15_000, is_shown: bool = True
+    ) -> None:
+        """Add a point cloud [m], colored by height; every n-th point is shown, `limit` at most."""
         shown = points[:: max(1, -(-len(points) // limit))]
         marker = {"size": 1.6, "color": _round(shown[:, 2]), "colorscale": "Viridis"}
-        self._add(name, [_make("scatter3d", **_place(shown), mode="markers", marker=marker)], is_shown)
+        self._add(name, [_make_trace("scatter3d", **_to_xyz(shown), mode="markers", marker=marker)], is_shown)
 
-    def add_surface(self, name: str, mesh: trimesh.Trimesh, colour: str, is_shown: bool = True) -> None:
+    def add_surface(self, name: str, mesh: trimesh.Trimesh, color: str, is_shown: bool = True) -> None:
         """Add a mesh with its edges."""
         edges = np.asarray(mesh.vertices)[mesh.edges_unique]
         gaps = np.full((len(edges), 1, 3), np.nan)
         lines = np.concatenate([edges, gaps], axis=1).reshape(-1, 3)
-        wire = _make("scatter3d", **_place(lines), mode="lines", line={"color": "#3a4a5c", "width": 1})
-        self._add(name, [_make_mesh(mesh, colour), wire], is_shown)
+        wire = _make_trace(
+            "scatter3d", **_to_xyz(lines), mode="lines", line={"color": EDGE_COLOR, "width": 1}
+        )
+        self._add(name, [_make_mesh_trace(mesh, color), wire], is_shown)
 
     def add_pieces(self, name: str, pieces: Sequence[trimesh.Trimesh], is_shown: bool = True) -> None:
-        """Add convex pieces, each in a colour of its own."""
-        colours = [PALETTE[index % len(PALETTE)] for index in range(len(pieces))]
-        traces = [_make_mesh(piece, colour) for piece, colour in zip(pieces, colours, strict=True)]
+        """Add convex pieces, each in its own color."""
+        colors = [PALETTE[index % len(PALETTE)] for index in range(len(pieces))]
+        traces = [_make_mesh_trace(piece, color) for piece, color in zip(pieces, colors, strict=True)]
         self._add(name, traces, is_shown)
 
-    def add_path(self, name: str, positions: np.ndarray, snapshots: int = 9, is_shown: bool = True) -> None:
-        """Add the path of a body: the head's line, and the whole body at several moments.
+    def add_path(
+        self,
+        name: str,
+        positions: Float[np.ndarray, "T modules 3"],
+        snapshots: int = 9,
+        is_shown: bool = True,
+    ) -> None:
+        """Add the path of a body: a line for the head, and the whole body at several times.
 
         Args:
-            name: beside the switch.
-            positions: `[T, n, 3]` of the modules, head first [m].
-            snapshots: moments.
-            is_shown: at the beginning.
+            name: label of the switch.
+            positions: of the modules, head first [m].
+            snapshots: number of times at which the whole body is shown.
+            is_shown: whether it is visible at first.
         """
-        head = _make(
-            "scatter3d", **_place(positions[::5, 0]), mode="lines", line={"color": PALETTE[1], "width": 4}
+        head = _make_trace(
+            "scatter3d",
+            **_to_xyz(positions[::PATH_STEP, 0]),
+            mode="lines",
+            line={"color": PALETTE[1], "width": 4},
         )
-        chosen = positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)]
+        shown = positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)]
         gap = np.full((snapshots, 1, 3), np.nan)
-        bodies = _make("scatter3d",
-            **_place(np.concatenate([chosen, gap], axis=1).reshape(-1, 3)),
-            mode="lines+markers", line={"color": "#7a1f12", "width": 3},
+        bodies = _make_trace("scatter3d",
+            **_to_xyz(np.concatenate([shown, gap], axis=1).reshape(-1, 3)),
+            mode="lines+markers", line={"color": BODY_COLOR, "width": 3},
             marker={"size": 4, "color": PALETTE[1]},
         )  # fmt: skip
         self._add(name, [head, bodies], is_shown)
 
     def switches(self) -> list[dict[str, Any]]:
-        """Return for each layer its `name`, whether it `is_shown`, and the indices of its `traces`."""
+        """Return `name`, `is_shown` and the indices of the `traces` of each layer."""
         listed, first = [], 0
         for layer in self.layers:
             traces = list(range(first, first + len(layer.traces)))
@@ -91,7 +110,7 @@ class Scene:
         return listed
 
     def to_html(self) -> Markup:
-        """Return the scene as a `div` and the script that fills it; the page holds Plotly itself."""
+        """Return the scene as a `div` with a script; the page must contain Plotly itself."""
         import plotly.graph_objects as go
         import plotly.io
 
@@ -101,7 +120,7 @@ class Scene:
             scene={"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis, "camera": CAMERA},
             margin={"l": 0, "r": 0, "t": 0, "b": 0},
             showlegend=False,
-            paper_bgcolor="#eef1f5",
+            paper_bgcolor=BACKGROUND_COLOR,
         )
         config = {"responsive": True, "displaylogo": False, "displayModeBar": False}
         return Markup(
@@ -117,32 +136,32 @@ class Scene:
         self.layers.append(Layer(name, traces, is_shown))
 
 
-def get_plotly_program() -> Markup:
-    """Return Plotly's JavaScript, to be put into a page."""
+def get_plotly_script() -> Markup:
+    """Return the JavaScript of Plotly, to be put into a page."""
     import plotly.offline
 
     return Markup(plotly.offline.get_plotlyjs())
 
 
-def _make_mesh(mesh: trimesh.Trimesh, colour: str) -> Trace:
-    """Return a mesh with its shading in the colours of its faces: Plotly's own light is not that of the figures."""
+def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
+    """Return a mesh with shaded face colors, as in the figures, instead of the light of Plotly."""
     i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
-    shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(colour)))).astype(np.uint8)
+    shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
     facecolor = ["#" + bytes(rgb).hex() for rgb in shaded]
-    return _make(
+    return _make_trace(
         "mesh3d",
-        **_place(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
+        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
         lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     )  # fmt: skip
 
 
-def _make(kind: str, **values: Any) -> Trace:
+def _make_trace(kind: str, **values: Any) -> Trace:
     return {"type": kind, **values}
 
 
-def _place(points: np.ndarray) -> dict[str, np.ndarray]:
+def _to_xyz(points: Float[np.ndarray, "N 3"]) -> dict[str, np.ndarray]:
     return dict(zip("xyz", _round(points).T.copy(), strict=True))
 
 
 def _round(values: np.ndarray) -> np.ndarray:
-    return np.round(values, MILLIMETRE_DIGITS).astype(np.float32)
+    return np.round(values, MILLIMETER_DIGITS).astype(np.float32)

@@ -1,4 +1,4 @@
-"""A run's history for TensorBoard, beside the record: a view of it, never read back."""
+"""The history of a run for TensorBoard: a copy for viewing, which is never read back."""
 
 from pathlib import Path
 from types import TracebackType
@@ -13,10 +13,10 @@ SCALARS = tuple(name for name in HISTORY.names or () if name != "generation")
 
 
 class TensorBoardLog:
-    """Writes each generation's row as scalars, into `tensorboard` in the run folder; its call is an `OnGeneration`.
+    """Writes the history row of each generation as scalars, into `tensorboard` in the run folder; an `OnGeneration`.
 
     Args:
-        first: generation to begin with, where earlier ones were written before.
+        first: first generation that is written; earlier ones were written before.
 
     Raises:
         RunError: TensorBoard is not installed.
@@ -28,17 +28,17 @@ class TensorBoardLog:
         except ImportError as error:
             raise RunError(
                 "writing for TensorBoard needs it: pip install 'symbrion-gym[tensorboard]'; "
-                "history.csv holds the same numbers"
+                "history.csv has the same numbers"
             ) from error
         self._make_writer = Writer
         self._writer: Any = None
         self._next = first
 
     def __call__(self, run: Run) -> None:
-        """Write the rows that are new.
+        """Write the new rows.
 
         Raises:
-            RunError: the run is not kept in a folder, or that cannot be written.
+            RunError: the run has no folder, or it cannot be written.
         """
         if run.folder is None:
             raise RunError("a run without a folder has no place for TensorBoard's files; give it a folder")

@@ -1,4 +1,4 @@
-"""Film a robot and encode the frames, where OpenGL is to be had."""
+"""Encode the frames of a recording as a video."""
 
 import tempfile
 import warnings
@@ -7,23 +7,24 @@ from pathlib import Path
 
 import imageio.v2 as imageio
 import numpy as np
+from jaxtyping import UInt8
 
 
-def encode_video(frames: Sequence[np.ndarray], fps: int = 25) -> bytes:
-    """Encode frames as H.264 in MP4, playable by every browser.
+def encode_video(frames: Sequence[UInt8[np.ndarray, "H W 3"]], fps: int = 25) -> bytes:
+    """Encode frames as H.264 in MP4, which every browser plays.
 
     Args:
-        frames: `[H, W, 3]` uint8 images of one size, H and W even.
-        fps: frames a second.
+        frames: images of one size, H and W even.
+        fps: frame rate [1/s].
 
     Raises:
-        ValueError: when there is no frame.
+        ValueError: there is no frame.
     """
     if len(frames) == 0:
         raise ValueError("no frame to encode; film at least one")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        # The encoder is a process of its own; JAX warns of every fork, though this one runs another program.
+        # The encoder is another process; JAX warns of every fork, though this one executes another program.
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning), imageio.get_writer(
             path, fps=fps, codec="libx264", quality=None, macro_block_size=2,
             output_params=["-crf", "27", "-preset", "veryfast", "-movflags", "+faststart"],

@@ -6,12 +6,17 @@ import re
 import secrets
 import shutil
 import stat
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 _LONGEST_STEM = 40
 """Characters of a name that its temporary file keeps: the whole must not exceed 255 bytes."""
+_WINDOWS_WAIT = 2.0
+"""How long a rename is tried again on Windows while another process has the file open [s]: a reader of a history
+or a virus scanner needs milliseconds. Other systems let a file be replaced that is open."""
 _LEFTOVER = re.compile(r"\.(?P<stem>.+)\.[0-9a-f]{12}\.part(?P<suffix>(?:\.[^.]*)?)")
 
 
@@ -38,7 +43,7 @@ def write_atomically(path: str | os.PathLike[str]) -> Iterator[Path]:
         if path.exists():
             shutil.copymode(path, temporary)
         _flush(temporary)
-        os.replace(temporary, path)
+        _replace(temporary, path)
     except OSError as error:
         if error.filename not in (None, str(temporary)):
             raise
@@ -69,8 +74,22 @@ def _refuse_irreplaceable(path: Path) -> None:
 
 def _flush(path: Path) -> None:
     """Write to the disk what a rename is about to publish."""
-    descriptor = os.open(path, os.O_RDONLY)
+    # Windows flushes only what is open for writing.
+    descriptor = os.open(path, os.O_RDWR if sys.platform == "win32" else os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _replace(source: Path, target: Path) -> None:
+    """Rename a file over another one; on Windows wait while another process has that open."""
+    deadline = time.monotonic() + (_WINDOWS_WAIT if sys.platform == "win32" else 0.0)
+    while True:
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError:
+            if time.monotonic() >= deadline:
+                raise
+            time.sleep(0.01)

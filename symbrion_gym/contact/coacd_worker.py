@@ -6,6 +6,7 @@ Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the r
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 
@@ -18,7 +19,7 @@ def main(source: str, target: str, processor_limit: str = "") -> None:
     Where the system limits no processor time (Windows), the caller's limit by the clock remains.
     """
     if processor_limit:
-        _limit_processor_time(int(processor_limit))
+        limit_processor_time(int(processor_limit))
     import coacd
 
     with np.load(source, allow_pickle=False) as given:
@@ -33,12 +34,12 @@ def main(source: str, target: str, processor_limit: str = "") -> None:
     np.savez(target, count=len(pieces), **arrays)
 
 
-def _limit_processor_time(seconds: int) -> None:
-    try:
+def limit_processor_time(seconds: int) -> None:
+    """Have the system end this process after some processor time; Windows cannot, there the caller's clock ends it."""
+    with contextlib.suppress(ImportError):
         import resource
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
 
 
 if __name__ == "__main__":

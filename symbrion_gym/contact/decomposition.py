@@ -23,8 +23,8 @@ MAX_HULL_VERTICES = 64
 """Corners of a piece: fewer cost less in every contact."""
 _LONGEST = 1e6
 """A process can be waited for this long; longer limits are none (11 days) [s]."""
-_OUT_OF_PROCESSOR_TIME = -int(getattr(signal, "SIGXCPU", 24))
-"""Exit of a process that used up its processor time, on systems that limit it."""
+_OUT_OF_PROCESSOR_TIME = -getattr(signal, "SIGXCPU", 0)
+"""Exit code of a process that used up its processor time; Windows limits none, there it is never met."""
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
@@ -45,7 +45,8 @@ def decompose(
         threshold: concavity left, relative to half the longest extent.
         seed: of coacd's search.
         time_limit: the process is stopped after this time, by the clock [s]; any number above 0.
-        processor_limit: likewise after this processor time, which other work does not change [s].
+        processor_limit: likewise after this processor time, which other work does not change [s]; Windows has no
+            such limit.
         options: more options of `coacd.run_coacd`.
 
     Raises:
@@ -72,7 +73,7 @@ def decompose(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
                 "ask for less accuracy or allow more time"
             ) from error
-        if done.returncode == _OUT_OF_PROCESSOR_TIME:
+        if done.returncode and done.returncode == _OUT_OF_PROCESSOR_TIME:
             raise ArenaError(
                 f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
                 "the mesh, ask for less accuracy or allow more time"

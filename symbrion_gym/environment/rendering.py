@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.arenas.spec import SURFACE_GROUP
+from symbrion_gym.headless import has_display
 from symbrion_gym.robot.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
@@ -138,19 +137,21 @@ class SceneRenderer:
         return tuple(images) if mode == "rgbd_tuple" else images[0]
 
     def _render_window(self) -> None:
-        if not _has_display():
-            if not self._has_warned:
-                logger.warning(
-                    "no display: the window is left out; render_mode='rgb_array' works without one"
-                )
-            self._has_warned = True
+        if not has_display():
+            self._warn_once("no display: the window is left out; render_mode='rgb_array' works without one")
             return
         if self._window is None:
             from mujoco import viewer
 
-            self._window = viewer.launch_passive(
-                self._model, self._data, show_left_ui=False, show_right_ui=False
-            )
+            try:
+                self._window = viewer.launch_passive(
+                    self._model, self._data, show_left_ui=False, show_right_ui=False
+                )
+            except RuntimeError as error:  # on macOS the window needs MuJoCo's own interpreter, mjpython
+                self._warn_once(
+                    f"the window is left out ({error}); render_mode='rgb_array' works without one"
+                )
+                return
             with self._window.lock():
                 self._window.opt.geomgroup[:] = self._option.geomgroup
                 for name in ("distance", "azimuth", "elevation"):
@@ -158,6 +159,11 @@ class SceneRenderer:
         with self._window.lock():
             self._window.cam.lookat[:] = self.camera.lookat
         self._window.sync()
+
+    def _warn_once(self, message: str) -> None:
+        if not self._has_warned:
+            logger.warning(message)
+        self._has_warned = True
 
     def close(self) -> None:
         """Free the graphics context and close the window."""
@@ -167,10 +173,3 @@ class SceneRenderer:
         if self._window is not None:
             self._window.close()
             self._window = None
-
-
-def _has_display() -> bool:
-    """Return whether a window can be opened here."""
-    return not sys.platform.startswith("linux") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )

@@ -1,4 +1,4 @@
-"""The subcommands of `symbrion`, in the order of the road."""
+"""The subcommands of `symbrion`, in the order of the pipeline."""
 
 from evolution.cli.command import Command
 from evolution.cli.commands.arena import Arena

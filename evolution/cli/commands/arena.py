@@ -1,4 +1,4 @@
-"""`symbrion arena`: turn a surface into geometry that MuJoCo can drive on."""
+"""`symbrion arena`: turn a surface into geometry for MuJoCo."""
 
 import dataclasses
 from pathlib import Path
@@ -15,19 +15,19 @@ from evolution.cli.console import Console
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arena(SeededCommand):
-    """Decompose a surface into convex pieces for contact, keep it exactly for rays; write a folder.
+    """Decompose a surface into convex pieces for contact, keep the exact surface for rays, and write both as a folder.
 
     Example: symbrion arena surface.npz --out arenas/pit
     """
 
     mesh: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
-    """A reconstruction of `symbrion reconstruct` (.npz) or a mesh file (.ply .obj .stl .off .glb)."""
+    """A reconstruction by `symbrion reconstruct` (.npz) or a mesh file (.ply .obj .stl .off .glb)."""
     out: Path = Path("arena")
-    """The arena's folder: MJCF for MuJoCo's viewer, meshes, arena.json. Of what it holds, only an arena is replaced."""
+    """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
     accuracy: float = 0.003
-    """Wanted mean distance of the contact surface from the mesh [m]."""
+    """Target of the mean distance between contact geometry and mesh [m]."""
     kind: Literal["convex", "hfield", "prisms", "primitives"] = "convex"
-    """Contact geometry: convex pieces (default), height field, exact prisms (slow), or planes as boxes."""
+    """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -40,7 +40,9 @@ class Arena(SeededCommand):
         except sg.ArenaError as error:
             raise UsageError(f"--out {error}") from error
         if not self.accuracy > 0:
-            raise UsageError(f"--accuracy {self.accuracy} is no distance; give metres above 0, 0.003 say")
+            raise UsageError(
+                f"--accuracy {self.accuracy} is not a distance; give meters above 0, for example 0.003"
+            )
 
     def run(self, console: Console) -> dict[str, Any]:
         mesh = rc.Reconstruction.load(self.mesh).mesh if self.mesh.suffix == ".npz" else self.mesh
@@ -50,13 +52,13 @@ class Arena(SeededCommand):
             )
             arena.save(self.out)
         quality = dataclasses.asdict(arena.quality)
-        console.say(
+        console.print_line(
             f"{len(arena.pieces)} pieces in {self.out}; "
-            f"look at it: python -m mujoco.viewer --mjcf={self.out}/arena.xml"
+            f"to view it: python -m mujoco.viewer --mjcf={self.out}/arena.xml"
         )
         console.show_table(
-            "Contact surface against the mesh",
+            "Distance of the contact geometry from the mesh",
             ["measure", "value"],
-            [[k, format_value(v)] for k, v in quality.items()],
+            [[name, format_value(value)] for name, value in quality.items()],
         )
         return {"folder": self.out, "pieces": len(arena.pieces), "seconds": step.seconds, "quality": quality}

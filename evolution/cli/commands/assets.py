@@ -1,4 +1,4 @@
-"""`symbrion assets`: make the ready-made arenas anew."""
+"""`symbrion assets`: make the ready-made arenas again."""
 
 import dataclasses
 from pathlib import Path
@@ -11,13 +11,13 @@ from reconstruction.extras import require_extras
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Assets(SeededCommand):
-    """Make the ready-made arenas truth, simple, gsrm and gg, the scans for both pits: survey, networks, convex pieces.
+    """Make the ready-made arenas truth, simple, gsrm and gg again: survey, networks, convex pieces.
 
     Example: symbrion assets --out assets/arenas
     """
 
     out: Path = Path("arenas")
-    """Each arena becomes a folder in here."""
+    """Output folder; each arena becomes a folder in it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -30,5 +30,7 @@ class Assets(SeededCommand):
         with console.track("Ready-made arenas") as step:
             arenas = make_ready_made(self.out, seed=self.seed, progress=step.progress)
         for name, arena in arenas.items():
-            console.say(f"{self.out / name}: {len(arena.pieces)} pieces, {len(arena.surface.faces)} faces")
+            console.print_line(
+                f"{self.out / name}: {len(arena.pieces)} pieces, {len(arena.surface.faces)} faces"
+            )
         return {"arenas": {name: self.out / name for name in arenas}, "seconds": step.seconds}

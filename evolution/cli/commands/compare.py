@@ -17,7 +17,7 @@ from reconstruction.files.atomic_write import write_atomically
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Compare(Command):
-    """Compare runs: a table, and their learning curves in one figure; also while they are being written.
+    """Compare runs, finished or not: a table, and their learning curves in one figure.
 
     Example: symbrion compare runs/coarse runs/fine --out comparison.html
     """
@@ -25,7 +25,7 @@ class Compare(Command):
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN [RUN ...]")]
     """The run folders."""
     out: Path | None = None
-    """Write the figure (.png) or a page with figure and table (.html) into this file."""
+    """Output file for the figure (.png) or a page with figure and table (.html)."""
 
     def __post_init__(self) -> None:
         if not self.folders:
@@ -36,6 +36,11 @@ class Compare(Command):
             require_writable_file(self.out, "--out", (".png", ".html"))
 
     def run(self, console: Console) -> dict[str, Any]:
+        """Compare the runs.
+
+        Raises:
+            RunError: a run is damaged, or there is no generation to draw.
+        """
         if self.out is not None:
             require_extras("`symbrion compare --out`", "report")
         runs = {str(folder): ev.load_run(folder) for folder in self.folders}
@@ -53,5 +58,5 @@ class Compare(Command):
 
             with write_atomically(self.out) as beside:
                 beside.write_bytes(to_png(draw_comparison(runs)))
-        console.say(f"{self.out}: {len(runs)} runs")
+        console.print_line(f"{self.out}: {len(runs)} runs")
         return summary

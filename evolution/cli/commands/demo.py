@@ -1,4 +1,4 @@
-"""`symbrion demo`: the whole road, with a page to show for it."""
+"""`symbrion demo`: the whole pipeline, and an HTML page with its results."""
 
 import dataclasses
 import os
@@ -13,17 +13,17 @@ from reconstruction.extras import require_extras
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Demo(SeededCommand):
-    """Walk the whole road: survey, networks, arenas, evolution, judgement in the true arena, video, report.
+    """Run the whole pipeline: survey, networks, arenas, evolution, trials in the true arena, video, report.
 
     Example: symbrion demo --out demo
     """
 
     out: Path = Path("demo")
-    """Everything goes here; report.html is the page to open. The files of an earlier demo there are replaced."""
+    """Output folder; open report.html in it. The files of an earlier demo there are replaced."""
     modules: int = 8
-    """Modules in the snake."""
+    """Number of modules in the snake."""
     generations: int = 30
-    """Generations of the evolution, at most."""
+    """Limit on the generations of the evolution."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""
 
@@ -37,28 +37,28 @@ class Demo(SeededCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion demo`", "scan", "report")
-        from evolution.experiments.demo.demo import DemoConfig, walk_road
+        from evolution.experiments.demo.demo import DemoConfig, run_pipeline
         from evolution.experiments.demo.page import write_demo_page
 
         config = DemoConfig(
             self.out, self.seed, modules=self.modules, generations=self.generations, workers=self.workers
         )
-        road = walk_road(config, console.track)
+        result = run_pipeline(config, console.track)
         report = self.out / "report.html"
         with console.track("7/7 report"):
-            write_demo_page(road, report)
-        for name, crosses in road.crosses.items():
-            held = road.judgements[name]
+            write_demo_page(result, report)
+        for name, crosses in result.crosses.items():
+            outcome = result.outcomes[name]
             verdict = "crosses" if crosses else "does NOT cross"
             place = "true" if name == "truth" else "reconstructed"
-            rate = f"{held.successes} of {held.trials} randomised trials"
-            console.say(f"{place} arena: the champion {verdict} the pit; {rate}")
-        console.say(f"report: {report.resolve()}")
+            rate = f"{outcome.successes} of {outcome.trials} randomized trials succeed"
+            console.print_line(f"{place} arena: the champion {verdict} the pit; {rate}")
+        console.print_line(f"report: {report.resolve()}")
         return {
-            "ok": all(road.crosses.values()),
+            "ok": all(result.crosses.values()),
             "report": report,
-            "crosses": road.crosses,
-            "successes": {name: held.successes for name, held in road.judgements.items()},
-            "trials": {name: held.trials for name, held in road.judgements.items()},
-            "seconds": road.seconds,
+            "crosses": result.crosses,
+            "successes": {name: outcome.successes for name, outcome in result.outcomes.items()},
+            "trials": {name: outcome.trials for name, outcome in result.outcomes.items()},
+            "seconds": result.seconds,
         }

@@ -1,4 +1,4 @@
-"""`symbrion evolve` and `symbrion resume`: search for a controller that crosses."""
+"""`symbrion evolve` and `symbrion resume`: search for a controller that crosses the pit."""
 
 import dataclasses
 import os
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evolve(SeededCommand):
-    """Evolve the controller of a snake of docked robots with CMA-ES, in a run folder that can be resumed.
+    """Evolve the controller of a snake of docked robots with CMA-ES; an interrupted run can be resumed.
 
     Example: symbrion evolve --arena gsrm --folder runs/a
 
@@ -27,37 +27,37 @@ class Evolve(SeededCommand):
     """
 
     folder: Path = Path("runs/latest")
-    """The run folder: config, history.csv, every genotype, champion. Must not hold a run yet."""
+    """Output folder: configuration, history.csv, every genotype, champion. Must not contain a run yet."""
     arena: str = "gsrm"
     """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file."""
     modules: int = 8
-    """Modules in the snake."""
+    """Number of modules in the snake."""
     body_lengths: tuple[int, int] | None = None
-    """Shortest and longest body that evolution may choose; replaces --modules."""
+    """Let evolution select the length of the body: fewest and most modules; replaces --modules."""
     restart_after: int | None = 10
-    """Begin anew when successes have not become more for so many generations; None: never."""
+    """Restart the search after n generations without an increase in successes; None: never."""
     generations: int = 50
-    """Stop after so many generations; sooner when a champion is confirmed by fresh trials."""
+    """Limit on the generations; the run stops earlier when a champion is confirmed by fresh trials."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray"] = "batch"
-    """Who simulates: threads, processes, or a Ray cluster."""
+    """Where simulations run: threads (batch), processes, or a Ray cluster."""
     address: str | None = None
     """Address of an existing Ray cluster."""
     controller: Literal["path", "reactive", "travelling", "posture", "network"] = "path"
-    """The law that turns a genotype into hinge angles."""
+    """The controller, which turns a genotype into hinge angles."""
     population: int = 12
-    """Genotypes in a generation."""
+    """Number of genotypes in a generation."""
     sigma: float = 0.5
-    """First step size of CMA-ES."""
+    """Initial step size of CMA-ES."""
     origin: Literal["zero", "hint"] = "zero"
-    """Where the search begins: with no knowledge, or near numbers set by hand (then give --sigma 0.15)."""
+    """Start of the search: at zero, or at a genotype set by hand (then give --sigma 0.15)."""
     trials: int = 3
-    """Randomised trials of each genotype."""
+    """Number of randomized trials of each genotype."""
     start: Literal["pit", "floor"] = "pit"
-    """Where a trial starts: close before the pit (fast), or on the floor before the first ramp."""
+    """Start of a trial: just before the pit (fast), or on the floor before the first ramp."""
     stages: tuple[str, ...] = ()
-    """Arenas one after the other, coarse to fine; replaces --arena."""
+    """Several arenas one after the other, coarse to fine; replaces --arena."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -70,7 +70,7 @@ class Evolve(SeededCommand):
         elif not 2 <= self.body_lengths[0] < self.body_lengths[1]:
             given = " ".join(map(str, self.body_lengths))
             raise UsageError(
-                f"--body-lengths {given} is no range; give the shortest, from 2, then a longer one"
+                f"--body-lengths {given} is not a range; give the fewest modules, 2 or more, then the most"
             )
         for option in ("generations", "workers", "population", "trials"):
             if getattr(self, option) < 1:
@@ -107,15 +107,15 @@ class Evolve(SeededCommand):
             console.track(
                 f"Evolution, {' to '.join(map(str, self.body_lengths or (self.modules,)))} modules"
             ) as step,
-            _watch(self.folder, self.tensorboard) as watch,
+            _open_tensorboard(self.folder, self.tensorboard) as callback,
         ):
-            run = ev.evolve(config, on_generation=watch, progress=step.progress)
+            run = ev.evolve(config, on_generation=callback, progress=step.progress)
         return report_run(run, console)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Resume(Command):
-    """Go on with a run as if it had never stopped: the history is the same to the bit.
+    """Continue a run; the history is bit-identical to that of a run that was never interrupted.
 
     Example: symbrion resume runs/a --generations 100
     """
@@ -123,13 +123,13 @@ class Resume(Command):
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
     """The run folder."""
     generations: int | None = None
-    """A new limit of generations; the recorded one otherwise."""
+    """New limit on the generations. Default: as recorded."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray"] | None = None
-    """Who simulates: threads, processes, or a Ray cluster; the recorded one otherwise."""
+    """Where simulations run: threads (batch), processes, or a Ray cluster. Default: as recorded."""
     address: str | None = None
-    """Address of an existing Ray cluster; the recorded one otherwise."""
+    """Address of an existing Ray cluster. Default: as recorded."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -139,18 +139,18 @@ class Resume(Command):
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
-        asked = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
-        changes = {name: value for name, value in asked.items() if value is not None}
+        options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
+        changes = {name: value for name, value in options.items() if value is not None}
         with (
             console.track(f"Evolution in {self.folder}") as step,
-            _watch(self.folder, self.tensorboard) as watch,
+            _open_tensorboard(self.folder, self.tensorboard) as callback,
         ):
-            run = ev.resume(self.folder, on_generation=watch, progress=step.progress, **changes)
+            run = ev.resume(self.folder, on_generation=callback, progress=step.progress, **changes)
         return report_run(run, console)
 
 
-def _watch(folder: Path, tensorboard: bool) -> "AbstractContextManager[OnGeneration | None]":
-    """Return what watches the generations: TensorBoard's log, or nothing."""
+def _open_tensorboard(folder: Path, tensorboard: bool) -> "AbstractContextManager[OnGeneration | None]":
+    """Return the callback that writes for TensorBoard; one of None where it is not wanted."""
     if not tensorboard:
         return nullcontext()
     from evolution.report.tensorboard_log import FOLDER, TensorBoardLog
@@ -160,13 +160,13 @@ def _watch(folder: Path, tensorboard: bool) -> "AbstractContextManager[OnGenerat
 
 
 def require_run(folder: Path) -> None:
-    """Refuse a folder that holds no run."""
+    """Refuse a folder without a run, by a `UsageError`."""
     if not (folder / "config.json").is_file():
-        raise UsageError(f"{folder} holds no run; `symbrion evolve --folder {folder}` begins one")
+        raise UsageError(f"{folder} contains no run; `symbrion evolve --folder {folder}` starts one")
 
 
 def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
-    """Print what a run came to; return its summary."""
+    """Print the results of a run, and return them as a summary."""
     last = run.history[-1] if len(run.history) else None
     summary: dict[str, Any] = {
         "folder": run.folder,
@@ -175,12 +175,16 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
         "solved": run.is_solved,
         "champion": run.champion.as_dict() if run.champion else None,
     }
-    console.say(f"{summary['generations']} generations, {summary['evaluations']} genotypes in {run.folder}")
+    console.print_line(
+        f"{summary['generations']} generations, {summary['evaluations']} genotypes in {run.folder}"
+    )
     if run.champion and run.champion.trials:
         rate = f"{run.champion.successes} of {run.champion.trials}"
         body = f"{run.champion.modules} modules"
-        console.say(f"champion, {body}: crossed in {rate} fresh trials in {run.champion.arena}")
-        console.say(f"next: symbrion replay {run.folder} --arena truth --video champion.mp4")
+        console.print_line(f"champion, {body}: crosses in {rate} fresh trials in {run.champion.arena}")
+        console.print_line(f"next: symbrion replay {run.folder} --arena truth --video champion.mp4")
     else:
-        console.say("no genotype held in all its trials yet; `symbrion resume` with more --generations")
+        console.print_line(
+            "no genotype has crossed in all of its trials yet; try `symbrion resume` with more --generations"
+        )
     return summary

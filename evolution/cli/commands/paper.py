@@ -1,4 +1,4 @@
-"""`symbrion paper`: the paper's experiments, measured again on this machine."""
+"""`symbrion paper`: repeat the experiments of the paper on this machine."""
 
 import dataclasses
 import os
@@ -12,17 +12,17 @@ from reconstruction.extras import require_extras
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Paper(SeededCommand):
-    """Run the paper's experiments, Tables I-III and Figs. 3-7, each beside the paper's own numbers, and a page.
+    """Repeat the experiments of the paper (Tables I-III, Figs. 3-7) and write a page that compares them with it.
 
-    Each experiment is kept as it is finished: the same command goes on where it was stopped.
+    Each result is saved when it is finished: the same command continues where it was interrupted.
 
     Example: symbrion paper --quick --out paper
     """
 
     out: Path = Path("paper")
-    """Everything goes here: report.html, results.json, figures, films, arenas. Finished experiments there are kept."""
+    """Output folder: report.html, results.json, figures, films, arenas. Finished experiments in it are not repeated."""
     quick: bool = False
-    """Fewer sizes, runs and scans: three minutes instead of about twenty (two free cores)."""
+    """Fewer sizes, runs and scans: about 3 minutes instead of 20 on two cores."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""
 
@@ -34,7 +34,7 @@ class Paper(SeededCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
-        from evolution.experiments.paper.benchmark import find_benchmark
+        from evolution.experiments.paper.benchmark import load_benchmark
         from evolution.experiments.paper.config import QUICK, PaperConfig
         from evolution.experiments.paper.experiments import run_experiments
         from evolution.experiments.paper.folder import PaperFolder, write_json
@@ -50,17 +50,17 @@ class Paper(SeededCommand):
                 "machine": describe_machine(),
                 "config": config.to_json(),
                 "experiments": records,
-                "benchmark": find_benchmark(),
+                "benchmark": load_benchmark(),
             }
             write_json(self.out / "results.json", results)
             with console.track("figures and page"):
                 write_paper_page(self.out, config, records, report)
-        console.say(f"report: {report.resolve()}")
-        return {"report": report, "results": self.out / "results.json", **_summarise(records)}
+        console.print_line(f"report: {report.resolve()}")
+        return {"report": report, "results": self.out / "results.json", **_summarize(records)}
 
 
-def _summarise(records: dict[str, Any]) -> dict[str, Any]:
-    """Return the claims in a few numbers."""
+def _summarize(records: dict[str, Any]) -> dict[str, Any]:
+    """Return the main results."""
     return {
         "held_in_truth": records["evolution"]["figures"]["judged"]["truth"],
         "physics_ratio": records["physics"]["figures"]["ratios"]["gg"]["physics_us"],

@@ -2,10 +2,11 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import tyro
+from jaxtyping import Float
 
 import reconstruction as rc
 from evolution.cli.command import (
@@ -19,8 +20,12 @@ from evolution.cli.console import Console
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
 
+if TYPE_CHECKING:
+    import trimesh
+
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4
+"""A network begins as a tetrahedron or a square."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,21 +40,21 @@ class Reconstruct(SeededCommand):
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
     """A scan log (.npz, .3d) or points (.xyz .txt .csv .dat .npy .npz .ply .pcd .vtk .obj), also as .gz or .bz2."""
     out: Path = Path("surface.npz")
-    """Where the result goes: .npz keeps the network (it can learn on), .ply .obj .stl .off .glb the mesh."""
+    """Output file: .npz contains the network, which can be refined; .ply .obj .stl .off .glb only the mesh."""
     method: Literal["gsrm", "gg"] = "gsrm"
-    """gsrm: growing self-reconstruction map, for any surface; gg: growing grid, for one sheet of terrain."""
+    """gsrm: growing self-reconstruction map, for any surface; gg: growing grid, for a single sheet such as terrain."""
     units: int = 2200
-    """Neurons wanted: the resolution."""
+    """Number of units of the network (vertices of the mesh): the resolution."""
     unit: Literal["m", "cm", "mm"] = "m"
     """Length unit of a point file."""
     crop: tuple[float, float, float, float, float, float] | None = None
-    """Keep the points in this box alone: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
+    """Use only the points in this box: XMIN XMAX YMIN YMAX ZMIN ZMAX [m]."""
     thin: float | None = None
-    """Keep one point in each cube of this edge [m]; scan logs are thinned to 0.015 unless told otherwise."""
+    """Keep one point per cube of this edge length [m]. Default: 0.015 for scan logs, no thinning for points."""
     max_gigabytes: float = MAX_BYTES / 1e9
-    """Most that SCAN may hold once unpacked [GB of 10^9 bytes], and its points in memory, 24 bytes each."""
+    """Largest size of SCAN after decompression, and of its points in memory (24 bytes each) [10^9 bytes]."""
     raw: bool = False
-    """Take the points as they are: no levelling, smoothing or filtering."""
+    """Use the points without pre-processing (leveling, smoothing, filters)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,9 +67,9 @@ class Reconstruct(SeededCommand):
         if self.units < MINIMUM_UNITS:
             raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
         if not self.max_gigabytes > 0:
-            raise UsageError(f"--max-gigabytes {self.max_gigabytes} is no limit; give a number above 0")
+            raise UsageError(f"--max-gigabytes {self.max_gigabytes} is not a limit; give a number above 0")
         if self.thin is not None and not self.thin > 0:
-            raise UsageError(f"--thin {self.thin} is no edge length; give metres above 0")
+            raise UsageError(f"--thin {self.thin} is not an edge length; give meters above 0")
         if self.crop is not None and not all(
             low < high for low, high in zip(self.crop[::2], self.crop[1::2], strict=True)
         ):
@@ -85,7 +90,9 @@ class Reconstruct(SeededCommand):
             result.save(self.out)
         else:
             export_mesh(result.mesh, self.out)
-        console.say(f"{len(result.mesh.vertices)} vertices, {len(result.mesh.faces)} faces in {self.out}")
+        console.print_line(
+            f"{len(result.mesh.vertices)} vertices, {len(result.mesh.faces)} faces in {self.out}"
+        )
         console.show_table(
             "Quality",
             ["measure", "value"],
@@ -93,7 +100,8 @@ class Reconstruct(SeededCommand):
         )
         return {"mesh": self.out, "points": len(points), "seconds": step.seconds, "quality": quality}
 
-    def _read_points(self) -> np.ndarray:
+    def _read_points(self) -> Float[np.ndarray, "N 3"]:
+        """Return the points of SCAN, pre-processed, cropped and thinned as the options say [m]."""
         max_bytes = 1e9 * self.max_gigabytes
         source = rc.load_scan_log(self.source, max_bytes) if is_scan_log(self.source) else self.source
         if isinstance(source, rc.ScanLog):
@@ -110,7 +118,7 @@ class Reconstruct(SeededCommand):
 
 
 def is_scan_log(path: Path) -> bool:
-    """Tell whether a file holds scans with their poses, rather than points."""
+    """Return whether a file contains scans with poses, rather than points."""
     if path.suffix == ".3d":
         return True
     try:
@@ -119,14 +127,14 @@ def is_scan_log(path: Path) -> bool:
         return False
 
 
-def export_mesh(mesh: Any, path: Path) -> None:
-    """Write a mesh file; it appears whole or not at all."""
+def export_mesh(mesh: "trimesh.Trimesh", path: Path) -> None:
+    """Write a mesh file atomically."""
     with write_atomically(path) as beside:
         mesh.export(beside)
 
 
 def flatten(measures: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested measures as one table, "group name" -> value; those that were not taken are left out."""
+    """Return nested measures as a flat table, "group: name" -> value, without those that are None."""
     rows: dict[str, Any] = {}
     for name, value in measures.items():
         label = f"{prefix}{name}".replace("_", " ")
@@ -138,5 +146,5 @@ def flatten(measures: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def format_value(value: object) -> str:
-    """Write a measure as people read it: lengths below a metre with four figures."""
+    """Return a measure as text, with four significant digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""`symbrion replay`: judge a champion once more, film it, watch it."""
+"""`symbrion replay`: judge a champion again, record a video of it, watch it."""
 
 import dataclasses
 import os
@@ -18,7 +18,7 @@ from reconstruction.files.atomic_write import write_atomically
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Replay(SeededCommand):
-    """Judge the champion of a run by randomised trials; film one trial, or watch it.
+    """Judge the champion of a run by randomized trials; record one trial as a video, or watch it.
 
     Example: symbrion replay runs/a --arena truth --video champion.mp4
     """
@@ -26,17 +26,17 @@ class Replay(SeededCommand):
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder."""
     arena: str = "truth"
-    """Where to judge: a named arena, an arena folder, or a mesh file."""
+    """Arena of the trials: a ready-made arena by name, an arena folder, or a mesh file."""
     trials: int = 20
-    """Randomised trials: start, yaw, friction and torque; 0 judges nothing."""
+    """Number of trials, randomized in start, heading, friction and torque; 0 skips them."""
     start: Literal["floor", "pit"] = "floor"
-    """Where the trials start: on the floor before the first ramp, or close before the pit."""
+    """Start of a trial: on the floor before the first ramp, or just before the pit."""
     video: Path | None = None
-    """Film one nominal trial into this file (.mp4)."""
+    """Record one trial without randomization in this file (.mp4)."""
     viewer: bool = False
-    """Show one nominal trial in MuJoCo's viewer."""
+    """Show one trial without randomization in MuJoCo's viewer."""
     speed: float = 5.0
-    """Film and viewer run so many times faster than the robot."""
+    """Playback speed of video and viewer, relative to real time."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -45,11 +45,16 @@ class Replay(SeededCommand):
         if self.trials < 0:
             raise UsageError(f"--trials {self.trials} is negative; give 0 or more")
         if not self.speed > 0:
-            raise UsageError(f"--speed {self.speed} is no speed; give a number above 0")
+            raise UsageError(f"--speed {self.speed} is not a speed; give a number above 0")
         if self.video is not None:
             require_writable_file(self.video, "--video", (".mp4",))
 
     def run(self, console: Console) -> dict[str, Any]:
+        """Judge, record and show the champion.
+
+        Raises:
+            RunError: the run is damaged, or has no champion yet.
+        """
         if self.video is not None:
             require_extras("`symbrion replay --video`", "report")
         champion = ev.load_run(self.folder).champion
@@ -66,7 +71,9 @@ class Replay(SeededCommand):
                     start=self.start,
                     workers=os.cpu_count() or 1,
                 )
-            console.say(f"{outcome.successes} of {outcome.trials} trials crossed in {self.arena}")
+            console.print_line(
+                f"the champion crosses in {outcome.successes} of {outcome.trials} trials in {self.arena}"
+            )
             summary["successes"] = outcome.successes
         if self.video is not None:
             summary["video"] = self._film(champion, console)
@@ -77,22 +84,22 @@ class Replay(SeededCommand):
     def _show(self, champion: "ev.Champion", console: Console) -> None:
         recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)
         verdict = "crosses" if recording.success else "does not cross"
-        console.say(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
+        console.print_line(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
 
     def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
         assert self.video is not None
         from evolution.report.video import encode_video
 
-        with console.track("Film"):
+        with console.track("Video"):
             recording = ev.play(
                 champion, self.arena, self.seed, start=self.start, film=True, speed=self.speed
             )
         if not recording.frames:
-            console.say("no video: this machine has no OpenGL; everything else is done")
+            console.print_line("no video: this machine has no OpenGL")
             return None
         self.video.parent.mkdir(parents=True, exist_ok=True)
         with write_atomically(self.video) as beside:
             beside.write_bytes(encode_video(recording.frames, recording.fps))
         verdict = "crosses" if recording.success else "does not cross"
-        console.say(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")
+        console.print_line(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")
         return self.video

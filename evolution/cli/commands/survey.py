@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from jaxtyping import Float
 
 import symbrion_gym as sg
 from evolution.cli.arguments import check_arena
@@ -26,7 +27,7 @@ PATH_ENDINGS = (".csv", ".txt", ".json")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Survey(SeededCommand):
-    """Drive the virtual robot with its two SICK laser scanners through an arena and keep the scan log.
+    """Drive a virtual robot with two SICK laser scanners through an arena, and save the scan log.
 
     Example: symbrion survey truth --out survey.npz
 
@@ -34,25 +35,25 @@ class Survey(SeededCommand):
     """
 
     arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")] = "truth"
-    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file in metres, z up."""
+    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file in meters, z up."""
     out: Path = Path("survey.npz")
-    """Where the scan log goes (.npz)."""
+    """Output file for the scan log (.npz)."""
     path: str | None = None
-    """Where the robot drives: "X,Y X,Y ..." [m], or a file of waypoints (.csv .txt .json). Else around, in zigzag."""
+    """Waypoints: "X,Y X,Y ..." [m], or a file of them (.csv .txt .json). Default: a zigzag around the arena."""
     speed: float = SurveyRobot.speed
-    """Driving speed [m/s]; slower gives more scans."""
+    """Driving speed [m/s]; a lower speed gives more scans."""
     rate: float = SurveyRobot.scan_rate
-    """Scans a second [Hz]."""
+    """Scan rate [Hz]."""
     shake: float = float(np.round(np.degrees(SurveyRobot.shake), 6))
     """Standard deviation of the robot's roll and pitch [degrees]."""
     beams: int = LaserScanner.num_beams
-    """Beams a scan over 180 degrees: 361 is one every half degree."""
+    """Number of beams of a scan, over 180 degrees: 361 is one every half degree."""
     noise: float = LaserScanner.noise
-    """Standard deviation of a reading at range 0 [m]; it grows by 0.5 mm a metre."""
+    """Standard deviation of a reading at range 0 [m]; it grows by 0.5 mm per meter."""
     max_range: float = LaserScanner.max_range
-    """Readings beyond it are lost [m]."""
+    """Largest range that is read [m]."""
     resolution: float = LaserScanner.resolution
-    """Readings come in steps of this [m]; 0: continuous."""
+    """Resolution of a reading [m]; 0: continuous."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,7 +68,7 @@ class Survey(SeededCommand):
             if not 0 <= getattr(self, name) < np.inf:
                 raise UsageError(f"--{name} {getattr(self, name)} must be 0 or more")
         if self.beams < 2:
-            raise UsageError(f"--beams {self.beams} is no scan; give 2 or more")
+            raise UsageError(f"--beams {self.beams} is too few for a scan; give 2 or more")
         if self.path is not None:
             read_path(self.path)
 
@@ -80,12 +81,12 @@ class Survey(SeededCommand):
             self.out.parent.mkdir(parents=True, exist_ok=True)
             log.save(self.out)
         scans, beams = log.ranges.shape
-        console.say(f"{scans} scans of {beams} beams in {self.out}")
-        console.say(f"next: symbrion reconstruct {self.out} --out surface.npz")
+        console.print_line(f"{scans} scans of {beams} beams in {self.out}")
+        console.print_line(f"next: symbrion reconstruct {self.out} --out surface.npz")
         return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds}
 
     def make_robot(self) -> SurveyRobot:
-        """Make the robot that the options describe."""
+        """Return the robot that the options describe."""
         scanner = LaserScanner(
             num_beams=self.beams, noise=self.noise, max_range=self.max_range, resolution=self.resolution
         )
@@ -93,11 +94,11 @@ class Survey(SeededCommand):
         return SurveyRobot(scanner=scanner, speed=self.speed, scan_rate=self.rate, shake=shake)
 
 
-def read_path(text: str) -> np.ndarray:
-    """Read waypoints `[W, 2]` from "X,Y X,Y ..." or from a file of them.
+def read_path(text: str) -> Float[np.ndarray, "W 2"]:
+    """Read waypoints from "X,Y X,Y ..." or from a file of them [m].
 
     Raises:
-        UsageError: they are no two or more places x, y.
+        UsageError: there are fewer than two, or they are not pairs of finite numbers, or all the same.
     """
     file = Path(text.strip())
     try:
@@ -115,7 +116,7 @@ def read_path(text: str) -> np.ndarray:
         if isinstance(error, UsageError):
             raise
         raise UsageError(
-            f'--path {text}: no waypoints ({error}); give "X,Y X,Y ..." or a .csv or .json file'
+            f'--path {text}: not waypoints ({error}); give "X,Y X,Y ..." or a .csv or .json file'
         ) from error
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or len(waypoints) < 2:
         raise UsageError(f'--path {text}: give two waypoints or more, each x and y, like "0,2 3,2"')

@@ -1,4 +1,4 @@
-"""The whole road, walked once: survey, networks, arenas, evolution, judgement, film."""
+"""The whole pipeline, run once: survey, networks, arenas, evolution, judging the champion, video."""
 
 import dataclasses
 import json
@@ -9,34 +9,42 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from jaxtyping import Float
 
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.experiments.output_folder import refuse_foreign
+from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.search.run import RunFolder
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.typed_json import JsonError, read_json
 from symbrion_gym.ready_made import SPACING
 
-TRIALS = 20
-MARK = "demo.json"
-"""What the demo writes first; it tells its folder from any other."""
+MARKER = "demo.json"
+"""The file that the demo writes first; it shows that the folder is a demo's."""
+OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
+"""Files and folders that the demo makes."""
+ADDED_FIELDS = {"trials"}
+"""Fields of `DemoConfig` that the `demo.json` of an earlier version lacks."""
 
 
 class Step(Protocol):
-    """One step of work, as the command line draws it: `progress` is called, `seconds` told at the end."""
+    """One step of the pipeline, as the command line draws it.
+
+    Attributes:
+        seconds: wall time, known when the step has ended.
+    """
 
     seconds: float
 
     @property
     def progress(self) -> rc.Progress:
-        """The callback for the function that does the work."""
+        """The callback for the function that does the work, see `reconstruction.progress`."""
         ...
 
 
 Track = Callable[[str], AbstractContextManager[Step]]
-"""Given a title, begins a step."""
+"""Starts a step with the given title."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,13 +52,14 @@ class DemoConfig:
     """What the demo builds.
 
     Attributes:
-        folder: where everything is kept.
-        seed: of everything that is drawn.
-        modules: length of the snake.
-        gsrm_units: resolution of the GSRM, the arena of the evolution.
-        gg_units: resolution of the growing grid.
-        generations: of the evolution, at most.
-        workers: threads.
+        folder: where all files go.
+        seed: of all random numbers.
+        modules: number of modules in the snake.
+        gsrm_units: units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper.
+        gg_units: units of the growing grid; 7000 give about 14,000 triangles, as in the paper.
+        generations: limit of the evolution, which stops earlier when a champion is confirmed.
+        workers: threads; the results do not depend on their number.
+        trials: randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold.
     """
 
     folder: Path
@@ -60,52 +69,56 @@ class DemoConfig:
     gg_units: int = 7000
     generations: int = 30
     workers: int = os.cpu_count() or 1
+    trials: int = 20
 
 
 @dataclasses.dataclass
-class Road:
-    """Everything the demo made, for the report.
+class DemoResult:
+    """Everything the demo made, for its page.
 
     Attributes:
         config: what was asked for.
         log: the scan log.
-        raw_points: `[N, 3]` before the pre-processing [m].
-        points: `[N, 3]` after it, evenly spread [m].
+        raw_points: before pre-processing [m].
+        points: after pre-processing, thinned [m].
         surfaces: network -> reconstruction.
         arenas: network -> arena.
         run: the evolution.
-        judgements: arena -> trials of the champion there.
-        films: what -> recording of a trial in the true arena.
+        outcomes: arena -> randomized trials of the champion there.
+        films: arena -> recording of the champion's nominal trial there; "insufficient": of a robot that did not
+            cross, in the true arena.
         seconds: step -> wall time [s].
     """
 
     config: DemoConfig
     log: rc.ScanLog
-    raw_points: np.ndarray
-    points: np.ndarray
+    raw_points: Float[np.ndarray, "N 3"]
+    points: Float[np.ndarray, "M 3"]
     surfaces: dict[str, rc.Reconstruction]
     arenas: dict[str, sg.Arena]
     run: ev.Run
-    judgements: dict[str, ev.Outcome]
+    outcomes: dict[str, ev.Outcome]
     films: dict[str, ev.Recording]
     seconds: dict[str, float]
 
     @property
     def crosses(self) -> dict[str, bool]:
-        """Arena -> whether the champion crosses from the floor under nominal conditions."""
+        """Arena -> whether the champion crosses from the floor under nominal conditions (no randomization)."""
         return {name: film.success for name, film in self.films.items() if name in ("gsrm", "truth")}
 
 
-def walk_road(config: DemoConfig, track: Track) -> Road:
-    """Walk the road of the design from the survey to the film.
+def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
+    """Run all steps from the survey to the video of the champion.
 
     Args:
         config: what to build.
-        track: begins a step of the progress display.
+        track: starts a step of the progress display.
 
     Raises:
-        RunError: the folder holds something else.
-        ScanError, ReconstructionError, ArenaError, RunError: when a step fails.
+        RunError: the folder contains files that no demo wrote, or the evolution fails.
+        ScanError: the survey cannot be pre-processed.
+        ReconstructionError: a network cannot learn the points.
+        ArenaError: a surface cannot become an arena.
     """
     seconds: dict[str, float] = {}
     claim_folder(config)
@@ -139,51 +152,43 @@ def walk_road(config: DemoConfig, track: Track) -> Road:
     with track(f"5/7 evolution of {config.modules} modules in the GSRM arena") as step:
         run = _evolve(config, step.progress)
     seconds["evolution"] = step.seconds
-    with track("6/7 judgement and film") as step:
-        judgements, films = _judge(config, run, arenas["gsrm"], step.progress)
-    seconds["judgement and film"] = step.seconds
-    return Road(config, log, log.points(), points, surfaces, arenas, run, judgements, films, seconds)
+    with track("6/7 trials and video of the champion") as step:
+        outcomes, films = _judge(config, run, arenas["gsrm"], step.progress)
+    seconds["trials and video"] = step.seconds
+    return DemoResult(config, log, log.points(), points, surfaces, arenas, run, outcomes, films, seconds)
 
 
 def claim_folder(config: DemoConfig) -> None:
-    """Write `demo.json`, which says that a demo may replace what it makes there.
+    """Write `demo.json`, which allows a later demo to replace the files of this one.
 
     Raises:
-        RunError: the folder holds something of that which is no demo's.
+        RunError: the folder contains a file that the demo would replace and no demo wrote.
     """
-    names = (
-        "survey.npz",
-        "cloud.ply",
-        "gsrm.npz",
-        "gg.npz",
-        "arenas/gsrm",
-        "arenas/gg",
-        "run",
-        "report.html",
-    )
-    _refuse_foreign_mark(config.folder / MARK)
-    refuse_foreign(config.folder, MARK, names)
+    _refuse_foreign_marker(config.folder / MARKER)
+    refuse_foreign_files(config.folder, MARKER, OUTPUTS)
     config.folder.mkdir(parents=True, exist_ok=True)
-    with write_atomically(config.folder / MARK) as beside:
+    with write_atomically(config.folder / MARKER) as beside:
         beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")
 
 
-def _refuse_foreign_mark(path: Path) -> None:
+def _refuse_foreign_marker(path: Path) -> None:
+    """Refuse a file of the marker's name that does not contain the fields of a `DemoConfig`."""
     try:
         content = read_json(path) if path.exists() else None
     except JsonError:
         content = ()
     names = {field.name for field in dataclasses.fields(DemoConfig)}
-    if content is not None and not (isinstance(content, dict) and set(content) == names):
+    is_demo = isinstance(content, dict) and names - ADDED_FIELDS <= set(content) <= names
+    if content is not None and not is_demo:
         raise ev.RunError(f"{path} was not written by a demo; name another folder, or move it")
 
 
 def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
-    """Evolve in the reconstructed arena; an earlier run of the demo is replaced."""
+    """Evolve in the reconstructed arena; the run of an earlier demo is replaced."""
     folder = config.folder / "run"
-    former = RunFolder(folder)
-    with former.lock():
-        former.remove()
+    earlier = RunFolder(folder)
+    with earlier.lock():
+        earlier.remove()
     return ev.evolve(
         ev.EvolutionConfig(
             arena=str(config.folder / "arenas" / "gsrm"),
@@ -200,28 +205,28 @@ def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
 def _judge(
     config: DemoConfig, run: ev.Run, arena: sg.Arena, progress: rc.Progress
 ) -> tuple[dict[str, ev.Outcome], dict[str, ev.Recording]]:
-    """Try the champion in the reconstructed and in the true arena, and film it beside a bad one."""
+    """Judge the champion in the reconstructed and in the true arena, and film it and a robot that did not cross."""
     assert run.champion is not None
-    judgements: dict[str, ev.Outcome] = {}
+    outcomes: dict[str, ev.Outcome] = {}
     films: dict[str, ev.Recording] = {}
-    places = {"gsrm": arena, "truth": sg.load_arena("truth")}
-    for index, (name, place) in enumerate(places.items()):
-        progress(f"trials in {name}", 0.3 * index)
-        judgements[name] = ev.judge(run.champion, place, TRIALS, config.seed, workers=config.workers)
+    judged_in = {"gsrm": arena, "truth": sg.load_arena("truth")}
+    for index, (name, place) in enumerate(judged_in.items()):
+        progress(f"trials in {name}", index / (len(judged_in) + 1))
+        outcomes[name] = ev.judge(run.champion, place, config.trials, config.seed, workers=config.workers)
         films[name] = ev.play(run.champion, place, config.seed, film=name == "truth")
-    progress("an insufficient robot", 0.8)
-    films["insufficient"] = ev.play(find_insufficient(run), places["truth"], config.seed, film=True)
-    return judgements, films
+    progress("an insufficiently evolved robot", len(judged_in) / (len(judged_in) + 1))
+    films["insufficient"] = ev.play(find_insufficient(run), judged_in["truth"], config.seed, film=True)
+    return outcomes, films
 
 
 def find_insufficient(run: ev.Run) -> ev.Champion:
-    """Return a robot of the first generation that did not cross: the median one of those."""
+    """Return an insufficiently evolved robot: of those of the first generation that did not cross, the median one."""
     assert run.champion is not None
     first = [entry for entry in run.record.entries if entry.generation == 0]
     failed = sorted(
         (entry for entry in first if not any(entry.outcome.succeeded)), key=lambda entry: entry.fitness
     )
-    if not failed:  # all crossed at once: a body that follows no law stands for it
+    if not failed:  # all crossed at once: a robot that does nothing instead
         return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
     genotype = failed[len(failed) // 2].genotype
     return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))

@@ -1,4 +1,4 @@
-"""The paper's experiments, measured again: one file each, kept in a folder as they are done."""
+"""The paper's experiments, repeated: one file each; results are saved in a folder as they are finished."""
 
 from evolution.experiments.paper.config import QUICK, PaperConfig
 from evolution.experiments.paper.experiments import run_experiments

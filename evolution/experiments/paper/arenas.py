@@ -1,7 +1,7 @@
 """The arenas of Tables II and III: both networks' surfaces, the hand-made model, and other kinds of contact."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import reconstruction as rc
 import symbrion_gym as sg
@@ -15,12 +15,12 @@ class Recipe(NamedTuple):
 
     Attributes:
         method: the network whose surface it is made of; "hand" for the hand-made model.
-        kind: contact geometry.
-        text: what it is.
+        kind: contact geometry, as in `symbrion_gym.make_arena`; "exact" for the boxes that the model was drawn with.
+        text: description in tables.
     """
 
     method: str
-    kind: str
+    kind: Literal["convex", "exact", "primitives", "hfield", "prisms"]
     text: str
 
 
@@ -31,34 +31,38 @@ RECIPES = {
     "boxes": Recipe("hand", "exact", "hand-made model, exact boxes"),
     "mixed": Recipe("gsrm", "primitives", "GSRM, boxes and convex pieces"),
     "hfield": Recipe("gsrm", "hfield", "GSRM, height field"),
-    "prisms": Recipe("gsrm", "prisms", "GSRM, a prism a triangle"),
+    "prisms": Recipe("gsrm", "prisms", "GSRM, one prism per triangle"),
 }
 
 
 def load_surface(folder: Path, method: str, config: PaperConfig) -> rc.Reconstruction:
-    """Return the network that the arenas of a method are made of."""
+    """Return the saved network whose surface the arenas of a method are made of."""
     size = config.arena_units if method == "gsrm" else config.arena_triangles
     return rc.Reconstruction.load(folder / "surfaces" / f"{name_network(method, size)}.npz")
 
 
 def load_arena(folder: Path, name: str) -> sg.Arena:
-    """Return an arena that `build_arenas` kept."""
+    """Return an arena that `build_arenas` saved."""
     return sg.Arena.load(folder / "arenas" / name)
 
 
 def build_arenas(
     folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent
 ) -> list[dict[str, Any]]:
-    """Build the arenas; each is kept in a folder that MuJoCo's viewer opens.
+    """Build the arenas and save each as a folder that MuJoCo's viewer opens.
 
     Args:
-        folder: holds the surfaces; keeps the arenas.
-        config: sizes and seed.
-        progress: told how far it is.
+        folder: contains the surfaces; the arenas are written to it.
+        config: sizes of the networks whose surfaces become arenas, and the seed of the decomposition into convex
+            pieces.
+        progress: called with a message and the share that is done.
 
     Returns:
-        Rows with `arena`, `text`, `pieces`, `triangles` of the exact surface, `seconds` of building, and
-        distances of the contact geometry from the true surface, `mean` and `p95` [m]; None for a height field.
+        Rows with `arena`, `text`, `pieces`, `triangles` of the exact surface, `seconds` of building, and the
+        distance of the contact geometry from the true surface, `mean` and `p95` [m]; None for a height field.
+
+    Raises:
+        ArenaError: a surface cannot become an arena.
     """
     truth = sg.load_arena("truth").surface
     rows = []
@@ -87,5 +91,5 @@ def _build_arena(folder: Path, name: str, recipe: Recipe, config: PaperConfig) -
     if recipe.kind == "exact":
         return simple
     mesh = simple.surface if recipe.method == "hand" else load_surface(folder, recipe.method, config).mesh
-    # Pieces kept from before would tell how long they took then.
+    # No cache: a cached arena carries the building time of the first time.
     return sg.make_arena(mesh, kind=recipe.kind, name=name, course=sg.Course(), seed=config.seed, cache=False)

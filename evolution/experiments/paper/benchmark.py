@@ -1,37 +1,37 @@
-"""What the benchmark of evolution has kept: champions by training model, coarse to fine; it grows run by run."""
+"""The results of the benchmark of evolution that exist so far: champions by training model, and coarse to fine."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parents[3] / "benchmarks" / "results" / "evolution.json"
-"""Where a checkout keeps it; an installed package has none."""
+"""Where a checkout has them; an installed package has none."""
 MODELS = ("simple", "gsrm 200", "gsrm 800", "gsrm 2200", "gsrm 5000", "gg 210", "gg 13860")
-"""The models that it trains on."""
+"""The models that champions are evolved in."""
 COARSE = "gsrm 800"
-"""The model that coarse to fine begins on."""
+"""The model that coarse to fine starts with."""
 FINES = ("gsrm 2200", "gg 13860")
-"""The models that coarse to fine ends on and is compared with."""
+"""The models that coarse to fine ends with and is compared with."""
 PARTS = ("models", "stages", "champions")
-"""How the names of the parts begin that are quoted."""
+"""Prefixes of the result names that the page quotes."""
 
 Part = dict[str, Any] | None
-"""Figures over the seeds that are done; None where none is."""
+"""Figures over the seeds that have been run; None where none has."""
 
 
-def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
-    """Return what is known so far of champions by training model, and of coarse to fine.
+def load_benchmark(path: Path = RESULTS) -> dict[str, Any]:
+    """Return the results so far of champions by training model, and of coarse to fine.
 
     Args:
-        path: of the benchmark's results; may be absent.
+        path: file of the benchmark's results; may be absent.
 
     Returns:
         `models`: model -> part; `stages`: fine model -> "fine_only" and "coarse_to_fine" -> part, and "compared":
-        how many times less genotypes and processor seconds coarse to fine needs, None where unknown; `date` (first
-        to last), `machine` and `versions` (of the last), None where nothing was measured.
+        genotypes and processor time of the fine model alone divided by those of coarse to fine, None where unknown;
+        `date` (first to last), `machine` and `versions` (of the last), None where nothing was measured.
     """
     try:
-        record = json.loads(path.read_text())
+        record = json.loads(path.read_text(encoding="utf-8"))
         results, origins = dict(record["results"]), dict(record["origins"])
     except (OSError, ValueError, KeyError, TypeError):
         results, origins = {}, {}
@@ -52,7 +52,7 @@ def find_benchmark(path: Path = RESULTS) -> dict[str, Any]:
 
 
 def _describe_origin(origins: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return days, machine and versions of what was measured."""
+    """Return the days of the measurements, and machine and versions of the last one."""
     if not origins:
         return dict.fromkeys(("date", "machine", "versions"))
     first, *_, last = sorted([origins[0], *origins], key=lambda origin: origin["date"])

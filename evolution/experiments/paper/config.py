@@ -1,4 +1,4 @@
-"""How much is measured: everything that decides what the experiments return, but for the machine."""
+"""Configuration of the experiments: everything that decides their results, except the machine."""
 
 import dataclasses
 import json
@@ -11,28 +11,37 @@ from symbrion_gym.arenas.course import Course
 
 PIT = Course().pit
 """Width of the pit of the true arena [m]."""
+LARGEST_WIDENING = 0.2
+"""Beyond it the pit of the first survey would be narrower than a robot, and no pit at all [m]."""
+PAPER_UNITS = 2200
+"""Units of the GSRM that the paper's arena was made of."""
 
 
 @dataclass(frozen=True)
 class PaperConfig:
-    """Sizes and numbers of runs of the experiments.
+    """Sizes and numbers of repetitions.
 
     Attributes:
-        gsrm_units: sizes of the GSRM, Table I and Fig. 4.
-        gg_triangles: sizes of the growing grid, Table I and Fig. 5.
-        cold_starts: time every network in a fresh process that finds nothing compiled, too.
-        modules: length of the snake.
-        generations: of the evolution, at most.
-        trials: randomised trials of every judgement.
-        runs: crossings that are timed in each arena, Table II.
-        steps: physics steps of each.
-        scans: laser scans that are timed for each way of scanning, Table III.
-        brute_scans: likewise, at least, of the brute-force way, which takes so much longer.
-        widened: how much narrower the pit was when it was surveyed for the first time [m].
-        widened_generations: of the evolutions before and after the pit was widened.
-        model_generations: of an evolution in the arena of every size of the networks; 0 leaves them out.
-        film_rate: frames a second of the films.
-        seed: of everything that is drawn.
+        gsrm_units: sizes of the GSRM, Table I and Fig. 4; 2200 is the paper's, the others show what a coarser and a
+            finer network cost.
+        gg_triangles: sizes of the growing grid, Table I and Fig. 5; 13860 is the paper's.
+        cold_starts: also time every network in a fresh process without compiled programs, which adds a compilation
+            and four reconstructions for each.
+        modules: number of modules in the snake.
+        generations: limit of the evolution, which stops earlier when a champion is confirmed.
+        trials: randomized trials whenever a champion is judged; 18 of 20 are the success threshold.
+        runs: crossings that are timed in each arena, Table II; 100 as in the paper.
+        steps: physics steps that are timed in each crossing; 3500 as in the paper.
+        scans: laser scans that are timed with each scan method, Table III; the interval of their ratio narrows with
+            the square root of their number.
+        brute_scans: the same for the brute-force method, which takes much longer.
+        widened: by how much the pit is widened after the first survey [m]; 5 cm are five times the localization
+            error of the survey, so that the change can be seen.
+        widened_generations: limit of the evolutions before and after the pit is widened.
+        model_generations: limit of one evolution in the arena of every network of `gsrm_units` and `gg_triangles`;
+            0 skips them.
+        film_rate: frame rate of the videos [1/s].
+        seed: of all random numbers.
     """
 
     gsrm_units: tuple[int, ...] = (800, 2200, 5000)
@@ -66,17 +75,17 @@ class PaperConfig:
                 raise RunError(f"{name} is {getattr(self, name)}; at least 1 is needed")
         if not (self.gsrm_units and self.gg_triangles):
             raise RunError("gsrm_units and gg_triangles need at least one size each")
-        if not 0 < self.widened <= 0.2:
-            raise RunError(f"widened is {self.widened}; above 0, at most 0.2 m (a pit that was 0.2 m wide)")
+        if not 0 < self.widened <= LARGEST_WIDENING:
+            raise RunError(f"widened is {self.widened}; it must be above 0 and at most {LARGEST_WIDENING} m")
 
     @property
     def arena_units(self) -> int:
-        """Size of the GSRM that the arena is made of: 2200 as in the paper, or the nearest there is."""
-        return min(self.gsrm_units, key=lambda units: abs(units - 2200))
+        """Size of the GSRM that the arena is made of: of `gsrm_units` the nearest to the paper's 2200."""
+        return min(self.gsrm_units, key=lambda units: abs(units - PAPER_UNITS))
 
     @property
     def arena_triangles(self) -> int:
-        """Size of the growing grid that the arena is made of: the finest, as in the paper."""
+        """Size of the growing grid that the arena is made of: the largest, as in the paper."""
         return max(self.gg_triangles)
 
     def to_json(self) -> dict[str, Any]:
@@ -109,4 +118,4 @@ QUICK = PaperConfig(
     model_generations=0,
     film_rate=8,
 )
-"""A reduced version, within three minutes on two cores."""
+"""A reduced version, which takes three minutes on two cores."""

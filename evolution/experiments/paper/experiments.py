@@ -1,4 +1,4 @@
-"""All experiments in their order; each is kept when it is done, and found again by the next call."""
+"""All experiments in their order; each result is saved when it is finished, and read by the next call."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -21,37 +21,40 @@ from evolution.experiments.paper.robots import describe_run, evolve_champion, fi
 from evolution.experiments.paper.widened import measure_widened
 
 Record = dict[str, Any]
-Work = Callable[[rc.Progress], Any]
+Work = Callable[[rc.Progress], dict[str, Any] | list[dict[str, Any]]]
 RUN = "run"
 
 
 def run_experiments(
     folder: PaperFolder, track: Track, workers: int = os.cpu_count() or 1, names: Iterable[str] = ()
 ) -> dict[str, Record]:
-    """Do all experiments that are not there yet.
+    """Run all experiments whose results do not exist yet.
 
     Args:
-        folder: where each is kept.
-        track: begins a step of the progress display.
+        folder: where the results are saved.
+        track: starts a step of the progress display.
         workers: threads; the results do not depend on their number.
-        names: do no others; empty for all.
+        names: of the experiments that are run; empty for all.
 
     Returns:
         Name -> record, see `PaperFolder.find`.
 
     Raises:
-        ScanError, ReconstructionError, ArenaError, RunError: when an experiment fails.
+        ScanError: the survey fails.
+        ReconstructionError: a network cannot learn the points.
+        ArenaError: a surface cannot become an arena.
+        RunError: an evolution fails, or a saved result is damaged.
     """
     experiments = list_experiments(folder.path, folder.config, workers)
     wanted = list(names) or list(experiments)
     records = {}
     for index, name in enumerate(wanted):
         title, work = experiments[name]
-        kept = folder.find(name)
-        if kept is None:
+        record = folder.find(name)
+        if record is None:
             with track(f"{index + 1}/{len(wanted)} {title}") as step:
-                kept = folder.keep(name, lambda work=work, step=step: work(step.progress))
-        records[name] = kept
+                record = folder.keep(name, lambda work=work, step=step: work(step.progress))
+        records[name] = record
     return records
 
 
@@ -62,27 +65,27 @@ def list_experiments(path: Path, config: PaperConfig, workers: int) -> dict[str,
         return ev.load_champion(path / RUN)
 
     listed: dict[str, tuple[str, Work]] = {
-        "cloud": ("Fig. 3: survey and cloud", lambda told: measure_cloud(path, config.seed, told)),
-        "networks": ("Table I: networks", lambda told: measure_networks(path, config, told)),
-        "arenas": ("arenas", lambda told: build_arenas(path, config, told)),
-        "evolution": ("evolution in the GSRM arena", lambda told: _evolve(path, config, workers, told)),
+        "cloud": ("Fig. 3: survey and cloud", lambda progress: measure_cloud(path, config.seed, progress)),
+        "networks": ("Table I: networks", lambda progress: measure_networks(path, config, progress)),
+        "arenas": ("arenas", lambda progress: build_arenas(path, config, progress)),
+        "evolution": ("evolution in the GSRM arena", lambda progress: _evolve(path, config, workers, progress)),
         "physics": (
-            "Table II: physics", lambda told: measure_physics(path, champion(), config, told)
+            "Table II: physics", lambda progress: measure_physics(path, champion(), config, progress)
         ),
-        "laser": ("Table III: laser scan", lambda told: measure_laser(path, config, told)),
+        "laser": ("Table III: laser scan", lambda progress: measure_laser(path, config, progress)),
         "films": (
-            "Fig. 7: films",
-            lambda told: film_robots(path, ev.load_run(path / RUN), config, told),
+            "Fig. 7: videos",
+            lambda progress: film_robots(path, ev.load_run(path / RUN), config, progress),
         ),
         "widened": (
             "the pit is widened",
-            lambda told: measure_widened(path, config, workers, told),
+            lambda progress: measure_widened(path, config, workers, progress),
         ),
     }  # fmt: skip
     if config.model_generations:
         listed["resolutions"] = (
-            "a champion of every resolution",
-            lambda told: measure_resolutions(path, config, workers, told),
+            "one champion per resolution",
+            lambda progress: measure_resolutions(path, config, workers, progress),
         )
     return listed
 
@@ -90,6 +93,6 @@ def list_experiments(path: Path, config: PaperConfig, workers: int) -> dict[str,
 def _evolve(path: Path, config: PaperConfig, workers: int, progress: rc.Progress) -> dict[str, Any]:
     run = evolve_champion(path, "gsrm", RUN, config, config.generations, workers, progress)
     assert run.champion is not None
-    progress("judging", 0.99)
+    progress("judging the champion", 0.99)
     arenas = {"gsrm": load_arena(path, "gsrm"), "truth": sg.load_arena("truth")}
     return {**describe_run(run), "judged": judge_champion(run.champion, arenas, config, workers)}

@@ -1,8 +1,8 @@
-"""The folder of the experiments: the result of each is kept as soon as it is there.
+"""The folder of the experiments: the result of each is saved as soon as it is finished.
 
-config.json           what is measured; another configuration is refused
+config.json           the configuration; a folder with another one is refused
 experiments/NAME.json figures, seconds, date, machine and versions of one experiment
-...                   what the experiments make: scan log, cloud, surfaces, arenas, runs, films
+...                   what the experiments make: scan log, points, surfaces, arenas, runs, videos
 """
 
 import datetime
@@ -18,7 +18,7 @@ from typing import Any
 import filelock
 
 from evolution.errors import RunError
-from evolution.experiments.output_folder import refuse_foreign
+from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.experiments.paper.config import PaperConfig
 from evolution.report.provenance import describe_machine
 from reconstruction.files.atomic_write import write_atomically
@@ -26,28 +26,30 @@ from reconstruction.files.printable import make_printable
 from reconstruction.files.typed_json import JsonError, as_type, read_json
 
 CONFIG = "config.json"
-MADE = (
+OUTPUTS = (
     "experiments", "survey.npz", "cloud.ply", "narrow_survey.npz", "narrow_cloud.ply", "surfaces", "arenas", "run",
     "runs", "films", "figures", "results.json", "report.html",
 )  # fmt: skip
-"""What the experiments and their page make in the folder."""
-Figures = dict[str, Any]
+"""Files and folders that the experiments and their page make."""
+Figures = dict[str, Any] | list[dict[str, Any]]
 """What an experiment returns: plain JSON content."""
+Record = dict[str, Any]
+"""An `ExperimentRecord` as plain JSON content."""
 
 
 @dataclass(frozen=True)
 class ExperimentRecord:
-    """What is kept of an experiment.
+    """The saved result of an experiment.
 
     Attributes:
         figures: what the experiment returned.
-        seconds: it took.
-        date: when it was finished, ISO 8601.
-        machine: where, and with which versions.
-        cpu_seconds: of all threads and processes; not kept at first.
+        seconds: wall time of the experiment [s].
+        date: day on which it was finished, ISO 8601.
+        machine: processor and versions.
+        cpu_seconds: processor time of all threads and processes [s]; absent in records of early versions.
     """
 
-    figures: dict[str, Any]
+    figures: Any
     seconds: float
     date: str
     machine: str
@@ -55,14 +57,15 @@ class ExperimentRecord:
 
 
 class PaperFolder:
-    """Keeps and finds the results of experiments.
+    """Saves and reads the results of experiments.
 
     Args:
-        path: the folder; made if need be.
-        config: what is measured.
+        path: the folder; it is created if it does not exist.
+        config: of the experiments.
 
     Raises:
-        RunError: it holds the experiments of another configuration, something damaged, or something else.
+        RunError: the folder belongs to another configuration, its `config.json` is damaged, or it contains files that
+            the experiments would overwrite and did not write.
     """
 
     def __init__(self, path: Path, config: PaperConfig) -> None:
@@ -72,10 +75,10 @@ class PaperFolder:
 
     @contextmanager
     def lock(self) -> Iterator[None]:
-        """Keep others from writing to the folder.
+        """Lock the folder against other writers.
 
         Raises:
-            RunError: someone else is writing to it.
+            RunError: another process is writing to it.
         """
         lock = filelock.FileLock(self.path / ".lock")
         try:
@@ -89,11 +92,14 @@ class PaperFolder:
         finally:
             lock.release()
 
-    def find(self, name: str) -> Figures | None:
+    def find(self, name: str) -> Record | None:
         """Return the record of an experiment, or None where it has not been finished.
 
-        A record holds `figures` (what the experiment returned), `seconds`, `cpu_seconds` of all threads and
-        processes, `date` and `machine`.
+        Returns:
+            The fields of `ExperimentRecord`.
+
+        Raises:
+            RunError: the record is damaged.
         """
         path = self._record(name)
         if not path.is_file():
@@ -102,20 +108,26 @@ class PaperFolder:
             content = read_json(path)
             as_type(content, ExperimentRecord)
         except JsonError as error:
-            raise RunError(f"{path} is damaged ({error}); remove it, and it is made anew") from error
+            raise RunError(
+                f"{path} is damaged ({error}); remove it, and the experiment is repeated"
+            ) from error
         return content
 
-    def keep(self, name: str, experiment: Callable[[], Figures]) -> Figures:
-        """Return the record of an experiment; do it only where it is not there yet."""
+    def keep(self, name: str, experiment: Callable[[], Figures]) -> Record:
+        """Return the record of an experiment, which is run and saved where there is none yet.
+
+        Raises:
+            RunError: the record is damaged.
+        """
         record = self.find(name)
         if record is not None:
             return record
-        began, cpu_began = time.perf_counter(), _find_cpu_seconds()
+        start, cpu_start = time.perf_counter(), _read_cpu_seconds()
         figures = experiment()
         record = {
             "figures": figures,
-            "seconds": round(time.perf_counter() - began, 1),
-            "cpu_seconds": round(_find_cpu_seconds() - cpu_began, 1),
+            "seconds": round(time.perf_counter() - start, 1),
+            "cpu_seconds": round(_read_cpu_seconds() - cpu_start, 1),
             "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
             "machine": describe_machine(),
         }
@@ -126,31 +138,31 @@ class PaperFolder:
         return self.path / "experiments" / f"{name}.json"
 
     def _check_config(self) -> None:
-        path, mine = self.path / CONFIG, self.config.to_json()
+        path, wanted = self.path / CONFIG, self.config.to_json()
         if not path.is_file():
-            refuse_foreign(self.path, CONFIG, MADE)
+            refuse_foreign_files(self.path, CONFIG, OUTPUTS)
             self.path.mkdir(parents=True, exist_ok=True)
-            write_json(path, mine)
+            write_json(path, wanted)
             return
         try:
-            theirs = PaperConfig.from_json(read_json(path)).to_json()
+            found = PaperConfig.from_json(read_json(path)).to_json()
         except (JsonError, RunError) as error:
             raise RunError(f"{path}: {error}; name another folder, or remove this one") from error
-        names = [name for name in mine if mine[name] != theirs[name]]
+        names = [name for name in wanted if wanted[name] != found[name]]
         if names:
-            differences = "; ".join(f"{name} {theirs[name]}, not {mine[name]}" for name in names)
+            differences = "; ".join(f"{name} {found[name]}, not {wanted[name]}" for name in names)
             raise RunError(
-                f"{path} tells of another configuration ({make_printable(differences, 400)}); "
+                f"{path} describes another configuration ({make_printable(differences, 400)}); "
                 "name another folder, or remove this one"
             )
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON; the file appears whole or not at all."""
+    """Write content as a JSON file, atomically."""
     with write_atomically(path) as beside:
         beside.write_text(json.dumps(content, indent=2) + "\n")
 
 
-def _find_cpu_seconds() -> float:
-    """Return the processor time of this process and of its children that have ended [s]."""
+def _read_cpu_seconds() -> float:
+    """Return the processor time of this process and of its ended child processes [s]; on Windows without these."""
     return sum(os.times()[:4])

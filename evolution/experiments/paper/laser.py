@@ -1,14 +1,16 @@
-"""Table III: what one laser scan costs, by the way of casting it and the number of triangles."""
+"""Table III: the time of one laser scan, by method of casting rays and number of triangles."""
 
 import importlib.util
 import logging
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 
 import reconstruction as rc
 import symbrion_gym as sg
@@ -22,28 +24,50 @@ from evolution.experiments.paper.ray_casters import (
     TreeCaster,
     show_surface,
 )
-from evolution.experiments.paper.statistics import find_power, find_ratio, summarise
+from evolution.experiments.paper.statistics import find_power, find_ratio, summarize
+from symbrion_gym.sensing.laser_scanner import LaserScanner
 
 MODELS = ("gg", "gsrm", "simple")
-CONTACTS = {"gg": "hulls", "gsrm": "hulls", "boxes": "boxes", "mixed": "mixed", "hfield": "height field"}
-BLOCK = 20
-"""Scans of one way before the next one's turn: as in a simulation, the arena is in the processor's caches."""
-REACH = (-2.8, 2.0)
-"""Places of the scanner along the course [m]."""
-HEIGHT, PITCH = 0.3, np.deg2rad(20.0)
-"""Of the scanner above the ground [m], and how far it looks down [rad]."""
-log = logging.getLogger(__name__)
+CONTACT_SHAPES = {
+    "gg": "hulls",
+    "gsrm": "hulls",
+    "boxes": "boxes",
+    "mixed": "mixed",
+    "hfield": "height field",
+}
+logger = logging.getLogger(__name__)
 
 
-class Way(NamedTuple):
-    """A way of scanning an arena.
+@dataclass(frozen=True)
+class ScanPlan:
+    """Where the timed scans are taken, and in which order.
+
+    Attributes:
+        start: first position of the scanner along the course [m]; half a meter from the beginning of the course.
+        end: last position [m]; behind the second ramp.
+        height: of the scanner above the ground [m]; it looks over the ramps, which are 0.25 m high.
+        pitch: angle by which the middle beam looks down [rad]; downwards, so that beams hit the arena: the
+            result `hits` is their share.
+        block: scans that one method takes before the next one follows; in a simulation, too, the arena is already in
+            the processor's caches.
+    """
+
+    start: float = -2.8
+    end: float = 2.0
+    height: float = 0.3
+    pitch: float = float(np.deg2rad(20.0))
+    block: int = 20
+
+
+class ScanMethod(NamedTuple):
+    """A method of scanning a model.
 
     Attributes:
         model: name of arena or network.
-        method: "tree", "embree", "brute force", or the contact shapes that are seen.
-        triangles: that are searched; 0 where there are none.
-        caster: does it.
-        reference: the model whose exact surface the ranges are compared with.
+        method: "tree", "embree", "brute force", or the contact shapes that are scanned.
+        triangles: number of triangles that are searched; 0 where the shapes are no triangles.
+        caster: casts the scan.
+        reference: the model with whose exact surface the ranges are compared.
     """
 
     model: str
@@ -53,100 +77,130 @@ class Way(NamedTuple):
     reference: str
 
 
-def measure_laser(folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent) -> dict[str, Any]:
-    """Time scans of 361 beams from places along the course, from a robot that looks ahead and down.
+def measure_laser(
+    folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent, plan: ScanPlan | None = None
+) -> dict[str, Any]:
+    """Time scans of 361 beams from positions along the course, looking ahead and down.
 
-    All ways take turns, a block of poses each. Processor time of the one thread that scans counts: other work on the
-    machine does not, nor does drawing the progress. (The matrix products of brute force may use several threads: there
-    the whole process counts.) No robot stands in the arena: what is timed is the arena alone.
+    The methods alternate, a block of poses each. The processor time of the thread that scans is measured, so other
+    work on the machine does not count, nor does drawing the progress. (The matrix products of brute force may use
+    several threads: for them it is the processor time of the process.) The arena contains no robot.
 
     Args:
-        folder: holds surfaces and arenas.
+        folder: contains surfaces and arenas.
         config: number of scans.
-        progress: told how far it is.
+        progress: called with a message and the share that is done.
+        plan: positions and order of the scans.
 
     Returns:
-        `beams` of a scan, and the share of them that `hits` the arena; `rows`, one a way: `model`, `method`,
-        `triangles`, `scan_us` (mean, deviation, median), `scans`, `error` (mean distance from the ranges on the
-        exact surface [m]; None for the exact ones);
-        `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force; `powers` of the
-        number of triangles with which the median time grows, by method.
+        `beams` of a scan, and the share of them that `hits` the arena; `rows`, one for each model and method:
+        `model`, `method`, `triangles`, `scan_us` (mean, deviation, median), `scans`, `error` (mean difference from
+        the ranges on the exact surface [m]; None for the exact surface itself);
+        `ratios` of GG and GSRM to the hand-made model on the exact surface and by brute force; `powers`: by method,
+        the exponent with which the median time grows with the number of triangles.
     """
-    poses = list_poses(load_arena(folder, "simple"), config.scans)
-    ways = _list_ways(folder, config)
-    for way in ways:
-        way.caster(poses[0])  # the first scan of all is slower: pages are touched, trees are made
-    seconds: list[list[float]] = [[] for _ in ways]
-    errors: list[list[float]] = [[] for _ in ways]
-    hits: list[float] = []
-    for start in range(0, len(poses), BLOCK):
-        progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
-        block = poses[start : start + BLOCK]
-        exact: dict[str, list[np.ndarray]] = {}
-        for way, times, apart in zip(ways, seconds, errors, strict=True):
-            is_slow = way.method == "brute force"
-            chosen = block[: -(-len(block) * config.brute_scans // config.scans)] if is_slow else block
-            clock = time.process_time if is_slow else time.thread_time
-            ranges = _time_scans(way.caster, chosen, times, clock)
-            if way is ways[0]:
-                hits += [float(np.isfinite(one).mean()) for one in ranges]
-            known = exact.setdefault(way.model if way.method == "tree" else way.reference, ranges)
-            for one, other in zip(ranges, known, strict=False):
-                difference = np.abs(one - other)
-                apart += difference[np.isfinite(difference)].tolist()
+    plan = plan or ScanPlan()
+    poses = list_poses(load_arena(folder, "simple"), config.scans, plan)
+    methods = _list_methods(folder, config)
+    measured = _time_alternately(methods, poses, config, plan, progress)
     return {
-        "beams": 361,
-        "hits": float(np.mean(hits)),
+        "beams": LaserScanner.num_beams,
+        "hits": float(np.mean(measured.hits)),
         "rows": [
             {
-                "model": way.model,
-                "method": way.method,
-                "triangles": way.triangles,
-                "scan_us": summarise(times),
+                "model": method.model,
+                "method": method.method,
+                "triangles": method.triangles,
+                "scan_us": summarize(times),
                 "scans": len(times),
-                "error": float(np.mean(apart)) if way.method != "tree" and apart else None,
+                "error": float(np.mean(differences)) if method.method != "tree" and differences else None,
             }
-            for way, times, apart in zip(ways, seconds, errors, strict=True)
+            for method, times, differences in zip(methods, measured.times, measured.differences, strict=True)
         ],
         "ratios": {
-            method: {
-                model: find_ratio(_pick(ways, seconds, model, method), _pick(ways, seconds, "simple", method))
+            name: {
+                model: find_ratio(
+                    _find_times(methods, measured.times, model, name),
+                    _find_times(methods, measured.times, "simple", name),
+                )
                 for model in ("gg", "gsrm")
             }
-            for method in ("tree", "brute force")
+            for name in ("tree", "brute force")
         },
-        "powers": {
-            method: find_power(
-                *np.transpose(
-                    [
-                        (way.triangles, np.median(times))
-                        for way, times in zip(ways, seconds, strict=True)
-                        if way.method == method
-                    ]
-                )
-            )
-            for method in dict.fromkeys(way.method for way in ways if way.triangles)
-        },
+        "powers": _find_powers(methods, measured.times),
     }
 
 
-def list_poses(arena: sg.Arena, count: int) -> np.ndarray:
-    """Return poses `[count, 4, 4]` along the middle of a course, above its ground.
+class ScanTimes(NamedTuple):
+    """What was measured.
 
-    The survey's own poses are around the arena, where six beams of seven miss it.
+    Attributes:
+        times: of each method, the time of every scan [µs].
+        differences: of each method, differences from the ranges on the exact surface [m].
+        hits: share of the beams of each scan that hit the arena.
     """
-    places = np.linspace(*REACH, count)
+
+    times: list[list[float]]
+    differences: list[list[float]]
+    hits: list[float]
+
+
+def _time_alternately(
+    methods: list[ScanMethod],
+    poses: Float[np.ndarray, "count 4 4"],
+    config: PaperConfig,
+    plan: ScanPlan,
+    progress: rc.Progress,
+) -> ScanTimes:
+    """Time all methods block by block; brute force takes only a share of each block."""
+    for method in methods:
+        method.caster(poses[0])  # the first scan takes longer: memory is allocated, trees are built
+    measured = ScanTimes([[] for _ in methods], [[] for _ in methods], [])
+    for start in range(0, len(poses), plan.block):
+        progress(f"scan {start + 1} of {len(poses)}", start / len(poses))
+        block = poses[start : start + plan.block]
+        exact: dict[str, list[np.ndarray]] = {}
+        for index, method in enumerate(methods):
+            is_brute = method.method == "brute force"
+            taken = block[: -(-len(block) * config.brute_scans // config.scans)] if is_brute else block
+            clock = time.process_time if is_brute else time.thread_time
+            ranges = _time_scans(method.caster, taken, measured.times[index], clock)
+            if index == 0:
+                measured.hits.extend(float(np.isfinite(one).mean()) for one in ranges)
+            expected = exact.setdefault(method.model if method.method == "tree" else method.reference, ranges)
+            for one, other in zip(ranges, expected, strict=False):
+                difference = np.abs(one - other)
+                measured.differences[index].extend(difference[np.isfinite(difference)].tolist())
+    return measured
+
+
+def _find_powers(methods: list[ScanMethod], times: list[list[float]]) -> dict[str, float]:
+    """Return method -> exponent with which the median time grows with the number of triangles."""
+    points: dict[str, list[tuple[int, float]]] = {}
+    for method, values in zip(methods, times, strict=True):
+        if method.triangles:
+            points.setdefault(method.method, []).append((method.triangles, float(np.median(values))))
+    return {name: find_power(*np.transpose(pairs)) for name, pairs in points.items()}
+
+
+def list_poses(arena: sg.Arena, count: int, plan: ScanPlan | None = None) -> Float[np.ndarray, "count 4 4"]:
+    """Return poses along the middle of a course, above its ground.
+
+    The poses of the survey are around the arena, from where six of seven beams miss it.
+    """
+    plan = plan or ScanPlan()
+    places = np.linspace(plan.start, plan.end, count)
     poses = np.tile(np.eye(4), (count, 1, 1))
-    sine, cosine = np.sin(PITCH), np.cos(PITCH)
+    sine, cosine = np.sin(plan.pitch), np.cos(plan.pitch)
     poses[:, :3, :3] = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]]
-    poses[:, :3, 3] = [(x, 0.0, float(arena.height(x, 0.0)) + HEIGHT) for x in places]
+    poses[:, :3, 3] = [(x, 0.0, float(arena.height(x, 0.0)) + plan.height) for x in places]
     return poses
 
 
 def _time_scans(
-    caster: Caster, poses: np.ndarray, times: list[float], clock: Callable[[], float]
-) -> list[np.ndarray]:
-    """Return the ranges of scans from the poses, and add what each took by the clock [µs] to `times`."""
+    caster: Caster, poses: Float[np.ndarray, "count 4 4"], times: list[float], clock: Callable[[], float]
+) -> list[Float[np.ndarray, " beams"]]:
+    """Return the ranges of scans from the poses [m], and append the time of each by the clock [µs] to `times`."""
     ranges = []
     for pose in poses:
         start = clock()
@@ -155,18 +209,18 @@ def _time_scans(
     return ranges
 
 
-def _pick(ways: list[Way], seconds: list[list[float]], model: str, method: str) -> list[float]:
-    return next(
-        times for way, times in zip(ways, seconds, strict=True) if (way.model, way.method) == (model, method)
-    )
+def _find_times(methods: list[ScanMethod], times: list[list[float]], model: str, name: str) -> list[float]:
+    """Return the times of a model with a method [µs]."""
+    pairs = zip(methods, times, strict=True)
+    return next(values for method, values in pairs if (method.model, method.method) == (model, name))
 
 
-def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
-    """Return the ways; those that see exactly by the tree stand first."""
-    arenas = {name: load_arena(folder, name) for name in dict.fromkeys((*MODELS, *CONTACTS))}
+def _list_methods(folder: Path, config: PaperConfig) -> list[ScanMethod]:
+    """Return all models with all methods, first those that see the exact surface by its tree."""
+    arenas = {name: load_arena(folder, name) for name in dict.fromkeys((*MODELS, *CONTACT_SHAPES))}
     surfaces = {name: arenas[name].surface for name in MODELS} | _load_others(folder, config)
-    ways = [
-        Way(
+    methods = [
+        ScanMethod(
             name,
             "tree",
             len(mesh.faces),
@@ -175,21 +229,23 @@ def _list_ways(folder: Path, config: PaperConfig) -> list[Way]:
         )
         for name, mesh in surfaces.items()
     ]
-    for name, shapes in CONTACTS.items():
+    for name, shapes in CONTACT_SHAPES.items():
         reference = {"boxes": "simple"}.get(name, name if name in MODELS else "gsrm")
-        ways.append(Way(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
+        methods.append(ScanMethod(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
     casters: dict[str, type[EmbreeCaster | BruteForceCaster]] = {"brute force": BruteForceCaster}
     if importlib.util.find_spec("embreex"):
         casters = {"embree": EmbreeCaster, **casters}
     else:
-        log.warning("Embree is left out of Table III; pip install '.[embree]' brings it")
+        logger.warning("Table III is made without Embree; pip install '.[embree]' installs it")
     for method, make in casters.items():
-        ways += [Way(name, method, len(mesh.faces), make(mesh), name) for name, mesh in surfaces.items()]
-    return ways
+        methods += [
+            ScanMethod(name, method, len(mesh.faces), make(mesh), name) for name, mesh in surfaces.items()
+        ]
+    return methods
 
 
 def _load_others(folder: Path, config: PaperConfig) -> dict[str, trimesh.Trimesh]:
-    """Return the surfaces of the sizes of the networks that no arena of the tables is made of."""
-    known = {name_network("gsrm", config.arena_units), name_network("gg", config.arena_triangles)}
-    names = [name for name in list_networks(config) if name not in known]
+    """Return the surfaces of all networks that none of the arenas is made of."""
+    in_arenas = {name_network("gsrm", config.arena_units), name_network("gg", config.arena_triangles)}
+    names = [name for name in list_networks(config) if name not in in_arenas]
     return {name: rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh for name in names}

@@ -1,4 +1,4 @@
-"""Beyond the paper: does it matter for the truth in which model a robot has evolved?"""
+"""Beyond the paper: does success in the true arena depend on the model in which a robot evolved?"""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.experiments.paper.config import PaperConfig
 from evolution.experiments.paper.networks import list_networks
-from evolution.experiments.paper.robots import evolve_champion, judge_champion, make_part
+from evolution.experiments.paper.robots import evolve_champion, judge_champion, scale_progress
 
 
 def measure_resolutions(
@@ -16,19 +16,23 @@ def measure_resolutions(
     """Evolve once in the arena of every size of the networks, and judge the champions in the true arena.
 
     Args:
-        folder: holds the surfaces; keeps arenas and runs.
+        folder: contains the surfaces; arenas and runs are written to it.
         config: sizes, generations, trials and seed.
-        workers: threads.
-        progress: told how far it is.
+        workers: threads; the results do not depend on their number.
+        progress: called with a message and the share that is done.
 
     Returns:
-        Rows with `model`, `triangles`, `pieces`, `genotypes`, `validated` (fresh trials in the model that
-        held, and their number), `successes` and `trials` in truth.
+        Rows with `model`, `triangles`, `pieces`, `genotypes`, `validated` (successes of the fresh trials in the
+        model, and their number), `successes` and `trials` in the true arena.
+
+    Raises:
+        ArenaError: a surface cannot become an arena.
+        RunError: an evolution fails.
     """
     names = list(list_networks(config))
     rows = []
     for index, name in enumerate(names):
-        within = make_part(progress, name, index / len(names), 1 / len(names))
+        within = scale_progress(progress, name, index / len(names), 1 / len(names))
         within("arena", 0.0)
         mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
         arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed)

@@ -1,4 +1,4 @@
-"""Table I and Figs. 4 and 5: both networks at every size, started cold and warm, against the truth."""
+"""Table I and Figs. 4 and 5: both networks at every size, timed cold and warm, compared with the true surface."""
 
 import multiprocessing
 import os
@@ -19,12 +19,12 @@ from reconstruction.surfaces.quality import measure_quality
 
 
 def name_network(method: str, size: int) -> str:
-    """Return the name of a network of some size, in files and tables: "gsrm_2200", "gg_13860"."""
+    """Return the name of a network of a given size, in files and tables: "gsrm_2200", "gg_13860"."""
     return f"{method}_{size}"
 
 
 def list_networks(config: PaperConfig) -> dict[str, dict[str, Any]]:
-    """Return name -> method and size, as `rc.reconstruct` takes them."""
+    """Return name -> method and size, as arguments of `rc.reconstruct`."""
     jobs = {name_network("gsrm", units): {"method": "gsrm", "units": units} for units in config.gsrm_units}
     return jobs | {
         name_network("gg", count): {"method": "gg", "triangles": count} for count in config.gg_triangles
@@ -34,17 +34,20 @@ def list_networks(config: PaperConfig) -> dict[str, dict[str, Any]]:
 def measure_networks(
     folder: Path, config: PaperConfig, progress: rc.Progress = rc.silent
 ) -> list[dict[str, Any]]:
-    """Reconstruct the cloud at every size (Table I).
+    """Reconstruct the survey at every size (Table I).
 
     Args:
-        folder: holds the cloud; keeps the surfaces.
+        folder: contains the points; the surfaces are written to it.
         config: sizes and seed.
-        progress: told how far it is.
+        progress: called with a message and the share that is done.
 
     Returns:
-        Rows with `network`, `method`, `size` wanted, `triangles`, `cold_seconds` (the first call of a process
-        that finds nothing compiled; None where that is left out), `warm_seconds` (the median of the next three),
-        and what `measure_surface` tells. The hand-made model is the last row, without size and seconds.
+        Rows with `network`, `method`, requested `size`, `triangles`, `cold_seconds` (the first call of a process
+        without compiled programs; None where it is not measured), `warm_seconds` (the median of the next three
+        calls), and the measures of `measure_surface`. The last row is the hand-made model, without size and seconds.
+
+    Raises:
+        ReconstructionError: a network cannot learn the points.
     """
     truth = sg.load_arena("truth").surface
     points = rc.load_points(folder / "cloud.ply")
@@ -76,15 +79,15 @@ def measure_networks(
 
 
 def cut_sides(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return a course without its upright sides, which no scan sees."""
+    """Return a course without its vertical sides, which no scan sees."""
     top = mesh.copy()
-    top.update_faces(np.abs(mesh.face_normals[:, 1]) < 0.5)
+    top.update_faces(np.abs(mesh.face_normals[:, 1]) < 0.5)  # other faces have no component across the course
     top.merge_vertices()
     return top
 
 
 def measure_surface(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float]:
-    """Return `triangles`, distances from and to the truth [m], and what spoils a two-manifold."""
+    """Return `triangles`, distances from and to the true surface [m], and defects of the topology."""
     quality = measure_quality(mesh, truth=truth)
     assert quality.truth_to_mesh is not None
     assert quality.mesh_to_truth is not None
@@ -100,22 +103,24 @@ def measure_surface(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, 
 
 
 def _time_in_fresh_process(cloud: Path, seed: int, options: dict[str, Any]) -> tuple[float, float]:
-    """Return seconds of the first call and of a later one, in a process that finds nothing compiled."""
+    """Return the wall time of the first call and of a later one [s], in a process without compiled programs."""
     spawn = multiprocessing.get_context("spawn")
     with (
         tempfile.TemporaryDirectory() as cache,
-        ProcessPoolExecutor(1, spawn, initializer=_forget_compiled, initargs=(cache,)) as pool,
+        ProcessPoolExecutor(1, spawn, initializer=_use_empty_cache, initargs=(cache,)) as pool,
     ):
         return pool.submit(_time_calls, cloud, seed, options).result()
 
 
-def _forget_compiled(cache: str) -> None:
+def _use_empty_cache(cache: str) -> None:
+    """Let this process find no compiled programs."""
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
     os.environ[CACHE_VARIABLE] = cache
 
 
 def _time_calls(cloud: Path, seed: int, options: dict[str, Any]) -> tuple[float, float]:
-    rc.GSRMConfig, rc.GrowingGridConfig  # noqa: B018  (to import JAX is not what is timed)
+    """Return the wall time of the first of four reconstructions, and the median of the others [s]."""
+    rc.GSRMConfig, rc.GrowingGridConfig  # noqa: B018  (imports JAX, which is not to be timed)
     points, seconds = rc.load_points(cloud), []
     for _ in range(4):
         start = time.perf_counter()

@@ -1,7 +1,8 @@
-"""Table II: what a physics step and its collision detection cost while the snake crosses."""
+"""Table II: the time of a physics step and its collision detection while the snake crosses."""
 
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,49 +14,76 @@ from evolution.champions.policy import ChampionPolicy
 from evolution.controllers.controller import make_controller
 from evolution.experiments.paper.arenas import RECIPES, load_arena
 from evolution.experiments.paper.config import PaperConfig
-from evolution.experiments.paper.statistics import find_ratio, summarise
+from evolution.experiments.paper.statistics import find_ratio, summarize
 from evolution.search.validation import Champion
 
-CONDITIONS = {"friction": (0.55, 0.9), "yaw": (-0.05, 0.05), "start_offset": (-0.05, 0.05)}
-"""What differs from run to run."""
 COSTS = ("physics_us", "collision_us")
-EDGE = -0.2
-"""Where the pit begins, along the course [m]."""
-WAIT = 50e-6
-"""A tick that lasts so much longer than the processor worked for it [s] was interrupted, and is left out."""
-LEAD, REST = 400, 1000
-"""Ticks in which the head reaches the pit, and after the timed ones: in 17.5 s the body comes 1.75 m far at
-most, and needs some more to be wholly across."""
+
+
+@dataclass(frozen=True)
+class CrossingConfig:
+    """Which part of a crossing is timed, and what differs between the runs.
+
+    Attributes:
+        friction: range of the friction coefficient; the same as in the trials that judge a champion.
+        yaw: range of the initial heading [rad]; small, as a run that leaves the course does not cross the pit.
+        start_offset: range of the initial offset along the course [m].
+        pit_edge: position of the head from which a run is timed [m]; just behind the edge of the pit.
+        lead_ticks: after so many ticks a run is timed in any case, should the head never reach the pit.
+        rest_ticks: ticks after the timed ones, for the body to be completely across: in 17.5 s it moves 1.75 m at
+            most.
+        max_wait: a tick whose wall time exceeds its processor time by more [s] was interrupted by other work, and is
+            left out.
+    """
+
+    friction: tuple[float, float] = (0.55, 0.9)
+    yaw: tuple[float, float] = (-0.05, 0.05)
+    start_offset: tuple[float, float] = (-0.05, 0.05)
+    pit_edge: float = -0.2
+    lead_ticks: int = 400
+    rest_ticks: int = 1000
+    max_wait: float = 50e-6
+
+    @property
+    def conditions(self) -> dict[str, tuple[float, float]]:
+        """What an environment randomizes at the start of a run."""
+        return {"friction": self.friction, "yaw": self.yaw, "start_offset": self.start_offset}
 
 
 def measure_physics(
-    folder: Path, champion: Champion, config: PaperConfig, progress: rc.Progress = rc.silent
+    folder: Path,
+    champion: Champion,
+    config: PaperConfig,
+    progress: rc.Progress = rc.silent,
+    crossing: CrossingConfig | None = None,
 ) -> dict[str, Any]:
     """Time the champion's crossings in every arena, by MuJoCo's own timers.
 
-    The arenas take turns run by run, so that a machine that slows down slows all of them down; run i has the
+    The arenas alternate run by run, so that a machine that slows down slows all of them down; run i has the
     same conditions in all of them.
 
     Args:
-        folder: holds the arenas.
-        champion: drives the body.
+        folder: contains the arenas.
+        champion: controls the body.
         config: runs, steps and seed.
-        progress: told how far it is.
+        progress: called with a message and the share that is done.
+        crossing: which part of a crossing is timed, and what differs between the runs.
 
     Returns:
-        `rows`, one an arena: `physics_us` of a whole step and `collision_us` in it (mean, deviation and median
-        over the runs), `contacts` a step, `crossed` runs, `pieces`; `interrupted`, the share of ticks left out since
-        something else had the processor; `ratios` of arenas to the hand-made model, with 95 % intervals.
+        `rows`, one for each arena: `physics_us` of a whole step and `collision_us` within it (mean, deviation and
+        median over the runs), `contacts` per step, number of `crossed` runs, `pieces`; `interrupted`, the share of
+        ticks that were interrupted by other work and left out; `ratios` of arenas to the hand-made model, with 95 %
+        intervals; `samples`, as `time_crossings` returns them.
     """
     arenas = {name: load_arena(folder, name) for name in RECIPES}
-    samples = time_crossings(champion, arenas, config, progress)
+    samples = time_crossings(champion, arenas, config, progress, crossing)
     rows = [
         {
             "arena": name,
             "text": RECIPES[name].text,
             "pieces": len(arena.pieces),
             "triangles": len(arena.surface.faces),
-            **{cost: summarise(samples[name][cost]) for cost in COSTS},
+            **{cost: summarize(samples[name][cost]) for cost in COSTS},
             "contacts": float(np.mean(samples[name]["contacts"])),
             "crossed": int(np.sum(samples[name]["crossed"])),
         }
@@ -82,8 +110,18 @@ def time_crossings(
     arenas: Mapping[str, sg.Arena],
     config: PaperConfig,
     progress: rc.Progress = rc.silent,
+    crossing: CrossingConfig | None = None,
 ) -> dict[str, dict[str, list[float]]]:
-    """Return arena -> cost -> one value a run: `physics_us`, `collision_us`, `contacts`, `crossed`, `interrupted`."""
+    """Return arena -> cost -> one value per run: `physics_us`, `collision_us`, `contacts`, `crossed`, `interrupted`.
+
+    Args:
+        champion: controls the body.
+        arenas: name -> arena.
+        config: runs, steps and seed.
+        progress: called with a message and the share that is done.
+        crossing: which part is timed, and what differs between the runs.
+    """
+    crossing = crossing or CrossingConfig()
     sensors = make_controller(champion.controller, champion.modules).sensors
     environments = {
         name: sg.SnakePitEnv(
@@ -95,7 +133,7 @@ def time_crossings(
     for run in range(config.runs):
         progress(f"run {run + 1} of {config.runs}", run / config.runs)
         for name, environment in environments.items():
-            measured = _time_crossing(environment, champion, config.steps, config.seed + run)
+            measured = _time_crossing(environment, champion, config.steps, config.seed + run, crossing)
             for cost, value in measured.items():
                 samples[name][cost].append(value)
     for environment in environments.values():
@@ -104,32 +142,33 @@ def time_crossings(
 
 
 def _time_crossing(
-    environment: sg.SnakePitEnv, champion: Champion, steps: int, seed: int
+    environment: sg.SnakePitEnv, champion: Champion, steps: int, seed: int, crossing: CrossingConfig
 ) -> dict[str, float]:
-    """Time `steps` physics steps from the moment the head is above the pit; then go on to see whether it crosses."""
+    """Time `steps` physics steps from when the head is above the pit; then continue until the body has crossed."""
     policy = ChampionPolicy(champion, environment.observation_structure)
-    observation, info = environment.reset(seed=seed, options=CONDITIONS)
+    observation, info = environment.reset(seed=seed, options=crossing.conditions)
     state, crossed = None, False
     timed: list[tuple[float, float, int]] = []
     waits: list[float] = []
     ticks = max(1, steps // environment.config.frame_skip)
-    for tick in range(LEAD + ticks + REST):
+    for tick in range(crossing.lead_ticks + ticks + crossing.rest_ticks):
         action, state = policy.predict(observation, state)
-        began = time.perf_counter() - time.thread_time()
+        waited_before = time.perf_counter() - time.thread_time()
         observation, _, _, _, info = environment.step(action)
-        wait = time.perf_counter() - time.thread_time() - began
+        wait = time.perf_counter() - time.thread_time() - waited_before
         crossed = crossed or info["success"]
-        if len(timed) < ticks and (tick >= LEAD or info["x_position"] > EDGE):
+        if len(timed) < ticks and (tick >= crossing.lead_ticks or info["x_position"] > crossing.pit_edge):
             timed.append((info["physics_us"], info["collision_us"], environment.data.ncon))
             waits.append(wait)
         if crossed and len(timed) == ticks:
             break
-    is_own = np.array(waits) < WAIT
-    physics, collision, contacts = np.mean(np.array(timed)[is_own if is_own.any() else slice(None)], axis=0)
+    is_undisturbed = np.array(waits) < crossing.max_wait
+    counted = np.array(timed)[is_undisturbed if is_undisturbed.any() else slice(None)]
+    physics, collision, contacts = np.mean(counted, axis=0)
     return {
         "physics_us": float(physics),
         "collision_us": float(collision),
         "contacts": float(contacts),
         "crossed": bool(crossed),
-        "interrupted": float(1 - is_own.mean()),
+        "interrupted": float(1 - is_undisturbed.mean()),
     }

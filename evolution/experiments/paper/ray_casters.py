@@ -1,4 +1,4 @@
-"""Ways to cast a laser scan: MuJoCo's tree on the exact surface, on contact shapes, Embree, and brute force."""
+"""Methods of casting a laser scan: MuJoCo's tree on the exact surface or contact shapes, Embree, brute force."""
 
 import copy
 import dataclasses
@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 
 import symbrion_gym as sg
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
@@ -13,14 +14,14 @@ from symbrion_gym.sensing.laser_scanner import LaserScanner
 
 SITE = "module_0"
 _CHUNK = 2_000_000
-"""Pairs of ray and triangle that are tested at once: they fit into the cache of a large processor."""
+"""Pairs of ray and triangle that are tested at once; more would not fit into the cache of a large processor."""
 
 
 class Caster(Protocol):
     """Casts one scan."""
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray:
-        """Return the ranges `[B]` [m] of a scan from the pose `[4, 4]`, nan where nothing is in range."""
+    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
+        """Return the ranges of a scan from a pose [m], nan where nothing is in range."""
         ...
 
 
@@ -28,8 +29,8 @@ class TreeCaster:
     """A scan by `mj_multiRay`, through bounding-volume trees.
 
     Args:
-        arena: where.
-        on_contact: see the shapes that robots touch instead of the exact surface.
+        arena: what is scanned.
+        on_contact: scan the contact shapes instead of the exact surface.
     """
 
     def __init__(self, arena: sg.Arena, on_contact: bool = False) -> None:
@@ -41,12 +42,12 @@ class TreeCaster:
             is_contact = (model.geom_group == CONTACT_GROUP) & (model.geom_bodyid == 0)
             model.geom_group[model.geom_group == SURFACE_GROUP] = CONTACT_GROUP
             model.geom_group[is_contact] = SURFACE_GROUP
-            model.geom_rgba[is_contact, 3] = 1.0  # rays pass what is wholly transparent
+            model.geom_rgba[is_contact, 3] = 1.0  # rays pass through transparent geoms
         self._data = environment.data
         self._site = model.site(SITE).id
         self._finder = sg.RangeFinder(model, SITE, groups=(SURFACE_GROUP,))
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray:
+    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
         self._data.site_xpos[self._site] = pose[:3, 3]
         self._data.site_xmat[self._site] = pose[:3, :3].ravel()
         return self._finder.read(self._data)
@@ -70,7 +71,7 @@ class EmbreeCaster:
         self._mesh = TriangleMesh(self._scene, np.asarray(mesh.triangles, dtype=np.float32))
         self._scanner = LaserScanner()
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray:
+    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
         directions = (self._scanner.directions @ pose[:3, :3].T).astype(np.float32)
         origins = np.tile(pose[:3, 3].astype(np.float32), (len(directions), 1))
         ranges = self._scene.run(origins, directions, query="DISTANCE").astype(np.float64)
@@ -78,7 +79,7 @@ class EmbreeCaster:
 
 
 class BruteForceCaster:
-    """A scan that tries every triangle with every beam, as a simulator without a tree does.
+    """A scan that tests every triangle with every beam, like a simulator without bounding volumes.
 
     Args:
         mesh: the surface.
@@ -93,7 +94,7 @@ class BruteForceCaster:
         self._edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         self._scanner = LaserScanner()
 
-    def __call__(self, pose: np.ndarray) -> np.ndarray:
+    def __call__(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " beams"]:
         directions = self._scanner.directions @ pose[:3, :3].T
         nearest = np.full(len(directions), np.inf)
         rows = max(1, _CHUNK // len(directions))
@@ -105,9 +106,13 @@ class BruteForceCaster:
 
 
 def _intersect(
-    origin: np.ndarray, directions: np.ndarray, corner: np.ndarray, edge: np.ndarray, other: np.ndarray
-) -> np.ndarray:
-    """Return the distance of the nearest of the triangles along every ray, `[B]` [m], inf where none is hit.
+    origin: Float[np.ndarray, " 3"],
+    directions: Float[np.ndarray, "beams 3"],
+    corner: Float[np.ndarray, "F 3"],
+    edge: Float[np.ndarray, "F 3"],
+    other: Float[np.ndarray, "F 3"],
+) -> Float[np.ndarray, " beams"]:
+    """Return the distance of the nearest triangle along every ray [m], inf where none is hit.
 
     With one origin for all rays the triple products become matrix products: with s = origin - corner,
     det = -d . (e1 x e2), u det = -d . (s x e2), v det = -d . (e1 x s), t det = s . (e1 x e2).
@@ -124,5 +129,5 @@ def _intersect(
 
 
 def show_surface(mesh: trimesh.Trimesh) -> sg.Arena:
-    """Return the hand-made arena with another exact surface to see."""
+    """Return the hand-made arena with another exact surface for rays."""
     return dataclasses.replace(sg.load_arena("simple"), surface=mesh)

@@ -1,1 +1,1 @@
-"""The page of the paper's experiments: figures, tables, text."""
+"""The HTML page of the paper's experiments: figures, tables, text."""

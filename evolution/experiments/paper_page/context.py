@@ -1,4 +1,4 @@
-"""What every section of the paper's page needs: the records, the files, and the page that grows."""
+"""What every section of the page needs: the records, the files, and the page to which it adds."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from jaxtyping import Float
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -25,13 +26,13 @@ from reconstruction.files.bounded_read import UnreadableFileError, read_npz
 
 @dataclasses.dataclass
 class PaperContext:
-    """The folder of the experiments, and the page of it.
+    """The results of the experiments, and the page about them.
 
     Attributes:
-        folder: holds what the experiments made; `figures` appears there.
-        config: what was measured.
+        folder: of the experiments; figures are written to its subfolder `figures`.
+        config: of the experiments.
         records: experiment -> record.
-        page: grows section by section.
+        page: the sections are added to it.
     """
 
     folder: Path
@@ -41,22 +42,22 @@ class PaperContext:
 
     @property
     def command(self) -> str:
-        """The command that makes all of this again."""
+        """The command that repeats these experiments."""
         is_quick = self.config == dataclasses.replace(QUICK, seed=self.config.seed)
         return f"symbrion paper{' --quick' if is_quick else ''} --seed {self.config.seed}"
 
     @cached_property
     def log(self) -> rc.ScanLog:
-        """The survey's scan log."""
+        """The scan log of the survey."""
         return rc.load_scan_log(self.folder / LOG)
 
     @cached_property
-    def points(self) -> np.ndarray:
-        """The pre-processed cloud, `[N, 3]` [m]."""
+    def points(self) -> Float[np.ndarray, "N 3"]:
+        """The pre-processed points [m]."""
         return rc.load_points(self.folder / CLOUD)
 
-    def load_positions(self, film: str) -> np.ndarray:
-        """Return where the modules were through a film.
+    def load_positions(self, film: str) -> Float[np.ndarray, "ticks modules 3"]:
+        """Return the positions of the modules during a video [m].
 
         Raises:
             RunError: the file is absent or damaged.
@@ -65,7 +66,7 @@ class PaperContext:
         try:
             return read_npz(path, ("positions",))["positions"]
         except UnreadableFileError as error:
-            raise RunError(f"{path}: {error}; remove {self.folder} and make the paper again") from error
+            raise RunError(f"{path}: {error}; remove {self.folder} and repeat `symbrion paper`") from error
 
     @cached_property
     def truth(self) -> trimesh.Trimesh:
@@ -73,27 +74,28 @@ class PaperContext:
         return sg.load_arena("truth").surface
 
     def load_network(self, name: str) -> trimesh.Trimesh:
-        """Return the mesh of a network that the experiments kept."""
+        """Return the mesh of a network that the experiments saved."""
         return rc.Reconstruction.load(self.folder / "surfaces" / f"{name}.npz").mesh
 
     def sign(self, text: str) -> Markup:
-        """Return a caption that ends with the seed and the command."""
+        """Return a caption that ends with seed and command."""
         return Markup("{} Seed {}; <code>{}</code>.").format(text, self.config.seed, self.command)
 
     def add_figure(self, name: str, figure: Figure, caption: str) -> None:
-        """Add a figure, and keep it as `figures/NAME.png` and `.svg`."""
-        self.page.add_figure(self._keep(name, figure), self.sign(caption))
+        """Add a figure, and save it as `figures/NAME.png` and `.svg`."""
+        self.page.add_figure(self._save(name, figure), self.sign(caption))
 
     def add_gallery(self, pictures: Mapping[str, tuple[str, Figure]], caption: str) -> None:
-        """Add figures beside each other: label -> name of the files and figure."""
-        shown = {label: self._keep(name, figure) for label, (name, figure) in pictures.items()}
+        """Add figures side by side: label -> name of the files and figure."""
+        shown = {label: self._save(name, figure) for label, (name, figure) in pictures.items()}
         self.page.add_gallery(shown, self.sign(caption))
 
     def add_table(self, table: Table) -> None:
         """Add a table."""
         self.page.add_table(*table)
 
-    def _keep(self, name: str, figure: Figure) -> bytes:
+    def _save(self, name: str, figure: Figure) -> bytes:
+        """Save a figure as PNG and SVG; return the PNG."""
         (self.folder / "figures").mkdir(exist_ok=True)
         png = to_png(figure)
         for ending, content in (("png", png), ("svg", to_svg(figure))):

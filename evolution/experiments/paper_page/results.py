@@ -1,11 +1,11 @@
-"""The sections of the results: physics (Table II), laser (Table III), robots (Fig. 7), and beyond the paper."""
+"""The sections about the results: physics (Table II), laser (Table III), robots (Fig. 7), and beyond the paper."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from evolution.experiments.paper.benchmark import find_benchmark
+from evolution.experiments.paper.benchmark import load_benchmark
 from evolution.experiments.paper_page import tables
 from evolution.experiments.paper_page.context import PaperContext
 from evolution.experiments.paper_page.figures import draw_costs, draw_scan_growth
@@ -13,7 +13,7 @@ from evolution.report.figures import draw_learning_curve, draw_section, draw_tra
 
 ROBOTS = {
     "insufficient": "Fig. 7a. An insufficiently evolved robot, from the first generation",
-    "short": "Fig. 7b. The champion's law in a body that is too short",
+    "short": "Fig. 7b. The controller of the champion in a body that is too short",
     "champion": "Fig. 7c. The sufficiently evolved champion",
 }
 
@@ -26,16 +26,18 @@ def add_physics(context: PaperContext) -> None:
     collision = tables.format_ratio(ratios["gg"]["collision_us"])
     context.page.add_section(
         "Table II: the physics",
-        "The paper found that triangles do not matter for the physics. Here every mesh becomes a few convex pieces "
-        f"first, and the growing grid's step takes {steps['gg']} times the hand-made model's (mean and 95 % bootstrap "
-        f"interval; its collision detection {collision} times), the GSRM's {steps['gsrm']} times. Where triangles are "
-        f"kept for contact, one prism each, they do matter: {steps['prisms']} times. As exact boxes the hand-made "
-        f"model itself takes {steps['boxes']} times.",
+        "The paper found that the number of triangles does not matter for the physics. Here every mesh is first "
+        "decomposed into a few convex pieces. Relative to the hand-made model, a physics step then takes "
+        f"{steps['gg']} times as long with the growing grid (mean and 95 % bootstrap interval; its collision detection "
+        f"{collision} times) and {steps['gsrm']} times with the GSRM. If every triangle is kept for contact, as a "
+        f"prism, the number does matter: {steps['prisms']} times. The hand-made model as exact boxes takes "
+        f"{steps['boxes']} times as long as its convex pieces.",
     )
     context.add_figure(
         "table2_costs",
         draw_costs(record["figures"]["rows"]),
-        "A physics step in each arena, and the collision detection in it: means, with the deviations over the runs.",
+        "Time of a physics step in each arena, and of the collision detection within it: mean and standard deviation "
+        "over the runs.",
     )
     context.add_table(tables.tabulate_physics(record))
 
@@ -47,32 +49,31 @@ def add_laser(context: PaperContext) -> None:
     powers = record["figures"]["powers"]
     context.page.add_section(
         "Table III: one laser scan",
-        "The paper found that large meshes do not suit the simulation of sensors: its scan of the growing grid took 66 "
-        "times as long as that of the hand-made model. A scan that tries every triangle grows with them: "
-        f"{tables.format_ratio(ratios['brute force'])} times here, with the power {powers['brute force']:.2f} of their "
-        "number. What removes the cost is a tree of bounding volumes over the same triangles: "
-        f"{tables.format_ratio(ratios['tree'])} times, power {powers['tree']:.2f}; a beam then meets a few boxes and a "
-        "handful of triangles, however many there are. Contact shapes need not be scanned, and are not where the "
-        "surface is.",
+        "The paper found that large meshes are not suited for the simulation of sensors: scanning the growing grid "
+        "took 66 times as long as scanning the hand-made model. If every triangle is tested with every beam, the time "
+        f"grows with the number of triangles: {tables.format_ratio(ratios['brute force'])} times here (power law with "
+        f"exponent {powers['brute force']:.2f}). A tree of bounding volumes over the same triangles removes this cost: "
+        f"{tables.format_ratio(ratios['tree'])} times (exponent {powers['tree']:.2f}), as a beam then meets only a few "
+        "boxes and triangles. So there is no need to scan the contact shapes instead, which differ from the surface.",
     )
     context.add_figure(
         "table3_growth",
         draw_scan_growth(record["figures"]["rows"]),
-        "The median time of one scan over the number of triangles; both axes logarithmic.",
+        "Median time of one scan over the number of triangles; both axes are logarithmic.",
     )
     context.add_table(tables.tabulate_laser(record))
 
 
 def add_robots(context: PaperContext) -> None:
-    """Add Fig. 7, the learning curve and the champion's genes."""
+    """Add Fig. 7, the learning curve and the genotype of the champion."""
     record = context.records["evolution"]
     figures, films = record["figures"], context.records["films"]["figures"]
     champion = figures["champion"]
     context.page.add_section(
         "Fig. 7: the robots",
         f"CMA-ES with {champion['modules']} modules in the GSRM arena: {figures['genotypes']} genotypes in "
-        f"{figures['generations']} generations. The champion was chosen by fresh randomised trials there: "
-        f"{champion['successes']} of {champion['trials']} held.",
+        f"{figures['generations']} generations. The champion was selected by fresh randomized trials in that arena; it "
+        f"crossed in {champion['successes']} of {champion['trials']}.",
     )
     for name, text in ROBOTS.items():
         _add_film(context, name, text, films[name])
@@ -80,12 +81,12 @@ def add_robots(context: PaperContext) -> None:
     context.add_figure(
         "learning_curve",
         draw_learning_curve(*curves),
-        "Fitness over genotypes tried: progress of the whole body [m], plus 1 for a success, less effort.",
+        "Fitness over the number of genotypes: progress of the whole body [m], plus 1 for a success, minus effort.",
     )
     context.page.add_table(
         ["gene", *champion["names"]],
         [["value", *(f"{gene:.3f}" for gene in champion["genotype"])]],
-        tables.sign(f"The champion: a {champion['controller']} law; 1 run.", record),
+        tables.sign(f"Genotype of the champion, controller {champion['controller']}; one run.", record),
     )
 
 
@@ -94,69 +95,69 @@ def _add_film(context: PaperContext, name: str, text: str, film: Mapping[str, An
     end = (
         f"crosses in {film['seconds']:.0f} s"
         if film["success"]
-        else f"does not cross, and is given up after {film['seconds']:.0f} s"
+        else f"does not cross; the trial ends after {film['seconds']:.0f} s"
     )
-    told = f"{text} ({film['modules']} modules) in the true arena, from the floor. It {end}."
+    caption = f"{text} ({film['modules']} modules) in the true arena, from the floor. It {end}."
     if moments:
         pictures = {
             f"after {moment:.0f} s": (folder / f"{name}_{index + 1}.png").read_bytes()
             for index, moment in enumerate(moments)
         }
-        context.page.add_gallery(pictures, context.sign(told))
+        context.page.add_gallery(pictures, context.sign(caption))
         film_file = (folder / f"{name}.mp4").read_bytes()
-        context.page.add_video(film_file, context.sign(f"{text}; five times faster than real."))
+        context.page.add_video(film_file, context.sign(f"{text}; at five times real time."))
     else:
-        told += " There is no video: this machine has no OpenGL."
+        caption += " There is no video: this machine has no OpenGL."
     positions = context.load_positions(name)
     moments_text = (
-        "Side view of the same trial: the body at seven moments, from violet (early) to yellow (late)."
+        "Side view of the same trial: the body at seven times, from violet (early) to yellow (late)."
     )
     context.add_figure(
         f"fig7_{name}",
         draw_tracks(positions, context.truth),
-        moments_text if moments else f"{told} {moments_text}",
+        moments_text if moments else f"{caption} {moments_text}",
     )
 
 
 def add_models(context: PaperContext) -> None:
-    """Add truth success by training model and resolution, and coarse to fine."""
+    """Add success in the true arena by training model and resolution, and coarse to fine."""
     page = context.page
     page.add_section(
-        "Beyond the paper: does the model matter for the truth?",
-        "Champions evolved in different models, all judged in the true arena.",
+        "Beyond the paper: does the training model matter for success in the true arena?",
+        "Champions that evolved in different models, all judged in the true arena.",
     )
     if "resolutions" in context.records:
         context.add_table(tables.tabulate_resolutions(context.records["resolutions"]))
     else:
         page.add_text(
-            "Not measured here: one evolution for every resolution on this machine, which the full run does."
+            "Not measured here: the reduced run (--quick) skips the evolution in the arena of every resolution."
         )
-    benchmark = find_benchmark()
+    benchmark = load_benchmark()
     context.add_table(tables.tabulate_models(benchmark))
     context.add_table(tables.tabulate_stages(benchmark))
 
 
 def add_widened(context: PaperContext) -> None:
-    """Add the refined surface, and the champions before and after."""
+    """Add the refined surface, and the champions from before and after the change."""
     record = context.records["widened"]
     old, new = record["figures"]["pit"]
     context.page.add_section(
         "Beyond the paper: the pit is widened",
-        f"The robot first knows the arena with a pit of {100 * old:.0f} cm. Then both walls move, "
-        f"{100 * (new - old):.0f} cm apart, and all else stays; the robot scans again, and the same network goes on "
-        "learning, instead of a new one from the beginning. In either surface a champion evolves; each is tried in "
-        "both true arenas.",
+        f"The robot first surveys an arena with a pit of {100 * old:.0f} cm. Then both walls move, the pit becomes "
+        f"{100 * (new - old):.0f} cm wider, and everything else stays. The robot scans again, and the same network "
+        "continues to learn, instead of a new one being made. A champion evolves in the surface before and after; each "
+        "is judged in both true arenas.",
     )
     meshes = {
-        "widened truth": context.truth,
+        "widened true surface": context.truth,
         "GSRM before": context.load_network("narrow"),
         "GSRM refined": context.load_network("refined"),
     }
     context.add_figure(
         "widened_section",
         draw_section(meshes, context.points),
-        "Cut through the pit along the course: the widened truth, the network before and after it has learnt from the "
-        "second scan, and the readings of that scan.",
+        "Vertical section through the pit along the course: the widened true surface, the network before and after it "
+        "learned from the second survey, and the readings of that survey.",
     )
     context.add_table(tables.tabulate_widened(record))
     context.add_table(tables.tabulate_widened_champions(record))

@@ -1,4 +1,4 @@
-"""The tables of the experiments, each beside the paper's own numbers."""
+"""The tables of the experiments, with the figures of the paper."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -18,15 +18,18 @@ from evolution.search.validation import Validation
 Record = Mapping[str, Any]
 Row = Mapping[str, Any]
 ABSENT = "-"
-NETWORKS = {"gsrm": "GSRM", "gg": "GG", "simple": "hand-made"}
+NETWORKS = {
+    "gsrm": "GSRM", "gg": "GG", "simple": "hand-made", "boxes": "hand-made", "mixed": "GSRM", "hfield": "GSRM",
+}  # fmt: skip
+"""Network or arena -> the model whose surface it has."""
 METHODS = {
-    "tree": "mj_multiRay, tree",
-    "embree": "Embree, tree",
-    "brute force": "every triangle",
-    "hulls": "contact pieces",
-    "boxes": "contact boxes",
-    "mixed": "boxes and pieces",
-    "height field": "height field",
+    "tree": "exact surface, MuJoCo (bounding-volume tree)",
+    "embree": "exact surface, Embree (bounding-volume tree)",
+    "brute force": "exact surface, brute force (every triangle)",
+    "hulls": "contact: convex pieces",
+    "boxes": "contact: exact boxes",
+    "mixed": "contact: boxes and convex pieces",
+    "height field": "contact: height field",
 }
 
 
@@ -36,7 +39,7 @@ class Table(NamedTuple):
     Attributes:
         columns: headings.
         rows: cells.
-        caption: what it shows; ends with machine, versions, number of runs.
+        caption: what the table shows; ends with machine and date.
     """
 
     columns: Sequence[str]
@@ -45,51 +48,55 @@ class Table(NamedTuple):
 
 
 def sign(text: str, record: Record) -> str:
-    """Return a caption that ends with the machine, the versions and the date of what it shows."""
+    """Return a caption that ends with machine, versions and date of the measurement."""
     return f"{text} Measured on {record['machine']}; {record['date']}."
 
 
-def format_millimetres(metres: float | None, digits: int = 2) -> str:
-    """Return a distance in millimetres."""
-    return ABSENT if metres is None else f"{1000 * metres:.{digits}f}"
+def format_millimeters(meters: float | None, digits: int = 2) -> str:
+    """Return a distance in millimeters."""
+    return ABSENT if meters is None else f"{1000 * meters:.{digits}f}"
 
 
 def format_cost(cost: Mapping[str, float], digits: int = 1) -> str:
-    """Return mean ± deviation."""
+    """Return mean ± standard deviation."""
     return f"{cost['mean']:,.{digits}f} ± {cost['deviation']:,.{digits}f}"
 
 
 def format_ratio(ratio: Mapping[str, float]) -> str:
-    """Return a ratio with its interval."""
+    """Return a ratio and its 95 % interval."""
     return f"{ratio['ratio']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})"
 
 
 def name_model(name: str) -> str:
-    """Return how a network or arena is called in a table: "gsrm_2200" -> "GSRM 2200"."""
+    """Return the name of a network or arena in a table: "gsrm_2200" -> "GSRM 2,200"."""
     method, _, size = name.partition("_")
     text = NETWORKS.get(method, method)
     return f"{text} {int(size):,}" if size else text
 
 
 def name_network(name: str) -> str:
-    """Return a network or arena with what its size counts: "gsrm_2200" -> "GSRM 2,200 units"."""
+    """Return the name of a network or arena with the unit of its size: "gsrm_2200" -> "GSRM 2,200 units"."""
     method, _, size = name.partition("_")
     return name_model(name) + ({"gsrm": " units", "gg": " triangles"}[method] if size else "")
 
 
 def tabulate_cloud(record: Record) -> Table:
-    """Return the figures of the pre-processing's steps."""
+    """Return the table of the pre-processing steps."""
     figures = record["figures"]
     rows = [
-        [step["step"], f"{step['readings']:,}", format_millimetres(step["mean"], 1),
-         format_millimetres(step["p95"], 1)]
+        [step["step"], f"{step['readings']:,}", format_millimeters(step["mean"], 1),
+         format_millimeters(step["p95"], 1)]
         for step in figures["steps"]
     ]  # fmt: skip
     text = (
-        f"{figures['scans']:,} scans of {figures['beams']} beams, 1 survey; distance of the readings within the "
-        "arena's box from the true surface."
+        f"One survey: {figures['scans']:,} scans of {figures['beams']} beams. Distance of the readings within the "
+        "bounding box of the arena from the true surface, after each step of pre-processing."
     )
-    return Table(["step", "readings", "mean [mm]", "p95 [mm]"], rows, sign(text, record))
+    return Table(
+        ["after step", "readings", "distance, mean [mm]", "distance, 95th percentile [mm]"],
+        rows,
+        sign(text, record),
+    )
 
 
 def tabulate_networks(record: Record) -> Table:
@@ -105,33 +112,35 @@ def tabulate_networks(record: Record) -> Table:
             f"{cold:.1f}" if cold is not None else ABSENT,
             f"{warm:.2f}" if warm is not None else ABSENT,
             f"{seconds:.0f}" if seconds else ABSENT,
-            format_millimetres(row["truth_to_mesh"]),
-            format_millimetres(row["truth_to_mesh_p95"]),
-            format_millimetres(row["mesh_to_truth"]),
+            format_millimeters(row["truth_to_mesh"]),
+            format_millimeters(row["truth_to_mesh_p95"]),
+            format_millimeters(row["mesh_to_truth"]),
             row["boundary_loops"],
         ])  # fmt: skip
-    columns = ["network", "triangles", "paper", "cold [s]", "warm [s]", "paper [s]", "truth to mesh [mm]",
-               "p95 [mm]", "mesh to truth [mm]", "boundary loops"]  # fmt: skip
+    columns = ["network", "triangles", "triangles in the paper", "time of the first call [s]",
+               "time of later calls [s]", "time in the paper [s]", "true surface to mesh, mean [mm]",
+               "true surface to mesh, 95th percentile [mm]", "mesh to true surface, mean [mm]",
+               "boundary loops"]  # fmt: skip
     text = (
-        "Table I. One cloud. Cold: the first call of a process that finds nothing compiled; warm: the median of the "
-        "next three. One boundary loop is the rim. The hand-made model is measured without its sides, which no scan "
-        "sees."
+        "Table I. All networks learn the same points. First call: in a process without compiled programs. Later calls: "
+        "median of the next three. One boundary loop is the outer rim. The hand-made model is measured without its "
+        "vertical sides, which no scan sees."
     )
     return Table(columns, rows, sign(text, record))
 
 
 def tabulate_arenas(record: Record) -> Table:
-    """Return what the arenas of Tables II and III are made of."""
+    """Return the table of the arenas of Tables II and III."""
     rows = [
         [row["arena"], row["text"], f"{row['triangles']:,}", _count_pieces(row),
-         f"{row['seconds']:.1f}", format_millimetres(row["mean"]), format_millimetres(row["p95"])]
+         f"{row['seconds']:.1f}", format_millimeters(row["mean"]), format_millimeters(row["p95"])]
         for row in record["figures"]
     ]  # fmt: skip
-    columns = ["arena", "what it is", "triangles seen", "pieces touched", "built in [s]", "contact to truth [mm]",
-               "p95 [mm]"]  # fmt: skip
-    return Table(
-        columns, rows, sign("One build each; heights of the contact geometry against the truth.", record)
-    )
+    columns = ["arena", "surface and contact geometry", "triangles of the surface (for rays)",
+               "contact pieces", "building time [s]", "contact to true surface, mean [mm]",
+               "contact to true surface, 95th percentile [mm]"]  # fmt: skip
+    text = "Each arena is built once. Distances of the contact geometry from the true surface."
+    return Table(columns, rows, sign(text, record))
 
 
 def tabulate_physics(record: Record) -> Table:
@@ -143,19 +152,23 @@ def tabulate_physics(record: Record) -> Table:
         known = row["arena"] in PHYSICS_ARENAS
         ratios = figures["ratios"].get(row["arena"])
         rows.append([
-            row["arena"], _count_pieces(row), f"{row['contacts']:.1f}",
+            row["text"], _count_pieces(row), f"{row['contacts']:.1f}",
             format_cost(row["physics_us"]), PHYSICS["physics_us"] if known else ABSENT,
             format_cost(row["collision_us"]), PHYSICS["collision_us"] if known else ABSENT,
             format_ratio(ratios["physics_us"]) if ratios else "1",
             f"{row['crossed']} of {runs}",
         ])  # fmt: skip
-    columns = ["arena", "pieces", "contacts a step", "whole step [µs]", "paper: physics step [µs]",
-               "of it collision [µs]", "paper: collision [µs]", "step / simple (95 %)", "crossed"]  # fmt: skip
+    columns = ["arena", "contact pieces", "contacts per step", "physics step [µs]",
+               "physics step in the paper [µs]", "collision detection within it [µs]",
+               "collision detection in the paper [µs]",
+               "physics step, relative to the hand-made model's pieces (95 % interval)",
+               "runs that crossed"]  # fmt: skip
     text = (
-        f"Table II. Mean ± deviation over {runs} runs of {figures['steps']:,} steps each, by MuJoCo's own timers, from "
-        "the moment the head is above the pit; the arenas take turns. Left out: ticks (20 ms simulated) in which "
-        f"something else had the processor, {100 * figures['interrupted']:.1f} %. Our step contains its collision "
-        "detection, the paper's does not."
+        f"Table II. Mean ± standard deviation over {runs} runs of {figures['steps']:,} steps each, by MuJoCo's own "
+        "timers, from the moment the head is above the pit; the arenas alternate. Control intervals (20 ms simulated) "
+        "in which other work had the processor are left out: "
+        f"{100 * figures['interrupted']:.1f} %. Our physics step includes collision detection, that of the paper does "
+        "not."
     )
     return Table(columns, rows, sign(text, record))
 
@@ -164,7 +177,7 @@ def tabulate_laser(record: Record) -> Table:
     """Return Table III."""
     figures = record["figures"]
     rows = []
-    for row in sorted(figures["rows"], key=_order_ways):
+    for row in sorted(figures["rows"], key=_order_scans):
         if "_" in row["model"]:  # another size of a network: the figure shows it
             continue
         ratios = figures["ratios"].get(row["method"], {})
@@ -173,18 +186,18 @@ def tabulate_laser(record: Record) -> Table:
             name_model(row["model"]), METHODS[row["method"]],
             f"{row['triangles']:,}" if row["triangles"] else ABSENT,
             format_cost(row["scan_us"], 0), f"{paper[1]:,.0f}" if paper else ABSENT,
-            _tell_ratio(ratios, row["model"]),
+            _format_ratio_to_hand_made(ratios, row["model"]),
             SCAN_RATIOS[row["model"]] if paper else ABSENT,
-            format_millimetres(row["error"], 1), row["scans"],
+            format_millimeters(row["error"], 1), row["scans"],
         ])  # fmt: skip
-    columns = ["surface", "way", "triangles", "one scan [µs]", "paper [µs]", "to hand-made (95 %)",
-               "paper", "wrong by [mm]", "scans"]  # fmt: skip
+    columns = ["model", "what is scanned, and how", "triangles", "one scan [µs]", "one scan in the paper [µs]",
+               "relative to the hand-made model (95 % interval)", "the same in the paper",
+               "range error [mm]", "scans"]  # fmt: skip
     text = (
-        f"Table III. One scan of {figures['beams']} beams from places along the course, 0.3 m above ground, looking "
-        f"ahead and 20 degrees down; {100 * figures['hits']:.0f} % of the beams hit the arena. Mean ± deviation of "
-        "processor time; the ways take turns every 20 scans. The first rows see the exact surface, the last ones what "
-        "robots touch. Wrong by: mean difference from the exact surface's ranges. Other sizes of the networks: in the "
-        "figure."
+        f"Table III. One scan of {figures['beams']} beams from positions along the course, 0.3 m above the ground, "
+        f"looking ahead and 20 degrees down; {100 * figures['hits']:.0f} % of the beams hit the arena. Mean ± standard "
+        "deviation of processor time; the methods alternate every 20 scans. Range error: mean difference from the "
+        "ranges on the exact surface. The figure shows the other sizes of the networks, too."
     )
     return Table(columns, rows, sign(text, record))
 
@@ -193,73 +206,77 @@ def _count_pieces(row: Row) -> str:
     return f"{row['pieces']:,}" if row["pieces"] else ABSENT
 
 
-def _tell_ratio(ratios: Mapping[str, Row], model: str) -> str:
+def _format_ratio_to_hand_made(ratios: Mapping[str, Row], model: str) -> str:
     if not ratios:
         return ABSENT
     return "1" if model == "simple" else format_ratio(ratios[model])
 
 
-def _order_ways(row: Row) -> tuple[int, int]:
+def _order_scans(row: Row) -> tuple[int, int]:
     return list(METHODS).index(row["method"]), -row["triangles"]
 
 
 def tabulate_resolutions(record: Record) -> Table:
-    """Return truth success by the model that a champion has evolved in."""
+    """Return success in the true arena by the model in which a champion evolved."""
     rows = [
         [name_network(row["model"]), f"{row['triangles']:,}", row["pieces"], row["genotypes"],
          "{} of {}".format(*row["validated"]), "yes" if Validation().is_solved(*row["validated"]) else "no",
          f"{row['successes']} of {row['trials']}"]
         for row in record["figures"]
     ]  # fmt: skip
-    columns = ["evolved in", "triangles", "pieces", "genotypes", "held there", "confirmed", "held in truth"]
+    columns = ["evolved in", "triangles", "contact pieces", "genotypes", "fresh trials crossed there",
+               "confirmed by them", "trials crossed in the true arena"]  # fmt: skip
     text = (
-        "One evolution for each size; trials randomised in start, yaw, friction and torque, from the floor. Only a "
-        "champion that fresh trials have confirmed counts as one that holds."
+        "One evolution for each size. Trials start on the floor and are randomized in start, heading, friction and "
+        "torque. A champion is confirmed by fresh trials in the arena in which it evolved."
     )
     return Table(columns, rows, sign(text, record))
 
 
 def tabulate_models(benchmark: Record) -> Table:
-    """Return the evolution benchmark's truth success by training model."""
+    """Return success in the true arena by training model, from the benchmark of evolution."""
     rows = []
     for model, result in benchmark["models"].items():
-        held = (_list_held(result, is_confirmed) for is_confirmed in (True, False))
-        rows.append([name_network(model.replace(" ", "_")), *_summarise_runs(result), *held])
-    columns = ["evolved in", *_SUMMARY, "trials held in truth, of 20: confirmed", "not confirmed"]
+        crossed = (_list_crossed(result, is_confirmed) for is_confirmed in (True, False))
+        rows.append([name_network(model.replace(" ", "_")), *_summarize_runs(result), *crossed])
+    columns = ["evolved in", *_SUMMARY, "crossings of 20 in the true arena, by run: confirmed champions",
+               "crossings of 20 in the true arena, by run: not confirmed"]  # fmt: skip
     text = Markup(
-        "Several seeds for each model, at most 600 genotypes a run (<code>python -m benchmarks.evolution</code>). A "
-        "champion is confirmed by fresh trials in the arena of its run; it holds where it is confirmed and crosses in "
-        "18 of 20 fresh trials in the true arena.{} {}"
+        "Several seeds for each model, at most 600 genotypes per run (<code>python -m benchmarks.evolution</code>). A "
+        "champion is confirmed by fresh trials in the arena of its run; it is robust if it is confirmed and crosses in "
+        "at least 18 of 20 fresh trials in the true arena.{} {}"
     )
-    return Table(columns, rows, text.format(_tell_seeds(benchmark), describe_benchmark(benchmark)))
+    return Table(columns, rows, text.format(_describe_seeds(benchmark), describe_benchmark(benchmark)))
 
 
 def tabulate_stages(benchmark: Record) -> Table:
-    """Return the evolution benchmark's comparison of coarse to fine with fine only."""
+    """Return the comparison of coarse to fine with the fine model alone, from the benchmark of evolution."""
     coarse, rows = name_network(COARSE.replace(" ", "_")), []
-    text = Markup("Coarse to fine (<code>python -m benchmarks.evolution</code>).")
+    text = Markup(
+        "Evolution in a coarse model first, then in a fine one (<code>python -m benchmarks.evolution</code>)."
+    )
     for fine, parts in benchmark["stages"].items():
         name = name_network(fine.replace(" ", "_"))
-        rows.append([f"{name} only", *_summarise_runs(parts["fine_only"])])
-        rows.append([f"first {coarse}, then {name}", *_summarise_runs(parts["coarse_to_fine"])])
+        rows.append([f"{name} only", *_summarize_runs(parts["fine_only"])])
+        rows.append([f"first {coarse}, then {name}", *_summarize_runs(parts["coarse_to_fine"])])
         compared = parts["compared"]
         if compared:
             text += (
-                f" Before {name} it takes {1 / compared['times_less_cpu_seconds']:.1f} times the processor time and "
-                f"{1 / compared['times_less_genotypes']:.1f} times the genotypes of the fine model alone, by the "
-                "medians of the runs that hold."
+                f" With {name} this takes {1 / compared['times_less_cpu_seconds']:.1f} times the processor time and "
+                f"{1 / compared['times_less_genotypes']:.1f} times the genotypes of the fine model alone (medians of "
+                "the runs with a robust champion)."
             )
     return Table(["stages", *_SUMMARY], rows, text + f" {describe_benchmark(benchmark)}")
 
 
 _SUMMARY = (
-    "confirmed champions that hold", "not confirmed (of which cross as often)", "genotypes, median",
-    "processor time, median [s]", "measured",
+    "runs with a robust champion", "runs without a confirmed champion (of which cross in 18 of 20)",
+    "genotypes per run, median", "processor time per run, median [s]", "measured",
 )  # fmt: skip
 
 
-def _summarise_runs(result: Row | None) -> list[str]:
-    """Return the cells of a part of the benchmark, or that it was not measured."""
+def _summarize_runs(result: Row | None) -> list[str]:
+    """Return the cells of a part of the benchmark; "not measured" where there are no runs."""
     if not result:
         return ["not measured", *[ABSENT] * (len(_SUMMARY) - 1)]
     origins = [run["origin"] for run in result["runs"]]
@@ -274,23 +291,27 @@ def _summarise_runs(result: Row | None) -> list[str]:
     ]
 
 
-def _list_held(result: Row | None, is_confirmed: bool) -> str:
+def _list_crossed(result: Row | None, is_confirmed: bool) -> str:
     runs = result["runs"] if result else []
     return ", ".join(str(run["held_in_truth"]) for run in runs if run["confirmed"] == is_confirmed) or ABSENT
 
 
-def _tell_seeds(benchmark: Record) -> str:
-    """Tell of runs that were judged by seeds which nobody has drawn."""
+def _describe_seeds(benchmark: Record) -> str:
+    """Return a sentence on the runs that were judged with fixed seeds; later ones draw a seed for each run."""
     runs = [run for result in benchmark["models"].values() if result for run in result["runs"]]
     known = sum("judging_seed" not in run for run in runs)
-    return f" {known} of {len(runs)} were judged by seeds that stand in the code." if known else ""
+    return (
+        f" {known} of {len(runs)} runs were judged with fixed seeds, the others with a seed drawn for the run."
+        if known
+        else ""
+    )
 
 
 def describe_benchmark(benchmark: Record) -> str:
-    """Return machine, versions and date of the benchmark, or that there is none."""
+    """Return a sentence on machine, versions and date of the benchmark, or that there are no results."""
     machine, versions = benchmark["machine"] or {}, benchmark["versions"] or {}
     if not machine:
-        return "No results of the benchmark are here."
+        return "This installation has no results of the benchmark."
     about = [str(value) for key, value in machine.items() if key != "cores" and value]
     about += [f"{machine['cores']} cores"] if machine.get("cores") else []
     about += [f"{name} {version}" for name, version in versions.items()]
@@ -298,30 +319,33 @@ def describe_benchmark(benchmark: Record) -> str:
 
 
 def tabulate_widened(record: Record) -> Table:
-    """Return the surfaces after the pit has been widened."""
+    """Return the table of the surfaces after the pit was widened."""
     rows = [
         [row["surface"], f"{row['triangles']:,}", f"{row['seconds']:.2f}" if row["seconds"] else ABSENT,
-         format_millimetres(row["truth_to_mesh"]), format_millimetres(row["truth_to_mesh_p95"]),
-         format_millimetres(row["mesh_to_truth"]), row["boundary_loops"]]
+         format_millimeters(row["truth_to_mesh"]), format_millimeters(row["truth_to_mesh_p95"]),
+         format_millimeters(row["mesh_to_truth"]), row["boundary_loops"]]
         for row in record["figures"]["surfaces"]
     ]  # fmt: skip
-    columns = ["GSRM", "triangles", "processor time, warm [s]", "truth to mesh [mm]", "p95 [mm]", "mesh to truth [mm]",
+    columns = ["GSRM", "triangles", "processor time [s]", "true surface to mesh, mean [mm]",
+               "true surface to mesh, 95th percentile [mm]", "mesh to true surface, mean [mm]",
                "boundary loops"]  # fmt: skip
-    return Table(
-        columns, rows, sign("From the scan log on, against the widened truth; time: median of 3.", record)
+    text = (
+        "Distances from the widened true surface. Processor time from the scan log to the surface, compilation not "
+        "included: median of three."
     )
+    return Table(columns, rows, sign(text, record))
 
 
 def tabulate_widened_champions(record: Record) -> Table:
-    """Return how the champions hold before and after the pit has been widened."""
+    """Return the success of the champions from before and after the pit was widened, in both true arenas."""
     figures = record["figures"]
     old, new = (f"{100 * pit:.0f} cm" for pit in figures["pit"])
-    texts = {"before": "before: evolved in the old surface", "after": "after: evolved in the refined surface"}
+    texts = {"before": "evolved in the surface before the change", "after": "evolved in the refined surface"}
     rows = [
         [text, figures[when]["genotypes"], *_count(figures[when]["judged"])] for when, text in texts.items()
     ]
-    columns = ["champion", "genotypes", f"held, pit of {old}", f"held, pit of {new}"]
-    text = "One evolution each; randomised trials from the floor in the true arenas."
+    columns = ["champion", "genotypes", f"trials crossed, pit of {old}", f"trials crossed, pit of {new}"]
+    text = "One evolution each; randomized trials from the floor in the true arenas."
     return Table(columns, rows, sign(text, record))
 
 

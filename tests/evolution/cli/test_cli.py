@@ -1,4 +1,4 @@
-"""The command line: it helps, it refuses in one line, and nothing is left half-written."""
+"""The command line: help, refusals in one line, and no partial output."""
 
 import json
 from importlib.metadata import version
@@ -42,7 +42,7 @@ def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
     assert "sheet.xyz" in line
     assert "limit of 5e-05 GB" in line
     assert "--max-gigabytes" in line
-    assert "no limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
+    assert "not a limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
     assert not (tmp_path / "a.ply").exists()
     assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
 
@@ -68,7 +68,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["fly"], "fly"),
         (["survey", "truth", "--seed", "-1"], "-1 is negative"),
@@ -86,22 +86,22 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--workers", "0"], "--workers 0"),
-        (["resume", "absent"], "holds no run"),
+        (["resume", "absent"], "contains no run"),
         (["resume", "absent", "--seed", "1"], "--seed"),
         (["resume", "absent", "--backend", "cluster"], "cluster"),
-        (["replay", "absent"], "holds no run"),
+        (["replay", "absent"], "contains no run"),
         (["demo", "--seed", "-5"], "-5 is negative"),
     ],
 )
-def test_wrong_use_is_one_line(
+def test_wrong_usage_is_one_line(
     words: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert said in refuse(words, 2, capsys)
+    assert message in refuse(words, 2, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -135,7 +135,7 @@ def test_empty_crop_is_refused(cloud: Path, capsys: pytest.CaptureFixture[str]) 
         (["demo", "--out", "file/demo"], "--out"),
     ],
 )
-def test_places_that_cannot_be_written_are_refused(
+def test_outputs_that_cannot_be_written_are_refused(
     words: list[str],
     option: str,
     capsys: pytest.CaptureFixture[str],
@@ -197,9 +197,9 @@ def test_a_damaged_arena_is_refused_by_file_and_field(
         ["evolve", "--arena", str(tmp_path / "pit"), "--folder", str(tmp_path / "run")],
         ["survey", str(tmp_path / "pit"), "--out", str(tmp_path / "log.npz")],
     ):
-        said = refuse(words, 1, capsys)
-        assert "arena.json" in said
-        assert field in said
+        message = refuse(words, 1, capsys)
+        assert "arena.json" in message
+        assert field in message
     assert [path.name for path in tmp_path.iterdir()] == ["pit"]
 
 
@@ -216,9 +216,9 @@ def test_a_damaged_run_is_refused_by_file_and_field(
     content["config"][field] = value
     path.write_text(json.dumps(content))
     for command in ("resume", "replay", "compare"):
-        said = refuse([command, str(tmp_path / "run")], 1, capsys)
-        assert "config.json" in said
-        assert field in said
+        message = refuse([command, str(tmp_path / "run")], 1, capsys)
+        assert "config.json" in message
+        assert field in message
 
 
 def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

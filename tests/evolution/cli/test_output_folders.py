@@ -1,5 +1,6 @@
-"""Commands write over nothing of others, and a kill leaves what was there or what was wanted."""
+"""Commands overwrite only their own files, and after a kill there is the old or the new file."""
 
+import json
 import os
 import random
 import shutil
@@ -18,25 +19,15 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.cli.main import run
+from evolution.experiments.demo.demo import OUTPUTS as DEMO_OUTPUTS
 from evolution.experiments.demo.demo import DemoConfig, claim_folder
 from evolution.experiments.paper import robots
 from evolution.experiments.paper.config import QUICK
-from evolution.experiments.paper.folder import MADE, PaperFolder, write_json
+from evolution.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
 from evolution.report.page import Page
 
-DEMO_MADE = (
-    "survey.npz",
-    "cloud.ply",
-    "gsrm.npz",
-    "gg.npz",
-    "arenas/gsrm",
-    "arenas/gg",
-    "run",
-    "report.html",
-)
 
-
-def put_mine(folder: Path, name: str) -> Path:
+def put_user_file(folder: Path, name: str) -> Path:
     """Put a file of the user's where a command would write a file or a folder."""
     path = folder / name / "notes.txt" if "." not in name else folder / name
     path.parent.mkdir(parents=True)
@@ -44,34 +35,34 @@ def put_mine(folder: Path, name: str) -> Path:
     return path
 
 
-def take_stock(folder: Path) -> dict[str, bytes]:
+def read_all(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-@pytest.mark.parametrize("name", DEMO_MADE)
-def test_the_demo_refuses_a_folder_with_things_of_others(
+@pytest.mark.parametrize("name", DEMO_OUTPUTS)
+def test_the_demo_refuses_to_overwrite_other_files(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    put_mine(tmp_path / "x", name)
-    before = take_stock(tmp_path)
+    put_user_file(tmp_path / "x", name)
+    before = read_all(tmp_path)
     assert run(["demo", "--out", str(tmp_path / "x")]) == 1
     error = capsys.readouterr().err
     assert name in error
     assert "name another folder" in error
-    assert take_stock(tmp_path) == before
+    assert read_all(tmp_path) == before
 
 
 def test_the_demo_knows_its_own_folder(tmp_path: Path) -> None:
     config = DemoConfig(tmp_path / "x")
     claim_folder(config)
-    for name in DEMO_MADE:
+    for name in DEMO_OUTPUTS:
         (tmp_path / "x" / name).parent.mkdir(exist_ok=True)
         (tmp_path / "x" / name).touch()
     claim_folder(config)
 
 
 @pytest.mark.parametrize("content", ['{"my": "own"}', "[]", "not json", ""])
-def test_a_mark_of_others_makes_no_folder_the_demos(tmp_path: Path, content: str) -> None:
+def test_a_foreign_marker_is_refused(tmp_path: Path, content: str) -> None:
     (tmp_path / "demo.json").write_text(content)
     (tmp_path / "survey.npz").write_text("mine")
     with pytest.raises(ev.RunError, match=r"demo\.json was not written by a demo"):
@@ -79,24 +70,24 @@ def test_a_mark_of_others_makes_no_folder_the_demos(tmp_path: Path, content: str
     assert (tmp_path / "demo.json").read_text() == content
 
 
-@pytest.mark.parametrize("name", MADE)
-def test_the_paper_refuses_a_folder_with_things_of_others(
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_the_paper_refuses_to_overwrite_other_files(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    put_mine(tmp_path / "x", name)
-    before = take_stock(tmp_path)
+    put_user_file(tmp_path / "x", name)
+    before = read_all(tmp_path)
     assert run(["paper", "--quick", "--out", str(tmp_path / "x")]) == 1
     error = capsys.readouterr().err
     assert name in error
     assert "name another folder" in error
-    assert take_stock(tmp_path) == before
+    assert read_all(tmp_path) == before
 
 
-def test_the_paper_begins_a_damaged_run_anew_beside_what_is_not_its_own(
+def test_the_paper_restarts_a_damaged_run_and_keeps_other_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun = []
-    monkeypatch.setattr(robots.ev, "evolve", lambda config, progress: begun.append(take_stock(tmp_path)))
+    monkeypatch.setattr(robots.ev, "evolve", lambda config, progress: begun.append(read_all(tmp_path)))
     folder = tmp_path / "run"
     folder.mkdir()
     for name in ("config.json", "record.npz", "notes.txt"):
@@ -111,31 +102,31 @@ def test_the_paper_removes_no_run_that_cannot_be_written(
     def refuse(*arguments: object, **options: object) -> None:
         raise ev.RunError("the disk is full")
 
-    monkeypatch.setattr(robots, "_goes_on", lambda wanted, place: True)
+    monkeypatch.setattr(robots, "_can_resume", lambda wanted, run_folder: True)
     monkeypatch.setattr(robots.ev, "resume", refuse)
-    put_mine(tmp_path, "run/record.npz")
+    put_user_file(tmp_path, "run/record.npz")
     with pytest.raises(ev.RunError, match="disk is full"):
         robots.evolve_champion(tmp_path, "gsrm", "run", QUICK, 3, 1)
-    assert take_stock(tmp_path) == {"run/record.npz": b"mine"}
+    assert read_all(tmp_path) == {"run/record.npz": b"mine"}
 
 
 @pytest.mark.parametrize(("command", "code"), [("arena", 2), ("assets", 1)])
-def test_arenas_go_where_arenas_are(
+def test_arenas_replace_only_arenas(
     tmp_path: Path, command: str, code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mesh = tmp_path / "m.ply"
     trimesh.creation.box().export(mesh)
-    put_mine(tmp_path / "x", "gsrm")
-    before = take_stock(tmp_path)
+    put_user_file(tmp_path / "x", "gsrm")
+    before = read_all(tmp_path)
     out = tmp_path / "x" / "gsrm" if command == "arena" else tmp_path / "x"
     assert run([command, *([str(mesh)] if command == "arena" else []), "--out", str(out)]) == code
     assert "holds no arena; choose another folder" in capsys.readouterr().err
-    assert take_stock(tmp_path) == before
+    assert read_all(tmp_path) == before
 
 
 @pytest.mark.parametrize(("command", "name"), [("survey", "survey.npz"), ("reconstruct", "surface.npz")])
 @pytest.mark.parametrize("is_archive", [True, False])
-def test_a_default_name_replaces_nothing_of_others(
+def test_a_default_name_replaces_no_other_file(
     tmp_path: Path,
     command: str,
     name: str,
@@ -149,19 +140,19 @@ def test_a_default_name_replaces_nothing_of_others(
         np.savez(name, heights=np.zeros(3))
     else:
         Path(name).write_text("mine")
-    before = take_stock(tmp_path)
+    before = read_all(tmp_path)
     assert run([command, "truth" if command == "survey" else "cloud.xyz"]) == 2
-    assert f"{name} is there and was not written by this command" in capsys.readouterr().err
-    assert take_stock(tmp_path) == before
+    assert f"{name} exists and was not written by this command" in capsys.readouterr().err
+    assert read_all(tmp_path) == before
 
 
 def test_a_scan_is_not_replaced_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scan = tmp_path / "scan.ply"
     rc.save_points(scan, np.random.default_rng(0).uniform(size=(50, 3)))
-    before = take_stock(tmp_path)
+    before = read_all(tmp_path)
     assert run(["reconstruct", str(scan), "--out", f"{tmp_path}/../{tmp_path.name}/scan.ply"]) == 2
     assert "is the scan itself" in capsys.readouterr().err
-    assert take_stock(tmp_path) == before
+    assert read_all(tmp_path) == before
 
 
 @pytest.mark.parametrize("words", [["survey", "truth"], ["reconstruct", "cloud.xyz"]])
@@ -170,7 +161,7 @@ def test_a_folder_is_never_replaced_by_a_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("cloud.xyz").write_text("0 0 0\n0 0 1\n0 1 0\n")
-    put_mine(tmp_path, "out.npz/notes.txt")
+    put_user_file(tmp_path, "out.npz/notes.txt")
     assert run([*words, "--out", "out.npz"]) == 2
     assert (tmp_path / "out.npz" / "notes.txt").read_text() == "mine"
 
@@ -215,7 +206,19 @@ def test_a_kill_leaves_the_old_file_or_the_new_one(
     assert seen == {old, new}
 
 
-def test_a_kill_leaves_a_paper_folder_that_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_demo_knows_the_folder_of_an_earlier_version(tmp_path: Path) -> None:
+    config = DemoConfig(tmp_path)
+    claim_folder(config)
+    content = json.loads((tmp_path / "demo.json").read_text())
+    del content["trials"]
+    (tmp_path / "demo.json").write_text(json.dumps(content))
+    (tmp_path / "survey.npz").touch()
+    claim_folder(config)
+
+
+def test_after_a_kill_the_paper_continues_in_its_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(os, "fsync", lambda descriptor: None)
     folder = tmp_path / "paper"
 
@@ -252,7 +255,7 @@ def test_commands_killed_while_they_write(tmp_path: Path, command: str) -> None:
         process = subprocess.Popen(
             [sys.executable, "-c", PROGRAM, *words, "--out", str(out), "--quiet", "--json"],
             cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])},
+            env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
             stdout=subprocess.DEVNULL,
         )
         while process.poll() is None and _list(out.parent) == before:

@@ -2,12 +2,12 @@
 
 import json
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import toys
+from evil_json import DEEP, find_trouble, mutate
 
 from evolution.backends.trials import Randomization, Scoring
 from evolution.errors import RunError
@@ -18,9 +18,6 @@ from evolution.search.loop import evolve, load_run, resume
 from evolution.search.run import RunFolder, load_champion
 from evolution.search.stages import Stage
 from evolution.search.validation import Validation
-
-sys.path.append(str(Path(__file__).parents[1] / "reconstruction"))
-from evil_json import DEEP, find_trouble, mutate
 
 CONFIG = EvolutionConfig(
     arena="truth",

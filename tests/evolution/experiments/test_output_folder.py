@@ -5,20 +5,20 @@ from pathlib import Path
 import pytest
 
 from evolution.errors import RunError
-from evolution.experiments.output_folder import refuse_foreign
+from evolution.experiments.output_folder import refuse_foreign_files
 
 
 def test_its_own_folder_and_a_fresh_one_pass(tmp_path: Path) -> None:
-    refuse_foreign(tmp_path / "fresh", "mark.json", ["arenas"])
+    refuse_foreign_files(tmp_path / "fresh", "mark.json", ["arenas"])
     (tmp_path / "mark.json").write_text("{}")
     (tmp_path / "arenas").mkdir()
-    refuse_foreign(tmp_path, "mark.json", ["arenas"])
+    refuse_foreign_files(tmp_path, "mark.json", ["arenas"])
 
 
 def test_a_folder_without_the_mark_is_refused(tmp_path: Path) -> None:
     (tmp_path / "arenas").mkdir()
-    with pytest.raises(RunError, match=r"holds arenas, .* no mark\.json"):
-        refuse_foreign(tmp_path, "mark.json", ["arenas"])
+    with pytest.raises(RunError, match=r"contains arenas, .* no mark\.json"):
+        refuse_foreign_files(tmp_path, "mark.json", ["arenas"])
 
 
 @pytest.mark.parametrize("is_there", [True, False], ids=["to a folder", "to nothing"])
@@ -30,4 +30,4 @@ def test_a_link_is_refused_even_in_its_own_folder(tmp_path: Path, is_there: bool
     (own / "mark.json").write_text("{}")
     (own / "arenas").symlink_to(elsewhere)
     with pytest.raises(RunError, match="arenas is a link"):
-        refuse_foreign(own, "mark.json", ["arenas"])
+        refuse_foreign_files(own, "mark.json", ["arenas"])

@@ -12,7 +12,7 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution.cli.main import run
 from evolution.experiments.paper.arenas import RECIPES
-from evolution.experiments.paper.benchmark import COARSE, FINES, MODELS, find_benchmark
+from evolution.experiments.paper.benchmark import COARSE, FINES, MODELS, load_benchmark
 from evolution.experiments.paper.config import QUICK, PaperConfig
 from evolution.experiments.paper.experiments import list_experiments
 from evolution.experiments.paper.folder import PaperFolder
@@ -20,8 +20,8 @@ from evolution.experiments.paper.laser import list_poses
 from evolution.experiments.paper.networks import cut_sides, list_networks, measure_surface
 from evolution.experiments.paper.physics import time_crossings
 from evolution.experiments.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
-from evolution.experiments.paper.robots import choose_moments
-from evolution.experiments.paper.statistics import find_power, find_ratio, summarise
+from evolution.experiments.paper.robots import select_frames
+from evolution.experiments.paper.statistics import find_power, find_ratio, summarize
 
 
 def look_down(x: float, height: float = 1.5) -> np.ndarray:
@@ -124,12 +124,12 @@ def test_ratio_of_known_costs() -> None:
     noisy = find_ratio(1.2 * np.random.default_rng(1).permutation(reference), reference)
     assert noisy["low"] < 1.2 < noisy["high"]
     assert noisy == find_ratio(1.2 * np.random.default_rng(1).permutation(reference), reference)
-    assert summarise([1.0, 2.0, 6.0]) == {
+    assert summarize([1.0, 2.0, 6.0]) == {
         "mean": 3.0, "deviation": pytest.approx(2.1602469), "median": 2.0,
     }  # fmt: skip
 
 
-def test_all_ways_of_scanning_see_the_same() -> None:
+def test_all_scan_methods_agree() -> None:
     arena = sg.load_arena("simple")
     casters = [TreeCaster(arena), TreeCaster(arena, on_contact=True), BruteForceCaster(arena.surface)]
     with contextlib.suppress(ImportError):
@@ -172,15 +172,15 @@ def test_crossings_are_timed(champion: ev.Champion) -> None:
     assert min(samples["contacts"]) > 1
 
 
-def test_moments_tell_the_story() -> None:
+def test_frames_before_the_pit_half_way_and_last() -> None:
     positions = np.zeros((100, 3, 3))
     positions[:, 0, 0] = np.linspace(-2.35, 1.65, 100)  # the head is before the pit at half time
-    assert choose_moments(positions, 20) == [10, 14, 19]
-    assert choose_moments(positions - 5.0, 20) == [0, 10, 19]
+    assert select_frames(positions, 20) == [10, 14, 19]
+    assert select_frames(positions - 5.0, 20) == [0, 10, 19]
 
 
 def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
-    absent = find_benchmark(tmp_path / "evolution.json")
+    absent = load_benchmark(tmp_path / "evolution.json")
     assert absent["machine"] is None
     assert not any([*absent["models"].values(), *(any(part.values()) for part in absent["stages"].values())])
     parts = {"models/gg 13860": {"of": 3}, "champions": {"of": 5}, "stages/gg 13860": {"of": 1}}
@@ -189,7 +189,7 @@ def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
     days = {"models/gg 13860": "2026-01-03", "champions": "2026-01-01", "stages/gg 13860": "2026-01-02"}
     origins = {part: {"date": day, **origin} for part, day in days.items()}
     path.write_text(json.dumps({"results": parts, "origins": origins}))
-    found = find_benchmark(path)
+    found = load_benchmark(path)
     assert {name for name, part in found["models"].items() if part} == {"gsrm 2200", "gg 13860"}
     assert found["stages"]["gg 13860"] == {
         "fine_only": {"of": 3},

@@ -48,7 +48,7 @@ def visit(browser: Any, path: Path, size: tuple[int, int]) -> Iterator[Any]:
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     complaints: list[str] = []
     fetched: list[str] = []
-    page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda request: fetched.append(request.url))
     page.goto(path.resolve().as_uri())

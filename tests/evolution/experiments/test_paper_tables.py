@@ -1,8 +1,8 @@
-"""The tables of the paper's page: our figures, the paper's beside them, machine and number of runs below."""
+"""The tables of the paper's page: our figures, those of the paper next to them, machine and runs in the caption."""
 
 from pathlib import Path
 
-from evolution.experiments.paper.benchmark import find_benchmark
+from evolution.experiments.paper.benchmark import load_benchmark
 from evolution.experiments.paper_page import tables
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
@@ -23,7 +23,7 @@ def check(table: tables.Table) -> list[list[str]]:
     return [[str(cell) for cell in row] for row in table.rows]
 
 
-def test_table_1_stands_beside_the_papers() -> None:
+def test_table_1_has_the_figures_of_the_paper() -> None:
     row = {
         "network": "gsrm_2200", "method": "gsrm", "size": 2200, "triangles": 4231, "cold_seconds": None,
         "warm_seconds": 0.2, "truth_to_mesh": 0.001, "truth_to_mesh_p95": 0.003, "mesh_to_truth": 0.0007,
@@ -38,7 +38,7 @@ def test_table_1_stands_beside_the_papers() -> None:
 
 
 def test_table_2_has_ratios_and_runs() -> None:
-    row = {"arena": "gg", "text": "GG", "pieces": 4, "triangles": 13858, "physics_us": COST,
+    row = {"arena": "gg", "text": "growing grid, convex pieces", "pieces": 4, "triangles": 13858, "physics_us": COST,
            "collision_us": COST, "contacts": 5.8, "crossed": 2}  # fmt: skip
     rows = [row, row | {"arena": "simple"}, row | {"arena": "prisms", "pieces": 4231}]
     ratios = {name: {"physics_us": RATIO, "collision_us": RATIO} for name in ("gg", "prisms")}
@@ -46,8 +46,8 @@ def test_table_2_has_ratios_and_runs() -> None:
         record({"runs": 3, "steps": 3500, "interrupted": 0.012, "rows": rows, "ratios": ratios})
     )
     gg, simple, prisms = check(table)
-    assert gg == ["gg", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846", "1.05 (1.01 to 1.09)",
-                  "2 of 3"]  # fmt: skip
+    assert gg == ["growing grid, convex pieces", "4", "5.8", "50.0 ± 2.0", "147-152", "50.0 ± 2.0", "825-846",
+                  "1.05 (1.01 to 1.09)", "2 of 3"]  # fmt: skip
     assert simple[7] == "1"
     assert prisms[1] == "4,231"
     assert prisms[4] == prisms[6] == "-"
@@ -55,7 +55,7 @@ def test_table_2_has_ratios_and_runs() -> None:
     assert "1.2 %" in table.caption
 
 
-def test_table_3_has_the_papers_ratio() -> None:
+def test_table_3_has_the_ratio_of_the_paper() -> None:
     row = {"model": "gg", "method": "tree", "triangles": 13858, "scan_us": COST, "scans": 100, "error": None}
     rows = [row | {"method": "hulls", "triangles": 0, "error": 0.0013}, row]
     ratios = {"tree": {"gg": RATIO}, "brute force": {"gg": RATIO}}
@@ -84,13 +84,13 @@ def test_the_widened_pit_has_a_before_and_an_after() -> None:
                "truth_to_mesh_p95": 0.006, "mesh_to_truth": 0.0017, "boundary_loops": 1}  # fmt: skip
     runs = {
         when: {"genotypes": 48, "judged": {"narrow": {"successes": 9, "trials": 10},
-                                           "wide": {"successes": held, "trials": 10}}}
-        for when, held in (("before", 0), ("after", 8))
+                                           "wide": {"successes": successes, "trials": 10}}}
+        for when, successes in (("before", 0), ("after", 8))
     }  # fmt: skip
     figures = {"pit": [0.35, 0.40], "surfaces": [surface], **runs}
     check(tables.tabulate_widened(record(figures)))
     table = tables.tabulate_widened_champions(record(figures))
-    assert list(table.columns[2:]) == ["held, pit of 35 cm", "held, pit of 40 cm"]
+    assert list(table.columns[2:]) == ["trials crossed, pit of 35 cm", "trials crossed, pit of 40 cm"]
     before, after = check(table)
     assert before[1:] == ["48", "9 of 10", "0 of 10"]
     assert after[1:] == ["48", "9 of 10", "8 of 10"]
@@ -116,7 +116,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     measured = "2026-11-20, 2026-11-21; 0123456"
     assert table.rows[0] == ["GSRM 2,200 units", "1 of 3", "1 (1)", "1,180", "60", measured, "20, 17", "19"]
     assert table.rows[1] == ["GG 210 triangles", "not measured", *["-"] * 6]
-    assert "2 of 3 were judged by seeds that stand in the code" in table.caption
+    assert "2 of 3 runs were judged with fixed seeds" in table.caption
     assert "a processor, 2 cores, mujoco 4.0.0" in table.caption
     table = tables.tabulate_stages(benchmark)
     assert table.rows[0][0] == "GSRM 2,200 units only"
@@ -130,7 +130,7 @@ def test_the_benchmark_is_quoted_with_its_machine() -> None:
     assert "0.7 times the processor time" in tables.tabulate_stages(benchmark).caption
 
 
-def test_no_benchmark_is_told() -> None:
-    table = tables.tabulate_models(find_benchmark(Path("nowhere")))
+def test_an_absent_benchmark_is_reported() -> None:
+    table = tables.tabulate_models(load_benchmark(Path("nowhere")))
     assert {row[1] for row in table.rows} == {"not measured"}
-    assert "No results" in table.caption
+    assert "no results of the benchmark" in table.caption

@@ -24,7 +24,7 @@ def folders(tmp_path: Path) -> list[Path]:
     return [tmp_path / "fine", tmp_path / "staged"]
 
 
-def test_a_table_tells_what_runs_came_to(folders, capsys):
+def test_a_table_shows_the_results_of_runs(folders, capsys):
     assert run_command(["compare", *map(str, folders), "--json"]) == 0
     first, second = json.loads(capsys.readouterr().out)["runs"]
     assert tuple(first) == COLUMNS
@@ -35,7 +35,7 @@ def test_a_table_tells_what_runs_came_to(folders, capsys):
 
 
 @pytest.mark.parametrize("name", ["curves.png", "page.html"])
-def test_figure_and_page_are_written_whole(folders, tmp_path, name):
+def test_figure_and_page_are_written(folders, tmp_path, name):
     assert run_command(["compare", *map(str, folders), "--out", str(tmp_path / name), "--quiet"]) == 0
     content = (tmp_path / name).read_bytes()
     assert content.startswith(b"\x89PNG" if name.endswith("png") else b"<!")
@@ -53,9 +53,9 @@ def test_a_run_that_has_just_begun_has_a_row_but_no_curve(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
-    [([], "run folders"), (["absent"], "holds no run"), (["RUN", "--out", "curves.txt"], ".png, .html")],
+    ("words", "message"),
+    [([], "run folders"), (["absent"], "contains no run"), (["RUN", "--out", "curves.txt"], ".png, .html")],
 )
-def test_wrong_use_is_refused(folders, words, said, capsys):
+def test_wrong_usage_is_refused(folders, words, message, capsys):
     assert run_command(["compare", *[str(folders[0]) if word == "RUN" else word for word in words]]) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err

@@ -34,20 +34,20 @@ def test_every_number_of_every_generation_is_there(tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     folder = tmp_path / "run"
-    with TensorBoardLog() as watch:
-        evolve(replace(TOY, folder=str(folder)), simulate=toys.bowl, on_generation=watch)
-    with TensorBoardLog(first=2) as watch:
-        run = resume(folder, generations=5, simulate=toys.bowl, on_generation=watch)
+    with TensorBoardLog() as callback:
+        evolve(replace(TOY, folder=str(folder)), simulate=toys.bowl, on_generation=callback)
+    with TensorBoardLog(first=2) as callback:
+        run = resume(folder, generations=5, simulate=toys.bowl, on_generation=callback)
     events = EventAccumulator(str(folder / FOLDER))
     events.Reload()
     for name in SCALARS:
-        told = events.Tensors(f"run/{name}")
-        assert [event.step for event in told] == list(range(5))
-        values = [event.tensor_proto.float_val[0] for event in told]
+        events_of_name = events.Tensors(f"run/{name}")
+        assert [event.step for event in events_of_name] == list(range(5))
+        values = [event.tensor_proto.float_val[0] for event in events_of_name]
         assert values == pytest.approx(run.history[name].astype(float).tolist(), rel=1e-6)
 
 
 @needs_tensorboard
 def test_a_run_without_a_folder_has_no_place_for_it():
-    with TensorBoardLog() as watch, pytest.raises(RunError, match="give it a folder"):
-        evolve(TOY, simulate=toys.bowl, on_generation=watch)
+    with TensorBoardLog() as callback, pytest.raises(RunError, match="give it a folder"):
+        evolve(TOY, simulate=toys.bowl, on_generation=callback)

@@ -85,7 +85,7 @@ def test_without_a_mode_nothing_is_drawn():
 
 
 def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
-    monkeypatch.setattr("symbrion_gym.environment.rendering._has_display", lambda: False)
+    monkeypatch.setattr("symbrion_gym.environment.rendering.has_display", lambda: False)
     env = SnakePitEnv(modules=2, render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(1))

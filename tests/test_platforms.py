@@ -1,0 +1,220 @@
+"""Other platforms, faked: what cannot be run on this machine must at least take the right branch."""
+
+import ast
+import errno
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+from multiprocessing import connection
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import mujoco.viewer
+import numpy as np
+import pytest
+
+from evolution.backends.processes import open_pipe, share_pipe
+from evolution.cli.command import UsageError, require_writable_folder
+from evolution.cli.streams import is_unread
+from evolution.report.provenance import describe_machine
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.cache import CACHE_VARIABLE, find_cache_folder
+from symbrion_gym import headless
+from symbrion_gym.contact import coacd_worker, decomposition
+from symbrion_gym.environment.rendering import Pictures
+
+ROOT = Path(__file__).parents[1]
+FILES = [
+    path
+    for folder in ("reconstruction", "symbrion_gym", "evolution", "tools")
+    for path in sorted((ROOT / folder).rglob("*.py"))
+]
+POSIX_MODULES = {"resource", "fcntl", "pwd", "grp", "termios", "tty", "pty", "syslog", "posix"}
+POSIX_NAMES = {
+    "fork", "forkpty", "getuid", "geteuid", "getgid", "getpgid", "killpg", "setsid", "setpgid", "nice", "getloadavg",
+    "sched_getaffinity", "sched_setaffinity", "sysconf", "statvfs", "mkfifo", "chown", "O_DIRECTORY", "O_NOFOLLOW",
+    "SIGKILL", "SIGXCPU", "SIGHUP", "SIGALRM", "SIGUSR1", "SIGUSR2", "setitimer", "alarm", "pass_fds", "preexec_fn",
+    "start_new_session", "clock_gettime", "pthread_kill", "wait4", "waitid",
+}  # fmt: skip
+"""Attributes of `os`, `signal` and `time`, and options of `subprocess`, that Windows lacks."""
+GUARDED = {
+    ("reconstruction/files/cache.py", "getuid"): "behind hasattr",
+    ("symbrion_gym/contact/coacd_worker.py", "resource"): "an ImportError is allowed for",
+}
+
+
+def find_posix(source: str) -> set[str]:
+    """Return the modules and names in a source that Windows lacks."""
+    tree = ast.parse(source)
+    found = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)} & POSIX_NAMES
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names} & POSIX_MODULES
+        elif isinstance(node, ast.ImportFrom):
+            found |= {node.module or ""} & POSIX_MODULES
+            found |= {alias.name for alias in node.names} & POSIX_NAMES
+        elif isinstance(node, ast.keyword):
+            found |= {node.arg or ""} & POSIX_NAMES
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_nothing_is_used_that_windows_lacks(path: Path) -> None:
+    place = path.relative_to(ROOT).as_posix()
+    found = {name for name in find_posix(path.read_text(encoding="utf-8")) if (place, name) not in GUARDED}
+    assert not found, f"{place}: {sorted(found)}"
+
+
+def test_the_search_for_posix_finds_it() -> None:
+    source = "import fcntl\nos.fork()\nfrom signal import SIGKILL\nsubprocess.Popen(x, pass_fds=[1])\n"
+    assert find_posix(source) == {"fcntl", "fork", "SIGKILL", "pass_fds"}
+
+
+@pytest.mark.parametrize(
+    ("platform", "variables", "expected"),
+    [
+        ("linux", {}, "egl"),
+        ("linux", {"DISPLAY": ":0"}, None),
+        ("linux", {"WAYLAND_DISPLAY": "wayland-0"}, None),
+        ("linux", {"MUJOCO_GL": "osmesa"}, "osmesa"),
+        ("darwin", {}, None),
+        ("win32", {}, None),
+    ],
+)
+def test_egl_is_for_linux_without_a_display(
+    platform: str, variables: dict[str, str], expected: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(os, "environ", dict(variables))
+    headless.prefer_egl()
+    assert os.environ.get("MUJOCO_GL") == expected
+
+
+def test_only_the_package_selects_opengl() -> None:
+    for name in ("Makefile", "tools/make.py", ".ci/run"):
+        assert "MUJOCO_GL" not in (ROOT / name).read_text()
+
+
+def test_a_window_that_needs_another_interpreter_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """On macOS `launch_passive` wants `mjpython`."""
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise RuntimeError("`launch_passive` requires mjpython on macOS")
+
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", refuse)
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    pictures = Pictures(model, mujoco.MjData(model), 64, 48, 1.0, 0.0)
+    pictures.follow(np.zeros((1, 3)))
+    assert pictures.draw("human") is pictures.draw("human") is None
+    assert caplog.text.count("mjpython") == 1
+    pictures.close()
+
+
+def test_a_worker_inherits_a_handle_on_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    inherited = []
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "set_handle_inheritable", lambda *values: inherited.append(values), raising=False)
+    monkeypatch.setattr(subprocess, "STARTUPINFO", dict, raising=False)
+    monkeypatch.setattr(connection, "PipeConnection", lambda handle: ("pipe", handle), raising=False)
+    assert share_pipe(7) == {"startupinfo": {"lpAttributeList": {"handle_list": [7]}}}
+    assert inherited == [(7, True)]
+    assert open_pipe(7) == ("pipe", 7)
+
+
+def test_a_file_is_flushed_and_replaced_as_windows_needs_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A descriptor must be writable to be flushed, and a file that somebody reads is replaced a little later."""
+    path, replace, attempts = tmp_path / "a.txt", os.replace, []
+    path.write_text("old")
+
+    def refuse_twice(source: Path, target: Path) -> None:
+        attempts.append(target)
+        if len(attempts) < 3:
+            raise PermissionError(errno.EACCES, "Access is denied", str(source))
+        replace(source, target)
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "replace", refuse_twice)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: os.write(descriptor, b""))
+    with write_atomically(path) as beside:
+        beside.write_text("new")
+    assert (path.read_text(), len(attempts)) == ("new", 3)
+
+
+def test_elsewhere_a_refused_rename_is_refused_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts = []
+
+    def refuse(source: Path, target: Path) -> None:
+        attempts.append(target)
+        raise PermissionError(errno.EACCES, "Permission denied", str(source))
+
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(PermissionError), write_atomically(tmp_path / "a.txt") as beside:
+        beside.write_text("new")
+    assert len(attempts) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_cache_without_user_ids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(os, "getuid")
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    assert (
+        find_cache_folder("arenas")
+        == find_cache_folder("arenas")
+        == tmp_path / "symbrion-gym-user" / "arenas"
+    )
+
+
+def test_a_decomposition_without_limits_of_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(signal, "SIGXCPU")
+    monkeypatch.setitem(sys.modules, "resource", None)
+    coacd_worker.limit_processor_time(1)
+    assert load_copy(decomposition)._OUT_OF_PROCESSOR_TIME == 0
+
+
+def load_copy(module: ModuleType) -> ModuleType:
+    """Return a module executed again, beside the one that everybody uses."""
+    assert module.__file__ is not None
+    spec = importlib.util.spec_from_file_location("copy_of_module", module.__file__)
+    assert spec is not None
+    assert spec.loader is not None
+    copy = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(copy)
+    return copy
+
+
+def test_a_drive_that_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Path, "exists", lambda self: False)
+    monkeypatch.setattr(Path, "is_dir", lambda self: False)
+    with pytest.raises(UsageError, match="cannot be written"):
+        require_writable_folder(Path("/z/runs/a"), "--out")
+
+
+def test_a_pipe_that_nobody_reads_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    invalid = OSError(errno.EINVAL, "Invalid argument")
+    assert is_unread(BrokenPipeError())
+    assert not is_unread(invalid)
+    monkeypatch.setattr(sys, "platform", "win32")  # where a closed pipe is an invalid argument
+    assert is_unread(invalid)
+    assert not is_unread(OSError(errno.ENOSPC, "No space left"))
+
+
+def test_the_machine_has_a_name_without_proc(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, *arguments: object, **options: object) -> str:
+        raise FileNotFoundError(path)
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr("platform.machine", lambda: "arm64")
+    assert describe_machine().startswith("arm64, ")
