@@ -1,4 +1,4 @@
-"""The table of runs of evolution: confirmed and unconfirmed champions in columns of their own."""
+"""The table of runs of evolution, with confirmed and unconfirmed champions in separate columns."""
 
 from typing import Any
 
@@ -6,17 +6,18 @@ from benchmarks.ages import Ages
 from benchmarks.origins import Records, describe_measuring
 
 COLUMNS = (
-    "evolved", "runs", "confirmed", "of them hold", "not confirmed", "of them hold", "genotypes", "CPU s", "measured",
+    "experiment", "runs", "confirmed", "robust", "unconfirmed", "of these pass", "genotypes", "CPU s", "measured",
 )  # fmt: skip
 CAPTION = (
-    "Runs of evolution. *Confirmed*: fresh trials in the arena of the run have confirmed its champion; where they have "
-    "not, the run ended at its last generation. *Hold*: at least 18 of 20 trials in the true arena succeed; only a "
-    "confirmed champion counts as one that holds. Genotypes and processor time: medians of all runs."
+    "All runs of evolution. *Confirmed*: fresh trials in the arena of the run confirmed the champion; otherwise the "
+    "run ended at its last generation. *Robust*: confirmed, and successful in at least 18 of 20 trials in the true "
+    "arena. *Of these pass*: unconfirmed champions that succeed in at least 18 of 20 trials there. Genotypes and "
+    "processor time are medians over all runs."
 )
 
 
 def make_champions_table(records: Records, ages: Ages | None) -> str:
-    """Return the table as Markdown; empty where no run is known."""
+    """Return the table as Markdown; empty if there are no runs."""
     record = records.get("evolution", {"results": {}})
     rows = [
         _make_row(part, figures, describe_measuring([("evolution", part)], records, ages))

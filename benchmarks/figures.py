@@ -1,4 +1,4 @@
-"""What a claim is: words, and the places in the results that its numbers come from."""
+"""What a claim is: words, and the paths in the results that its numbers come from."""
 
 import math
 import operator
@@ -91,18 +91,18 @@ class Claim:
         what: what was measured.
         figure: a format string; `{0}` is the first of `values`.
         values: where the numbers stand.
-        bar: what was wanted, as `<= 1.0 mm`; its number is compared with the value number `judged`.
-        judged: index of the value that the bar is about.
-        is_headline: stands in the README too.
-        set_after: the bar, or the measure that it is held against, was set when a first figure was known.
-        sources: the code that is measured, where it is not that of `claims/sources.py`.
+        bar: the target, as `<= 1.0 mm`; its number is compared with value `bar_index`.
+        bar_index: index of the value that the bar is about.
+        is_headline: whether the row is in the README too.
+        set_after: whether the bar, or the way of measuring, was set after a first figure was known.
+        sources: the code that is measured, if not that of `claims/sources.py`.
     """
 
     what: str
     figure: str
     values: tuple[Value, ...]
     bar: str = ""
-    judged: int = 0
+    bar_index: int = 0
     is_headline: bool = False
     set_after: bool = False
     sources: tuple[str, ...] = ()
@@ -160,7 +160,7 @@ class Claim:
                 f"claim {self.what!r}: {self.figure!r} does not fit {numbers}: {error}"
             ) from None
 
-    def judge(self, records: dict[str, dict[str, Any]]) -> str:
+    def check_bar(self, records: dict[str, dict[str, Any]]) -> str:
         """Return the bar and whether it is met; empty without a bar.
 
         Raises:
@@ -171,7 +171,7 @@ class Claim:
         match = re.match(r"(<=|>=) ([\d.]+)", self.bar)
         if match is None:
             raise ClaimError(f"claim {self.what!r}: a bar reads `<= 1.0 mm` or `>= 3 of 5`, not {self.bar!r}")
-        number = float(self.read(records)[self.judged])
+        number = float(self.read(records)[self.bar_index])
         is_met = math.isfinite(number) and SENSES[match[1]](number, float(match[2]))
         words = self.bar.replace("<=", "≤").replace(">=", "≥")
         return f"{words}: {'met' if is_met else '**missed**'}"

@@ -1,4 +1,4 @@
-"""When and at which commit figures were measured, and whether the code has changed since."""
+"""When and at which commit results were measured, and whether the code has changed since."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,20 +8,25 @@ from benchmarks.claims.sources import find_sources
 
 OLD, UNKNOWN = ", **old**", ", age unknown"
 SET_AFTER, KNOWN_SEED = " †", " ‡"
-LEGEND = (
-    '*Measured*: day and commit; "at" a commit: its code was measured; "in" a commit: it brought the figures, which '
-    "are older than this account of them. **old**: the code that the row measures has changed since, comments and "
-    "docstrings aside. † the bar, or the measure that it is held against, was set when a first figure was known; "
-    "the others were set before. ‡ rests on champions judged by seeds that stand in the code; later ones are judged "
-    "by seeds drawn for each row."
-)
+LEGEND = """How to read the rows:
+
+- *Target*: what was set as the goal before the first measurement, and whether it is met.
+- *Measured*: day and commit. "At" a commit: the code of that commit was measured. "In" a commit: that commit added the
+  result, and the commit of the measured code was not recorded yet.
+- **old**: the measured code has changed since then (comments and docstrings do not count).
+- † The target, or the way of measuring, was set after a first result was known.
+- ‡ The champions were judged with fixed seeds that are part of the code. All others were judged with seeds drawn at
+  random for the row.
+- *Robust* champion: fresh trials in the arena of its run have confirmed it, and it succeeds in at least 18 of 20 fresh
+  trials in the true arena."""
+"""What the columns and marks of the tables mean, in Markdown."""
 
 Records = dict[str, dict[str, Any]]
 Origin = dict[str, Any]
 
 
 def find_runs(results: dict[str, Any], part: str) -> list[dict[str, Any]]:
-    """Return the runs of evolution that a part holds, or is worked out from."""
+    """Return the runs of evolution that a part holds, or is computed from."""
     figures = results.get(part)
     if not isinstance(figures, dict):
         return []
@@ -30,7 +35,7 @@ def find_runs(results: dict[str, Any], part: str) -> list[dict[str, Any]]:
 
 
 def find_origins(record: dict[str, Any], part: str) -> list[Origin]:
-    """Return what is known of the measuring of a part: of each run where it holds runs or is worked out from them."""
+    """Return what is known of the measuring of a part: of each run where it contains runs or is computed from them."""
     rows = find_runs(record["results"], part)
     return [row["origin"] for row in rows] or [record["origins"][part]]
 
@@ -38,12 +43,12 @@ def find_origins(record: dict[str, Any], part: str) -> list[Origin]:
 def describe_measuring(
     places: Sequence[tuple[str, str]], records: Records, ages: Ages | None, sources: Sequence[str] = ()
 ) -> str:
-    """Return day and commit of figures, and marks, as they stand in a table.
+    """Return day and commit of results, and marks, as written in a table.
 
     Args:
-        places: file and part of the results that the figures lie in.
+        places: file and part of the results that contain the figures.
         records: file -> its whole content.
-        ages: tells what is old; None says nothing of it.
+        ages: finds what is old; with None nothing is marked.
         sources: the code that was measured; empty means that of the parts.
     """
     pairs = [
@@ -69,7 +74,7 @@ def describe_measuring(
 
 
 def strip_ages(text: str) -> str:
-    """Return a text without what only the whole history can tell."""
+    """Return a text without the marks that need the whole history."""
     return text.replace(OLD, "").replace(UNKNOWN, "")
 
 

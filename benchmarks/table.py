@@ -1,15 +1,15 @@
-"""Turn the results into text: the table of all claims, and the sections of the README that hold figures.
+"""Turn the results into text: the table of all claims, and the sections of the README that contain figures.
 
     python -m benchmarks.table [--check]
 
-A claim whose part of the results was never measured is left out, and named; one whose number has gone from its
-part is an error.
+A claim whose part of the results was never measured is left out and reported; a number that is missing from a
+measured part is an error.
 
-Between `<!-- figures -->` and `<!-- /figures -->` of the README stands the table of the main claims, between
-`<!-- limits -->` and `<!-- /limits -->` what is known to fall short. Nothing there is written by hand.
+The table of the main claims goes between `<!-- figures -->` and `<!-- /figures -->` of the README, the known limits
+between `<!-- limits -->` and `<!-- /limits -->`. Nothing there is written by hand.
 
-Which figures are old is told by git, so a table is written in a checkout with its whole history only; elsewhere
-`--check` compares all but that.
+Git shows which figures are old, so tables are written only in a checkout with its whole history; elsewhere `--check`
+compares everything else.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from reconstruction.files.atomic_write import write_atomically
 
 README = Path(__file__).parents[1] / "README.md"
 TABLE = RESULTS / "table.md"
-HEAD = "| what | figure | wanted | measured |\n|---|---|---|---|"
+HEAD = "| quantity | result | target | measured |\n|---|---|---|---|"
 
 
 def main() -> None:
@@ -37,21 +37,19 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--check", action="store_true", help="change nothing; fail if a text is out of date")
     parser.add_argument(
-        "--check", action="store_true", help="change nothing; fail where a text is out of date"
-    )
-    parser.add_argument(
-        "--table-only", action="store_true", help="leave the README alone, skip what is missing"
+        "--table-only", action="store_true", help="write only the table of all claims; skip what is missing"
     )
     options = parser.parse_args()
     records, ages = load_records(), open_ages()
     if options.table_only:
-        _write(TABLE, make_table(records, is_patient=True))
+        _write(TABLE, make_table(records, is_lenient=True))
         print(TABLE.read_text())
         return
     if ages is None and not options.check:
         sys.exit(
-            "git tells which figures are old: write tables in a checkout with its whole history; "
+            "git is needed to find which figures are old: write tables in a checkout with its whole history; "
             "`git fetch --unshallow` completes a shallow one"
         )
     try:
@@ -75,25 +73,26 @@ def main() -> None:
 
 
 def is_up_to_date(path: Path, text: str, ages: Ages | None) -> bool:
-    """Tell whether a file holds a text; without the whole history, but for what is old."""
+    """Return whether a file contains a text; without the whole history the marks of age are ignored."""
     held = path.read_text() if path.exists() else ""
     return held == text if ages else strip_ages(held) == strip_ages(text)
 
 
-def make_table(records: Records, is_patient: bool = False, ages: Ages | None = None) -> str:
-    """Return the table of all claims that were measured as Markdown, by group.
+def make_table(records: Records, is_lenient: bool = False, ages: Ages | None = None) -> str:
+    """Return the table of all measured claims as Markdown, by group.
 
     Args:
         records: what the benchmarks wrote.
-        is_patient: leave out claims without a figure rather than refuse.
-        ages: tells what is old; by default the checkout that this file lies in, if its history is whole.
+        is_lenient: leave out claims without a figure instead of raising an error.
+        ages: finds what is old; by default from the checkout of this file, if its history is complete.
 
     Raises:
         ClaimError: a claim has no figure.
     """
-    parts, ages = [describe_origin(records, CLAIMS)], ages or open_ages()
+    origin, ages = describe_origin(records, CLAIMS), ages or open_ages()
+    parts = [origin, LEGEND] if records else [origin]
     for title, claims in GROUPS.items():
-        lines = [line for claim in claims if (line := _make_line(claim, records, ages, is_patient))]
+        lines = [line for claim in claims if (line := _make_line(claim, records, ages, is_lenient))]
         if not lines:
             continue
         commands = dict.fromkeys(f"`python -m benchmarks.{claim.file}`" for claim in claims)
@@ -104,7 +103,7 @@ def make_table(records: Records, is_patient: bool = False, ages: Ages | None = N
 
 
 def fill_in(readme: str, records: Records, ages: Ages | None = None) -> str:
-    """Return the README with its marked sections made anew; `ages` as in `make_table`.
+    """Return the README with its marked sections replaced; `ages` as in `make_table`.
 
     Raises:
         ClaimError: a claim has no figure, or a mark is missing.
@@ -112,26 +111,27 @@ def fill_in(readme: str, records: Records, ages: Ages | None = None) -> str:
     claims = [claim for claim in CLAIMS if claim.is_headline and claim.is_measured(records)]
     ages = ages or open_ages()
     origin = describe_origin(records, claims)
-    figures = "\n".join([origin, "", HEAD, *(_make_line(claim, records, ages) for claim in claims)])
+    lines = [_make_line(claim, records, ages) for claim in claims]
+    figures = "\n".join([origin, "", HEAD, *lines, "", LEGEND])
     limits = "\n".join(_make_limit(limit, records, ages) for limit in LIMITS if limit.is_measured(records))
     return replace_section(replace_section(readme, "figures", figures), "limits", limits)
 
 
 def replace_section(text: str, mark: str, content: str) -> str:
-    """Return the text with other content between `<!-- mark -->` and `<!-- /mark -->`.
+    """Return the text with new content between `<!-- mark -->` and `<!-- /mark -->`.
 
     Raises:
         ClaimError: a mark is missing.
     """
     begin, end = f"<!-- {mark} -->", f"<!-- /{mark} -->"
     if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
-        raise ClaimError(f"the text needs {begin} and after it {end}, each once")
+        raise ClaimError(f"the text needs {begin} and then {end}, each exactly once")
     head, rest = text.split(begin)
     return f"{head}{begin}\n{content}\n{end}{rest.split(end)[1]}"
 
 
 def describe_origin(records: Records, claims: Sequence[Claim]) -> str:
-    """Return machine, versions and days of the results that claims rest on, and what the marks mean."""
+    """Return machine, versions and days of the results behind some claims."""
     places = dict.fromkeys(place for claim in claims for place in claim.find_parts(records))
     used = [records[file]["origins"][part] for file, part in places]
     if not used:
@@ -143,24 +143,23 @@ def describe_origin(records: Records, claims: Sequence[Claim]) -> str:
     versions = {"MuJoCo {mujoco}, JAX {jax}, coacd {coacd}".format(**origin["versions"]) for origin in used}
     days = sorted(origin["date"] for file, part in places for origin in find_origins(records[file], part))
     span = days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
-    told = f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
-    return f"{told}\n\n{LEGEND}"
+    return f"Measured on {' and '.join(sorted(machines))}; {' and '.join(sorted(versions))}; {span}."
 
 
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(path) as beside:
-        beside.write_text(text)
+    with write_atomically(path) as temporary:
+        temporary.write_text(text)
 
 
-def _make_line(claim: Claim, records: Records, ages: Ages | None, is_patient: bool = False) -> str:
+def _make_line(claim: Claim, records: Records, ages: Ages | None, is_lenient: bool = False) -> str:
     if not claim.is_measured(records):
         return ""
     try:
-        bar = claim.judge(records) + (SET_AFTER if claim.set_after else "")
+        bar = claim.check_bar(records) + (SET_AFTER if claim.set_after else "")
         return f"| {claim.what} | {claim.format(records)} | {bar} | {_describe(claim, records, ages)} |"
     except ClaimError:
-        if is_patient:
+        if is_lenient:
             return ""
         raise
 

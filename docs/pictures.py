@@ -1,7 +1,7 @@
-"""Draw the pictures of the pages: `python docs/pictures.py [results]`, from the repository's root.
+"""Draw the pictures of the pages: `python docs/pictures.py [results | course]`, from the repository's root.
 
-"results" alone draws what comes from `benchmarks/results`: the map of what doing nothing crosses, and the crossing of
-the first champion.
+"results" draws only what comes from `benchmarks/results`: the success of zero actions by the width of the pit, and the
+crossing of the first champion. "course" draws only the course and its success check.
 """
 
 import io
@@ -29,14 +29,22 @@ import symbrion_gym as sg
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
 GAP = 8
-"""Between the moments of a crossing [pixel]."""
+"""Gap between the moments of a crossing [pixel]."""
 FILM_FROM = -1.2
-"""Place of the head on the course where the moving picture starts [m]."""
+"""x of the head where the moving picture starts [m]."""
 FILM_STEP = 8
-"""One frame in so many is shown: at 25 frames a second and 80 ms a frame, four times real speed."""
+"""Every eighth frame is shown: recorded at 25 frames per second and shown for 80 ms each, four times real speed."""
 FILM_SIZE = (480, 300)
+GROUND, SNAKE, MARK = "#cfc4b2", "#3c5a78", "#b0413e"
+"""Colors of the ground, of modules and of what is explained."""
+HALF_CHECKED = 0.05
+"""Half the edge of the square of a module that must be past the edge of the pit [m]."""
+STANDING = (0.02, 0.075)
+"""Height of a module's center above the ground that counts as standing [m]."""
+FLOOR_MARGIN, PIT_MARGIN = 0.10, 0.20
+"""Distance of the front of the head from the ramp and from the pit at the start [m]."""
 LIGHT = (0.4, -0.5, 0.77)
-COLOURS = plt.get_cmap("Set2").colors  # pyright: ignore[reportAttributeAccessIssue]
+COLORS = plt.get_cmap("Set2").colors  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def draw_cleaning(log: rc.ScanLog, points: np.ndarray) -> None:
@@ -51,11 +59,11 @@ def draw_cleaning(log: rc.ScanLog, points: np.ndarray) -> None:
 
 
 def draw_networks(surfaces: dict[str, trimesh.Trimesh]) -> None:
-    """Draw meshes around the pit as wires, from above one side."""
+    """Draw wireframes of the meshes around the pit, seen obliquely from above."""
     figure, axes = plt.subplots(1, len(surfaces), figsize=(11, 3.6), subplot_kw={"projection": "3d"})
     for axis, (title, mesh) in zip(axes, surfaces.items(), strict=True):
-        centres = mesh.triangles_center
-        near = (np.abs(centres[:, 0]) < 1.0) & (centres[:, 1] < 0.3)
+        centers = mesh.triangles_center
+        near = (np.abs(centers[:, 0]) < 1.0) & (centers[:, 1] < 0.3)
         light = 0.5 + 0.5 * np.clip(mesh.face_normals[near] @ LIGHT, 0, 1)
         _add_faces(axis, mesh.triangles[near], light[:, None] * np.array([0.86, 0.80, 0.68]), "#00000055")
         axis.set_title(title, y=0.98, fontsize=10)
@@ -63,16 +71,16 @@ def draw_networks(surfaces: dict[str, trimesh.Trimesh]) -> None:
 
 
 def draw_pieces(arena: sg.Arena) -> None:
-    """Draw the convex pieces, each in its colour, a little apart."""
+    """Draw the convex pieces, each in its color, a little apart."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1400, 480
     spec.visual.headlight.ambient = [0.45] * 3
     spec.worldbody.add_light(pos=[-2, -3, 5], dir=[0.35, 0.5, -0.8], diffuse=[0.6] * 3)
     for index, piece in enumerate(sorted(arena.pieces, key=lambda piece: piece.centroid[0])):
-        name, colour = f"piece {index}", (*COLOURS[index % len(COLOURS)][:3], 1.0)
+        name, color = f"piece {index}", (*COLORS[index % len(COLORS)][:3], 1.0)
         spec.add_mesh(name=name, uservert=np.ravel(piece.vertices), userface=np.ravel(piece.faces))
         shift = (0.25 * piece.centroid[0], 0.0, 0.3 if piece.bounds[1, 2] > 0.05 else 0.0)
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=shift, rgba=colour)
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, pos=shift, rgba=color)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -106,8 +114,97 @@ def draw_crossing(results: dict[str, Any]) -> None:
     _write_film(film.frames[int(np.argmax(heads > FILM_FROM)) :: FILM_STEP], "crossing.gif")
 
 
+def draw_course() -> None:
+    """Draw the default course from the side with both starts and the finish, and the success check of a module."""
+    course, scout = sg.Course(), sg.ScoutConfig()
+    figure, axes = plt.subplots(2, 1, figsize=(10, 6.0), height_ratios=[1, 2.1], layout="constrained")
+    _draw_starts(axes[0], course, scout)
+    _draw_check(axes[1], course, scout)
+    _save(figure, "course.png")
+
+
+def _draw_starts(axis: Any, course: sg.Course, scout: Any) -> None:
+    near, far = course.pit_edges
+    foot, ahead = course.ramp_feet[0], scout.arm_reach
+    _fill_ground(axis, course)
+    for head, fill in ((foot - FLOOR_MARGIN - ahead, SNAKE), (near - PIT_MARGIN - ahead, "none")):
+        for number in range(8):
+            x = head - number * scout.pitch
+            rear, front = np.interp([x - scout.pitch / 2, x + scout.pitch / 2], *course.profile()[:4].T)
+            tilt, z = np.arctan2(front - rear, scout.pitch), (rear + front) / 2 + 1.05 * scout.size[2] / 2
+            _draw_module(axis, x, z, scout.size[0], fill, tilt)
+    axis.text(foot - 0.62, 0.16, 'start="floor"', ha="center", color=SNAKE)
+    axis.text(near - 0.66, 0.45, 'start="pit"', ha="center", color=SNAKE)
+    axis.axvline(far, color=MARK, lw=1.2, ls="--")
+    axis.text(far + 0.05, 0.45, "finish: every module must be past this edge", color=MARK)
+    for x, width, z, words in (
+        (foot - course.floor / 2, course.floor, -0.1, "floor"),
+        (foot + course.ramp / 2, course.ramp, -0.1, "ramp"),
+        (near - course.plateau / 2, course.plateau, -0.1, "plateau"),
+        (0.0, course.pit, -0.1, "pit"),
+        (far + course.plateau / 2, course.plateau, -0.1, "plateau"),
+        (-foot - course.ramp / 2, course.ramp, -0.1, "ramp"),
+        (-foot + course.floor / 2, course.floor, -0.1, "floor"),
+    ):
+        axis.text(x, z, f"{words}\n{width:.2f} m", ha="center", va="center", fontsize=8)
+    axis.plot([0], [0], "+", color="k", ms=7)
+    axis.annotate("x = z = 0", (0, 0), (0.0, 0.1), ha="center", fontsize=8)
+    end = course.length / 2
+    axis.set(xlim=(-end, end), ylim=(-0.2, 0.6), aspect="equal", ylabel="z [m]", xlabel="x [m]")
+
+
+def _draw_check(axis: Any, course: sg.Course, scout: Any) -> None:
+    far, height = course.pit_edges[1], course.height
+    _fill_ground(axis, course)
+    axis.axvline(far, color=MARK, lw=1.2, ls="--")
+    x, ground = course.profile()[5:].T
+    axis.fill_between(x, ground + STANDING[0], ground + STANDING[1], color=MARK, alpha=0.12, lw=0)
+    axis.text(far + 0.20, height + 0.04, "2. center 20 to 75 mm above the ground", color=MARK)
+    tilt, (x, z) = np.radians(14.0), (far + 0.09, height + 0.065)
+    _draw_module(axis, x, z, scout.size[0], "none", tilt)
+    _draw_module(axis, x, z, 2 * HALF_CHECKED, "none", tilt, MARK)
+    axis.plot([x], [z], "o", color=MARK, ms=4)
+    rear = x - HALF_CHECKED * (np.cos(tilt) + np.sin(tilt))
+    axis.annotate(
+        "1. rearmost corner past the edge", (rear, z + 0.03), (far - 0.36, height + 0.12), color=MARK,
+        arrowprops={"arrowstyle": "->", "color": MARK},
+    )  # fmt: skip
+    up = 0.11 * np.array([-np.sin(tilt), np.cos(tilt)])
+    axis.annotate(
+        "", (x + up[0], z + up[1]), (x, z), arrowprops={"arrowstyle": "->", "color": SNAKE, "lw": 1.8}
+    )
+    axis.plot([x, x], [z, z + 0.11], color=SNAKE, lw=0.8, ls=":")
+    axis.text(x + 0.012, z + 0.085, "3. up axis less than 60° from the vertical", color=SNAKE)
+    _draw_module(axis, far - 0.09, height - 0.09, scout.size[0], SNAKE, np.radians(62.0))
+    axis.text(far - 0.16, height - 0.16, "not yet past the edge", ha="right", color=SNAKE)
+    axis.text(far + 0.04, height - 0.06, "Success: 1, 2 and 3 hold for every module during 0.3 s.")
+    axis.set(
+        xlim=(far - 0.45, far + 0.75),
+        ylim=(0.0, height + 0.2),
+        aspect="equal",
+        ylabel="z [m]",
+        xlabel="x [m]",
+    )
+
+
+def _fill_ground(axis: Any, course: sg.Course) -> None:
+    profile = course.profile()
+    axis.fill_between(profile[:, 0], profile[:, 1], -0.2, color=GROUND, lw=0)
+    axis.plot(*profile.T, color="k", lw=1.0)
+
+
+def _draw_module(
+    axis: Any, x: float, z: float, edge: float, fill: str, tilt: float = 0.0, color: str = SNAKE
+) -> None:
+    """Draw a square of this edge around (x, z), its nose up by `tilt` [rad]."""
+    c, s = np.cos(tilt), np.sin(tilt)
+    corners = edge / 2 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) @ np.array([(c, s), (-s, c)])
+    style = "-" if color == SNAKE else "--"
+    axis.add_patch(plt.Polygon(corners + np.array([x, z]), facecolor=fill, edgecolor=color, lw=1.2, ls=style))
+
+
 def draw_baselines(results: dict[str, Any]) -> None:
-    """Draw which share of trials a body crosses that does nothing, by pit, modules and friction."""
+    """Draw the share of successful trials with zero actions, by pit, modules and friction."""
     rows = {
         "modules": {name[7:]: part for name, part in results.items() if name.startswith("widths/")},
         "friction": {name[10:]: part for name, part in results.items() if name.startswith("frictions/")},
@@ -123,16 +220,16 @@ def draw_baselines(results: dict[str, Any]) -> None:
         axis.set_xticks(range(len(pits)), [pit[2:] for pit in pits])
         trials = next(iter(parts.values()))["trials"]
         within = "friction 0.55 to 0.9" if label == "modules" else "8 modules"
-        axis.set(ylabel=label, title=f"{within}, {trials} trials a cell")
+        axis.set(ylabel=label, title=f"{within}, {trials} trials per cell")
     axes[-1].set_xlabel("width of the pit [cm]")
-    figure.colorbar(picture, ax=axes, label="trials that cross [%]")
+    figure.colorbar(picture, ax=axes, label="successful trials [%]")
     _save(figure, "baselines.png")
 
 
-def _add_faces(axis: Any, triangles: np.ndarray, colours: np.ndarray, edge: str) -> None:
+def _add_faces(axis: Any, triangles: np.ndarray, colors: np.ndarray, edge: str) -> None:
     axis.add_collection3d(
         Poly3DCollection(
-            triangles, facecolors=colours, edgecolors=edge, linewidths=0.25, antialiased=edge != "none"
+            triangles, facecolors=colors, edgecolors=edge, linewidths=0.25, antialiased=edge != "none"
         )
     )
     low, high = triangles.reshape(-1, 3).min(0), triangles.reshape(-1, 3).max(0)
@@ -154,14 +251,14 @@ def _save(figure: Figure, name: str) -> None:
 
 
 def _write(pixels: np.ndarray, name: str) -> None:
-    """Write a picture cut to what is drawn on it."""
+    """Write a picture cropped to its content."""
     rows, columns = (np.flatnonzero((pixels < 250).any(axis=(axis, 2))) for axis in (1, 0))
     cut = pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     Image.fromarray(np.ascontiguousarray(cut)).quantize(128).save(FOLDER / name, optimize=True)
 
 
 def _write_film(frames: list[np.ndarray], name: str) -> None:
-    """Write frames as a GIF that repeats, all in the colors of the middle one."""
+    """Write frames as a looping GIF with the palette of the middle frame."""
     pictures = [Image.fromarray(frame).resize(FILM_SIZE, Image.Resampling.LANCZOS) for frame in frames]
     palette = pictures[len(pictures) // 2].quantize(96)
     first, *others = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
@@ -170,6 +267,9 @@ def _write_film(frames: list[np.ndarray], name: str) -> None:
 
 def main() -> None:
     """Survey, reconstruct, decompose, draw."""
+    draw_course()
+    if sys.argv[1:] == ["course"]:
+        return
     draw_baselines(_load_results("baselines"))
     draw_crossing(_load_results("evolution"))
     if sys.argv[1:] == ["results"]:

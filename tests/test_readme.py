@@ -47,7 +47,7 @@ def test_number_finder_sees_what_it_must() -> None:
     ]
 
 
-def test_claims_are_told_once() -> None:
+def test_claims_are_unique() -> None:
     words = [claim.what for claim in (*CLAIMS, *LIMITS)]
     assert len(words) == len(set(words))
     assert sum(claim.is_headline for claim in CLAIMS) <= 20, "the README is short"
@@ -68,7 +68,7 @@ def test_what_was_never_measured_is_not_claimed() -> None:
     del records["scans"]["results"]["real_scan"]
     del records["environment"]
     table = make_table(records)
-    assert "real scan: other beams kept" not in table
+    assert "Real scan: share of the other readings kept" not in table
     assert "## Environment" not in table
     assert "robot-seconds" not in fill_in(README.read_text(), records)
     assert make_table({}) == "Nothing was measured yet.\n"
@@ -93,11 +93,11 @@ def test_values_are_reduced_scaled_and_taken_from_text() -> None:
 
 
 @pytest.mark.parametrize(("number", "words"), [(0.9, "≤ 1.0 mm: met"), (1.1, "≤ 1.0 mm: **missed**")])
-def test_bar_is_judged_by_its_number(number: float, words: str) -> None:
+def test_bar_is_compared_with_its_number(number: float, words: str) -> None:
     claim = Claim("width", "{0:.1f} mm", (Value("a", "width"),), bar="<= 1.0 mm")
-    assert claim.judge({"a": {"results": {"width": number}}}) == words
+    assert claim.check_bar({"a": {"results": {"width": number}}}) == words
     with pytest.raises(ClaimError, match="a bar reads"):
-        Claim("width", "{0}", (Value("a", "width"),), bar="small").judge(
+        Claim("width", "{0}", (Value("a", "width"),), bar="small").check_bar(
             {"a": {"results": {"width": number}}}
         )
 

@@ -1,6 +1,6 @@
-"""Every figure that README and documentation state, and where in `benchmarks/results` it comes from.
+"""Every figure that the README and the documentation state, and where in `benchmarks/results` it comes from.
 
-One file a benchmark. `python -m benchmarks.table` turns these lists into text; a figure stands nowhere else.
+One file per benchmark. `python -m benchmarks.table` turns these lists into text; figures are written nowhere else.
 """
 
 from benchmarks.claims.arena import ARENA
@@ -20,13 +20,13 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Scans": SCANS,
     "Reconstruction": RECONSTRUCTION,
     "Folds and self-intersections": FOLDS,
-    "An arena that has changed": REFINE,
+    "Updating a reconstruction after a change": REFINE,
     "Arenas": ARENA,
     "Environment": ENVIRONMENT,
-    "Doing nothing, and a random choice": BASELINES,
+    "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "A real staircase": STAIRCASE,
-    "Start": IMPORTS,
+    "Startup time": IMPORTS,
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)
 

@@ -1,4 +1,4 @@
-"""Speed and honesty of the environment."""
+"""Speed and validity of the environment."""
 
 from benchmarks.figures import Claim, Value
 
@@ -22,75 +22,77 @@ def _successes(pit: str) -> tuple[Value, ...]:
 
 ENVIRONMENT = (
     Claim(
-        "robot-seconds per second, 8 modules, one thread: truth / gsrm / gg",
+        "Simulation speed, snake of 8 modules, one thread: simulated robot-seconds per second of processor time in "
+        "the arenas truth / gsrm / gg",
         "{0:.0f} / {1:.0f} / {2:.0f}",
         (_speed("truth"), _speed("gsrm"), _speed("gg")),
         bar=">= 60 on gsrm",
-        judged=1,
+        bar_index=1,
         is_headline=True,
     ),
     Claim(
-        "`env.step` against bare `mj_step`, gsrm",
+        "Processor time of `env.step` relative to the `mj_step` calls alone, arena gsrm",
         "{0:.2f}",
         (Value("environment", "speed/gsrm: over bare mj_step"),),
         bar="<= 1.10",
     ),
     Claim(
-        "the same for 16 simulations at once, one thread",
+        "Processor time of a vector environment of 16 on one thread relative to `mj_step` alone, arena gsrm",
         "{0:.2f}",
         (Value("environment", "speed/gsrm: 16 at once over bare"),),
         bar="<= 1.10",
         set_after=True,
     ),
     Claim(
-        "`reset`, gsrm",
+        "Processor time of `reset`, arena gsrm",
         "{0:.1f} ms",
         (Value("environment", "speed/gsrm: reset [ms]"),),
         bar="<= 2 ms",
     ),
     Claim(
-        "vector environment: two threads over one",
+        "Vector environment: speedup by a second thread",
         "{0:.2f}",
         (Value("environment", "threads/two threads over one"),),
         bar=">= 1.7 on an idle machine",
     ),
     Claim(
-        "5 ms physics agrees with 1 ms on who crosses, pit 0.30 m",
+        "30 random controllers, pit of 0.30 m: same outcome (crosses or fails) with a physics timestep of 5 ms as "
+        "with 1 ms",
         "{0} of {1}",
         _agreement("timestep", "pit 0.30"),
         bar=">= 28 of 30",
         is_headline=True,
     ),
     Claim(
-        "5 ms physics agrees with 1 ms on who crosses, pit 0.35 m",
+        "30 random controllers, pit of 0.35 m: same outcome with a physics timestep of 5 ms as with 1 ms",
         "{0} of {1}",
         _agreement("timestep", "pit 0.35"),
         bar=">= 28 of 30",
     ),
     Claim(
-        "sphere tracks agree with wheels on joints, pit 0.35 m",
+        "30 random controllers, pit of 0.35 m: same outcome with tracks made of spheres as with wheels on joints",
         "{0} of {1}",
         _agreement("tracks", "pit 0.35: wheels"),
         bar=">= 27 of 30",
     ),
     Claim(
-        "sphere tracks agree with the authors' cylinders, pit 0.35 m",
+        "30 random controllers, pit of 0.35 m: same outcome with tracks made of spheres as with the authors' cylinders",
         "{0} of {1}",
         _agreement("tracks", "pit 0.35: cylinders"),
         bar=">= 27 of 30",
     ),
     Claim(
-        "of these 30 controllers cross a pit of 0.30 m: spheres / wheels / cylinders",
+        "How many of these 30 controllers cross a pit of 0.30 m: on spheres / wheels / cylinders",
         "{0} / {1} / {2}",
         _successes("0.30"),
     ),
     Claim(
-        "the same at 0.35 m",
+        "How many of these 30 controllers cross a pit of 0.35 m: on spheres / wheels / cylinders",
         "{0} / {1} / {2}",
         _successes("0.35"),
     ),
     Claim(
-        "cheats found by a second judge among the successes of random and of evolved episodes",
+        "Successes that the audit (an independent second check) rejects, in episodes of random + evolved controllers",
         "{0} in {1:,} + {2:,}",
         (
             Value("environment", "cheats/cheats"),
@@ -101,17 +103,17 @@ ENVIRONMENT = (
         is_headline=True,
     ),
     Claim(
-        "steps with random options and with actions that no one should send; numbers that were not finite",
+        "Steps with random options and invalid actions; values that were not finite",
         "{0:,}; {1}",
         (
             Value("environment", "robustness/counts/steps"),
             Value("environment", "robustness/counts/not finite"),
         ),
         bar="<= 0",
-        judged=1,
+        bar_index=1,
     ),
     Claim(
-        "growth of the process over 1,000 resets",
+        "Memory growth over 1,000 resets",
         "{0:.1f} MB",
         (Value("environment", "memory/after resets [MB]"),),
     ),

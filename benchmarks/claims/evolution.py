@@ -1,6 +1,11 @@
-"""Whether champions hold, and what they cost."""
+"""Robustness of champions, and the cost of finding them."""
 
 from benchmarks.figures import PERCENT, Claim, Value
+
+_CHAMPIONS = "{0} of {1}; {2:.0f}; {3} ({4})"
+_UNCONFIRMED = (
+    "unconfirmed champions (how many of them succeed in at least 18 of 20 trials in the true arena)"
+)
 
 
 def _count_champions(part: str) -> tuple[Value, ...]:
@@ -10,58 +15,63 @@ def _count_champions(part: str) -> tuple[Value, ...]:
 
 EVOLUTION = (
     Claim(
-        "runs whose champion, evolved and confirmed in the scanned arena, crosses in at least 18 of 20 fresh trials in "
-        "the true one (default course, 8 modules, from zero); genotypes in the median; unconfirmed champions (of which "
-        "as many cross)",
-        "{0} of {1}; {2:.0f}; {3} ({4})",
+        "Runs of evolution in the scanned arena with a robust champion (default course, 8 modules, search from "
+        f"zero); median number of genotypes; {_UNCONFIRMED}",
+        _CHAMPIONS,
         _count_champions("champions"),
         bar=">= 5 of 5",
         is_headline=True,
     ),
     Claim(
-        "likewise by five seeds that were held out: the search's patience was set by a look at one of the first five",
-        "{0} of {1}; {2:.0f}; {3} ({4})",
+        "Five more seeds, held out (one of the first five was used to tune when the search stops): runs with a robust "
+        f"champion; median number of genotypes; {_UNCONFIRMED}",
+        _CHAMPIONS,
         _count_champions("champions_held_out"),
         bar=">= 5 of 5",
     ),
     Claim(
-        "likewise with 6 modules",
-        "{0} of {1}; {2:.0f}; {3} ({4})",
+        f"6 modules: runs with a robust champion; median number of genotypes; {_UNCONFIRMED}",
+        _CHAMPIONS,
         _count_champions("six_modules"),
         bar=">= 3 of 5",
     ),
     Claim(
-        "likewise over an abyss of 0.37 m, scanned, where only a bridge counts",
-        "{0} of {1}; {2:.0f}; {3} ({4})",
+        "Bottomless pit of 0.37 m, scanned: runs with a robust champion; median number of genotypes; "
+        f"{_UNCONFIRMED}",
+        _CHAMPIONS,
         _count_champions("abyss"),
         bar=">= 3 of 5",
     ),
     Claim(
-        "genotypes tried in the median, default course, 8 modules, from zero",
+        "Default course, 8 modules, search from zero: median number of genotypes until the run ends",
         "{0:.0f}",
         (Value("evolution", "champions/median_genotypes"),),
         bar="<= 600",
     ),
     *(
-        Claim(f"likewise {words}", "{0} of {1}; {2:.0f}; {3} ({4})", _count_champions(f"laws/{law}"))
+        Claim(
+            f"{words}: runs with a robust champion; median number of genotypes; {_UNCONFIRMED}",
+            _CHAMPIONS,
+            _count_champions(f"laws/{law}"),
+        )
         for law, words in (
-            ("travelling", "by a law of angles instead of slopes"),
-            ("reactive from its hint", "by reflexes that begin from numbers set by hand"),
+            ("travelling", "Controller `travelling` (angles instead of slopes)"),
+            ("reactive from its hint", "Controller `reactive`, search from its hand-set genotype"),
         )
     ),
     Claim(
-        "wall time of the five runs with 8 modules on 2 cores, median / longest",
+        "Default course, 8 modules: wall time of the five runs on 2 cores, median / longest",
         "{0:.0f} / {1:.0f} s",
         (
             Value("evolution", "champions/median_wall_seconds"),
             Value("evolution", "champions/runs/*/wall_seconds", "max"),
         ),
         bar="<= 300 s",
-        judged=1,
+        bar_index=1,
     ),
     Claim(
-        "how much better validation was than the final test by seeds drawn with the row, trials of 20, mean over "
-        "confirmed champions (how many); over unconfirmed ones",
+        "Optimism of validation: successes of 20 in validation less those in the final test with a newly drawn seed, "
+        "mean over confirmed champions (their number); over unconfirmed ones (their number)",
         "{0} ({1}); {2} ({3})",
         tuple(
             Value("evolution", f"gap/{key}")
@@ -72,8 +82,9 @@ EVOLUTION = (
     ),
     *(
         Claim(
-            f"first in a GSRM of 800 units, then in {words}: times as fast as in it alone",
-            "{0:.1f} ({1} of {2} are confirmed and hold)",
+            f"Evolution first in an arena of a coarse GSRM (800 units), then in {words}: processor time of the fine "
+            "arena alone divided by that of both (runs with a robust champion)",
+            "{0:.1f} ({1} of {2})",
             (
                 Value("evolution", f"stages_compared/{fine}/times_less_cpu_seconds"),
                 *_count_champions(f"stages/{fine}")[:2],
@@ -83,8 +94,8 @@ EVOLUTION = (
         for fine, words in (("gsrm 2200", "a GSRM of 2,200 units"), ("gg 13860", "a growing grid of 13,860"))
     ),
     Claim(
-        "modules of the shortest body that holds, of 3 to 9 to choose from, least / most by seed; confirmed and hold "
-        "in truth; unconfirmed (of which as many hold)",
+        "Evolution chooses the length of the body, 3 to 9 modules: shortest body found, smallest / largest over the "
+        f"runs; runs with a robust champion; {_UNCONFIRMED}",
         "{0} / {1}; {2} of {3}; {4} ({5})",
         (
             Value("evolution", "body_length/runs/*/modules", "min"),
@@ -92,34 +103,36 @@ EVOLUTION = (
             *(value for value in _count_champions("body_length") if "genotypes" not in value.path),
         ),
         bar="<= 4 in each, as 4 suffice",
-        judged=1,
+        bar_index=1,
         set_after=True,
     ),
     Claim(
-        "genotypes of still shorter bodies that these runs tried in vain",
+        "Genotypes of shorter bodies that these runs tried without success",
         "{0:,}",
         (Value("evolution", "body_length/runs/*/shorter_genotypes", "sum"),),
     ),
     Claim(
-        "overhead of the loop over bare stepping, trials of equal length",
+        "Overhead of evaluation over the physics steps alone, trials of equal length",
         "{0:.1f} %",
         (Value("evolution", "overhead/none of which ends before the others", scale=PERCENT),),
         bar="<= 10 %",
     ),
     Claim(
-        "two threads over one",
+        "Evaluation of genotypes: speedup by a second thread",
         "{0:.2f}",
         (Value("evolution", "workers/speedup_of_two"),),
         bar=">= 1.7 on an idle machine",
     ),
     Claim(
-        "histories on 1, 2 and 4 threads and on 2 processes that are equal to the bit (Ray: by a test)",
+        "Histories of the same run on 1, 2 and 4 threads and on 2 processes that are identical to the bit (Ray: see "
+        "the tests)",
         "{0} of {1}",
         (Value("evolution", "backends/equal"), Value("evolution", "backends/of")),
         bar=">= 4 of 4",
     ),
     Claim(
-        "runs killed by signal 9 at random moments that end, resumed, as if they had not been",
+        "Runs killed (SIGKILL) at random moments that, once resumed, end with the same champion and history as an "
+        "uninterrupted run",
         "{0} of {1}",
         (Value("evolution", "kills/same_champion_and_history"), Value("evolution", "kills/kills")),
         bar=">= 20 of 20",

@@ -1,10 +1,10 @@
-"""What it costs to begin."""
+"""Cost of imports and of the first call."""
 
 from benchmarks.figures import Claim, Value
 
 IMPORTS = (
     Claim(
-        "`import symbrion_gym`, processor time, as a share of that of `import mujoco, gymnasium, trimesh` (memory)",
+        "`import symbrion_gym`: processor time relative to `import mujoco, gymnasium, trimesh` (memory)",
         "{0:.2f} ({1:.0f} MB)",
         (
             Value("imports", "import symbrion_gym/cpu_ratio"),
@@ -13,7 +13,8 @@ IMPORTS = (
         bar="<= 1.4",
     ),
     Claim(
-        "the same for `gym.make` and `reset` on gsrm, import included (memory)",
+        "`gym.make` and `reset` with the arena gsrm, import included: processor time relative to `import mujoco, "
+        "gymnasium, trimesh` (memory)",
         "{0:.2f} ({1:.0f} MB)",
         (
             Value("imports", "gym.make and reset, gsrm/cpu_ratio"),
@@ -21,7 +22,7 @@ IMPORTS = (
         ),
     ),
     Claim(
-        "a refusal, `symbrion evolve --arena nonsense`, processor time (on an idle machine the clock shows the same)",
+        "Error message of `symbrion evolve --arena nonsense`: processor time until it appears",
         "{0:.1f} s",
         (Value("imports", "symbrion evolve --arena nonsense/cpu_seconds"),),
         bar="<= 2 s",

@@ -1,13 +1,13 @@
-"""What falls short: sentences with figures of their own, for the README."""
+"""Known limits: sentences with their own figures, for the README."""
 
 from benchmarks.figures import PERCENT, Claim, Value
 
 LIMITS = (
     Claim(
         "cost of refine",
-        "Of seven changes, told by a tenth of new readings, the dearest costs `refine` {0:.0f} % of a fresh "
-        "run with GSRM 2,200 and {1:.0f} % with the growing grid (wanted: 25 %); a wall that has moved {2:.0f} % and "
-        "{3:.0f} %.",
+        "Updating a reconstruction takes up to {0:.0f} % of the processor time of a new one with GSRM (2,200 units) "
+        "and {1:.0f} % with the growing grid (target: 25 %), in the worst of seven changes with a tenth as many new "
+        "readings. After a wall has moved it takes {2:.0f} % and {3:.0f} %.",
         (
             Value("refine", "gsrm 2200/*/cpu_ratio", "max", scale=PERCENT),
             Value("refine", "gg 13860/*/cpu_ratio", "max", scale=PERCENT),
@@ -16,10 +16,10 @@ LIMITS = (
         ),
     ),
     Claim(
-        "speed loss of a sled over the seams",
-        "A sled drawn over the seams between the pieces of the ready-made arenas loses up to {0:.1f} % (gsrm) and "
-        "{1:.1f} % (gg) of its speed at one spot (wanted: 5 %; a wheel: {2:.1f} %; on the exact triangles of a scan: "
-        "{3:.0f} %).",
+        "speed loss over seams",
+        "A sled pulled over the seams between contact pieces loses up to {0:.1f} % (arena gsrm) and {1:.1f} % (gg) of "
+        "its speed at one place (target: 5 %). A wheel on gsrm loses {2:.1f} %; the sled on the exact triangles of "
+        "the scan loses {3:.0f} %.",
         (
             Value("arena", "sled/ready-made gsrm/speed_loss", scale=PERCENT),
             Value("arena", "sled/ready-made gg/speed_loss", scale=PERCENT),
@@ -28,9 +28,10 @@ LIMITS = (
         ),
     ),
     Claim(
-        "lean across the plane of the scan",
-        "Levelling sees the robot's lean in the plane of the scan. Across it {0:.2f}° of {1:.2f}° (root mean square) "
-        "stay, which is {2:.1f} mm on the arena's surface at the 95th percentile; no scanner of the two sees more.",
+        "tilt out of the scan plane",
+        "Leveling measures the robot's tilt in the plane of the scan only. Of the tilt out of this plane, {0:.2f}° of "
+        "{1:.2f}° (root mean square) remain, an error of {2:.1f} mm on the arena's surface (95th percentile). Neither "
+        "scanner can measure more.",
         (
             Value("scans", "survey/*/across_after_deg_rms", "max"),
             Value("scans", "survey/*/across_before_deg_rms", "max"),
@@ -38,9 +39,10 @@ LIMITS = (
         ),
     ),
     Claim(
-        "crossings on the authors' cylinders",
-        "Of 30 random controllers {0} cross a pit of 0.35 m on sphere tracks and {1} on wheels of their shape, but {2} "
-        "on the authors' smaller cylinders: agreement in {3} of 30 hides that those who cross are the ones who differ.",
+        "outcomes on the authors' cylinders",
+        "Of 30 random controllers, {0} cross a pit of 0.35 m on tracks made of spheres and {1} on wheels of the same "
+        "shape, but {2} on the smaller cylinders of the authors' simulator. The outcome is the same for {3} of 30, "
+        "but the controllers for which it differs are those that cross.",
         (
             Value("environment", "tracks/pit 0.35: spheres", pattern=r"(\d+) successes"),
             Value("environment", "tracks/pit 0.35: wheels", pattern=r"(\d+) successes"),
@@ -50,9 +52,10 @@ LIMITS = (
     ),
     Claim(
         "coarse to fine",
-        "Coarse to fine does not pay here: begun in a GSRM of 800 units, evolution is {0:.1f} times as fast as in one "
-        "of 2,200 alone (wanted: 1.5), counted in genotypes {1:.1f} times. A still coarser model leads astray: of {3} "
-        "confirmed champions of a grid of 210 triangles {2} hold in the truth.",
+        "Coarse-to-fine evolution does not pay off here. Beginning in a GSRM arena of 800 units gives {0:.1f} times "
+        "the speed of evolution in one of 2,200 units alone (target: 1.5), or {1:.1f} times if genotypes are counted "
+        "instead of processor time. A coarser model misleads: of {3} confirmed champions evolved on a growing grid of "
+        "210 triangles, {2} are robust in the true arena.",
         (
             Value("evolution", "stages_compared/gsrm 2200/times_less_cpu_seconds"),
             Value("evolution", "stages_compared/gsrm 2200/times_less_genotypes"),
@@ -61,9 +64,9 @@ LIMITS = (
         ),
     ),
     Claim(
-        "cost of the loop in Python",
-        "The loop around the physics costs {0:.0f} % of a bare physics step in a single environment (wanted: 10 %), "
-        "{1:.0f} % with sixteen at once.",
+        "overhead of `env.step`",
+        "`env.step` costs {0:.0f} % more than the physics steps alone in a single environment (target: 10 %), and "
+        "{1:.0f} % more in a vector environment of sixteen.",
         (
             Value("environment", "speed/gsrm: over bare mj_step", scale=PERCENT, offset=-PERCENT),
             Value("environment", "speed/gsrm: 16 at once over bare", scale=PERCENT, offset=-PERCENT),

@@ -1,4 +1,4 @@
-"""How near the networks come to the truth, and how fast."""
+"""Accuracy and speed of the networks."""
 
 from benchmarks.figures import MM, Claim, Value
 
@@ -9,21 +9,22 @@ def _distance(size: str, way: str = "truth_to_mesh", of: str = "mean") -> Value:
 
 RECONSTRUCTION = (
     Claim(
-        "GSRM 2,200 units, 60,000 points: true surface → mesh, mean (the authors' C program, same run)",
+        "GSRM with 2,200 units on 60,000 points: mean distance from the true surface to the mesh (the authors' C "
+        "program in the same run)",
         "{0:.2f} mm ({1:.2f} mm)",
         (_distance("gsrm 2200"), _distance("gsrm 2200: C 2200")),
         bar="<= 1.0 mm",
         is_headline=True,
     ),
     Claim(
-        "its time, as a share of the C program's",
+        "GSRM with 2,200 units: wall time relative to the authors' C program (below 1: faster)",
         "{0:.2f}",
         (Value("reconstruction", "sizes/gsrm 2200/time_against_c"),),
         bar="<= 0.45",
         is_headline=True,
     ),
     Claim(
-        "its boundary loops (one is the rim of the terrain); the C program's",
+        "GSRM with 2,200 units: boundary loops of the mesh (1 is correct: the outer edge); of the C program's mesh",
         "{0:.0f}; {1:.0f}",
         (
             Value("reconstruction", "sizes/gsrm 2200/boundary_loops/*", "max"),
@@ -32,56 +33,56 @@ RECONSTRUCTION = (
         bar="<= 1",
     ),
     Claim(
-        "GSRM 2,200 units: 95th percentile, true surface → mesh",
+        "GSRM with 2,200 units: 95th percentile of the distance from the true surface to the mesh",
         "{0:.1f} mm",
         (_distance("gsrm 2200", of="p95"),),
         bar="<= 2.6 mm",
     ),
     Claim(
-        "GSRM 800 units: mean",
+        "GSRM with 800 units: mean distance from the true surface to the mesh",
         "{0:.2f} mm",
         (_distance("gsrm 800"),),
         bar="<= 1.0 mm",
     ),
     Claim(
-        "GSRM 800 units: time against the C program",
+        "GSRM with 800 units: wall time relative to the authors' C program",
         "{0:.2f}",
         (Value("reconstruction", "sizes/gsrm 800/time_against_c"),),
         bar="<= 0.75",
     ),
     Claim(
-        "GSRM 5,000 units: mean",
+        "GSRM with 5,000 units: mean distance from the true surface to the mesh",
         "{0:.2f} mm",
         (_distance("gsrm 5000"),),
         bar="<= 1.25 mm",
     ),
     Claim(
-        "GSRM 5,000 units: time against the C program",
+        "GSRM with 5,000 units: wall time relative to the authors' C program",
         "{0:.2f}",
         (Value("reconstruction", "sizes/gsrm 5000/time_against_c"),),
         bar="<= 0.45",
     ),
     Claim(
-        "growing grid, 13,860 triangles: true surface → mesh, mean",
+        "Growing grid with 13,860 triangles: mean distance from the true surface to the mesh",
         "{0:.2f} mm",
         (_distance("gg 13860"),),
         bar="<= 1.4 mm",
         is_headline=True,
     ),
     Claim(
-        "growing grid: time against the C program's GSRM of 2,200 units",
+        "Growing grid with 13,860 triangles: wall time relative to the authors' C program for GSRM with 2,200 units",
         "{0:.2f}",
         (Value("reconstruction", "sizes/gg 13860/time_against_c"),),
         bar="<= 0.60",
     ),
     Claim(
-        "time grows with units to the power of, GSRM / grid",
+        "Exponent with which the run time grows with the number of units: GSRM / growing grid (1: linear)",
         "{0:.2f} / {1:.2f}",
         (Value("reconstruction", "scaling/gsrm/exponent"), Value("reconstruction", "scaling/gg/exponent")),
         bar="<= 1.15",
     ),
     Claim(
-        "cold start: a fresh process, GSRM 2,200",
+        "GSRM with 2,200 units in a fresh process, from the call to the mesh (compiled programs cached)",
         "{0:.1f} s",
         (Value("reconstruction", "start/gsrm"),),
         bar="<= 1.5 s",

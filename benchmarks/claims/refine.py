@@ -1,11 +1,11 @@
-"""What a network that goes on learning costs, and what it leaves as it was."""
+"""Cost and side effects of updating a reconstruction with new readings."""
 
 from benchmarks.figures import MM, Claim, Value
 
 SIZES = {
-    "gsrm 2200": "GSRM 2,200",
-    "gsrm 800": "GSRM 800",
-    "gg 13860": "growing grid, 13,860 triangles",
+    "gsrm 2200": "GSRM with 2,200 units",
+    "gsrm 800": "GSRM with 800 units",
+    "gg 13860": "growing grid with 13,860 triangles",
 }
 
 
@@ -13,14 +13,15 @@ def _claim_change(size: str, words: str) -> tuple[Claim, Claim]:
     path = f"{size}/wall moved"
     return (
         Claim(
-            f"the far wall of the pit has moved by 5 cm, {words}: share of a fresh run's processor time",
+            f"Far wall of the pit moved by 5 cm, {words}: processor time of `refine` relative to a new reconstruction",
             "{0:.2f}",
             (Value("refine", f"{path}/cpu_ratio"),),
             bar="<= 0.25",
             is_headline=size == "gsrm 2200",
         ),
         Claim(
-            f"{words}: mean distance, true surface → mesh, before → after (a fresh run)",
+            f"Far wall moved, {words}: mean distance from the true surface to the mesh before → after `refine` (after "
+            "a new reconstruction)",
             "{0:.1f} → {1:.2f} mm ({2:.2f} mm)",
             tuple(
                 Value("refine", f"{path}/{when}/truth_to_mesh", scale=MM)
@@ -33,8 +34,8 @@ def _claim_change(size: str, words: str) -> tuple[Claim, Claim]:
 def _claim_all(size: str, words: str) -> tuple[Claim, ...]:
     return (
         Claim(
-            f"{words}: share of a fresh run's processor time, the worst and the median of seven changes told by a "
-            "tenth of new readings",
+            f"Seven changes of the scene, with a tenth as many new readings as the first scan has, {words}: processor "
+            "time of `refine` relative to a new reconstruction, worst and median",
             "{0:.2f}, {1:.2f}",
             (
                 Value("refine", f"{size}/*/cpu_ratio", "max"),
@@ -43,21 +44,22 @@ def _claim_all(size: str, words: str) -> tuple[Claim, ...]:
             bar="<= 0.25",
         ),
         Claim(
-            f"{words}: drift of what did not change, the farthest place in seven changes",
+            f"Seven changes of the scene, {words}: largest displacement of the mesh by `refine` where nothing changed",
             "{0:.2f} mm",
             (Value("refine", f"{size}/*/drift/max", "max", scale=MM),),
             bar="<= 2 mm",
             is_headline=size != "gsrm 800",
         ),
         Claim(
-            f"{words}: likewise share and drift where a whole new scan tells that readings have stopped",
+            f"Removed object that only a complete new scan shows, {words}: relative processor time of `refine`, and "
+            "largest displacement where nothing changed",
             "{0:.2f}, {1:.2f} mm",
             (
                 Value("refine", f"{size}, scanned anew/*/cpu_ratio"),
                 Value("refine", f"{size}, scanned anew/*/drift/max", scale=MM),
             ),
             bar="<= 2 mm",
-            judged=1,
+            bar_index=1,
             set_after=True,
         ),
     )

@@ -1,11 +1,12 @@
-"""The road with a real scan."""
+"""The whole pipeline on a real scan."""
 
 from benchmarks.figures import MM, Claim, Value
 
 STAIRCASE = (
     Claim(
-        "real staircase: heights of its treads in the mesh against the scan, the worst of those judged",
-        "{0:.1f} mm of {1} treads",
+        "Real scan of a staircase: largest error of a tread's height in the mesh against the scan (treads with enough "
+        "points to compare)",
+        "{0:.1f} mm ({1})",
         (
             Value("staircase", "surfaces/beams/worst_height", scale=MM),
             Value("staircase", "surfaces/beams/judged"),
@@ -13,7 +14,7 @@ STAIRCASE = (
         is_headline=True,
     ),
     Claim(
-        "real staircase: rise and tread in the mesh (known: 144 and 340 mm)",
+        "Real scan of a staircase: mean height and depth of a step in the mesh (known: 144 and 340 mm)",
         "{0:.1f} and {1:.1f} mm",
         (
             Value("staircase", "surfaces/beams/rise", scale=MM),
@@ -21,7 +22,7 @@ STAIRCASE = (
         ),
     ),
     Claim(
-        "modules of a snake of 8, evolved on these stairs, that stand above their first / second / third tread",
+        "Snake of 8 modules evolved on these stairs: modules that end above the first / second / third tread",
         "{0} / {1} / {2}",
         tuple(Value("staircase", f"drives/stairs/on_steps/{step}") for step in range(3)),
     ),

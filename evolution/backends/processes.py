@@ -11,7 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from multiprocessing.connection import Connection
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from evolution.backends.pool import PoolConfig, Reply, WorkerPool
 from evolution.backends.simulation import Simulate, name_simulate
@@ -22,7 +22,7 @@ READY = "ready"
 """First message of a worker."""
 
 
-def share_pipe(handle: int) -> dict[str, object]:
+def share_pipe(handle: int) -> dict[str, Any]:
     """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other.
 
     Args:
