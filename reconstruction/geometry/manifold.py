@@ -81,7 +81,7 @@ def find_hinges(faces: Int[np.ndarray, "F 3"], sides: Sides) -> Hinges:
 
 
 def find_normals(
-    vertices: Float64[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float64[np.ndarray, "F 3"]:
     """Return the faces' unit normals, zero for faces without area."""
     import igl
