@@ -81,7 +81,7 @@ def find_hinges(faces: Int[np.ndarray, "F 3"], sides: Sides) -> Hinges:
 
 
 def find_normals(
-    vertices: Float64[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float64[np.ndarray, "F 3"]:
     """Return the faces' unit normals, zero for faces without area."""
     import igl
@@ -156,7 +156,7 @@ def find_minor_fans(
         adjacent = place[adjacent]
     first = np.arange(len(selected))
     while True:
-        # Every corner takes the first corner of its fan that its neighbours know of, then the one that this knows of.
+        # Every corner takes the first corner of its fan that its neighbors have found, then what that one has found.
         earlier = np.minimum(first, np.minimum(first[adjacent[0]], first[adjacent[1]]))
         earlier = earlier[earlier]
         if (earlier == first).all():
@@ -211,7 +211,7 @@ def orient_faces(
 
     Returns:
         The faces, reversed where needed, and those to drop because their winding contradicts a
-        neighbour's: without them the surface is orientable.
+        neighbor's: without them the surface is orientable.
     """
     if hinges.is_consistent.all():
         return faces, np.empty(0, dtype=np.int64)

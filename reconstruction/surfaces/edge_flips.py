@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.manifold import (
+    Hinges,
     Sides,
     find_ends,
     find_hinges,
@@ -97,18 +98,18 @@ def _flip_once(
     normals = find_normals(vertices, faces)
     steep = np.flatnonzero(all_corners(is_open, hinges.faces))
     steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > config.min_angle]
+    candidates = Hinges(*(column[steep] for column in hinges))
     across = np.full((len(faces), 3), -1)
     across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
     across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
-    pair, side = hinges.faces[steep], hinges.sides[steep]
-    gain, corners, outer = _rate_flips(vertices, faces, normals, across, pair, side, config)
+    gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates, config)
     worth = np.flatnonzero(gain)
-    touched = np.concatenate([pair, outer], axis=1)[worth]
+    touched = np.concatenate([candidates.faces, outer], axis=1)[worth]
     gain = np.where(_are_joined(corners[worth, 2:], faces, sides, len(vertices)), 0, gain[worth])
     selected = worth[_select_apart(gain, touched, len(faces))]
     a, b, c, d = corners[selected].T
     flipped = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
-    return pair[selected].T.ravel(), flipped, corners[worth]
+    return candidates.faces[selected].T.ravel(), flipped, corners[worth]
 
 
 def _rate_flips(
@@ -116,8 +117,7 @@ def _rate_flips(
     faces: Int[np.ndarray, "F 3"],
     normals: Float[np.ndarray, "F 3"],
     across: Int[np.ndarray, "F 3"],
-    pair: Int[np.ndarray, "P 2"],
-    side: Int[np.ndarray, "P 2"],
+    candidates: Hinges,
     config: FlipConfig,
 ) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
     """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces.
@@ -127,10 +127,10 @@ def _rate_flips(
         faces: of an oriented two-manifold.
         normals: of the faces.
         across: the face behind every side, -1 where none.
-        pair: the two faces at each edge.
-        side: which side of each it is.
+        candidates: the edges, P of them.
         config: how much must be saved.
     """
+    pair, side = candidates.faces, candidates.sides
     first, second = pair.T
     a, b = faces[first, side[:, 0]], faces[first, (side[:, 0] + 1) % 3]
     c, d = faces[first, (side[:, 0] + 2) % 3], faces[second, (side[:, 1] + 2) % 3]

@@ -17,7 +17,7 @@ from reconstruction.geometry.rows import all_rows, any_rows, cross_rows, find_le
 
 FOLD_ANGLE = np.deg2rad(120)
 """Two faces at an edge are a fold where their normals differ by more: a level sheet has 0 degrees, a right-angled
-crease 90, a face laid back onto its neighbour 180."""
+crease 90, a face laid back onto its neighbor 180."""
 SIZES_APART = 4.0
 """Faces are compared by size: the largest of a group is at most this many times as large as the smallest.
 It changes the time alone."""

@@ -198,7 +198,10 @@ def find_pinched(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, " P"]:
 
     if len(faces) == 0:
         return np.empty(0, dtype=np.int64)
-    return np.intersect1d(np.flatnonzero(np.logical_not(igl.is_vertex_manifold(faces))), faces)
+    is_pinched = np.logical_not(igl.is_vertex_manifold(faces))
+    is_used = np.zeros(len(is_pinched), dtype=bool)
+    is_used[faces] = True
+    return np.flatnonzero(is_pinched & is_used)
 
 
 def _count_parts(edges: Int[np.ndarray, "E 2"], num_vertices: int) -> int:

@@ -74,8 +74,10 @@ def test_equal_seeds_give_equal_bytes_in_another_process_too(ground):
         f"print(t.digest(t.reconstruct(t.make_ground(), {ground.method!r}, units=150)))"
     )
     root = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
-    told = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == digest(ground)
+    output = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True
+    )
+    assert output.stdout.strip() == digest(ground)
     assert digest(reconstruct(make_ground(), ground.method, units=150)) == digest(ground)
     assert digest(reconstruct(make_ground(), ground.method, units=150, seed=1)) != digest(ground)
 
@@ -160,10 +162,10 @@ def test_the_points_given_are_left_alone():
 
 
 def test_progress_runs_from_start_to_end(ground):
-    told = []
-    reconstruct(make_ground(), ground.method, units=150, progress=lambda what, share: told.append(share))
-    np.testing.assert_allclose(told, sorted(told), atol=1e-9)
-    assert told[-1] == 1.0
+    reported = []
+    reconstruct(make_ground(), ground.method, units=150, progress=lambda what, share: reported.append(share))
+    np.testing.assert_allclose(reported, sorted(reported), atol=1e-9)
+    assert reported[-1] == 1.0
 
 
 def test_a_flipped_bit_gives_the_same_surface_or_the_error(tmp_path):

@@ -14,8 +14,8 @@ from reconstruction.files.atomic_write import find_leftovers, write_atomically
 def test_the_file_is_replaced_and_the_old_one_readable_until_then(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with write_atomically(path) as beside:
-        beside.write_text("new")
+    with write_atomically(path) as temporary:
+        temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
     assert list(tmp_path.iterdir()) == [path]
@@ -26,8 +26,8 @@ def test_after_an_error_nothing_has_changed(tmp_path: Path) -> None:
     path.write_text("old")
 
     def fail() -> None:
-        with write_atomically(path) as beside:
-            beside.write_text("half")
+        with write_atomically(path) as temporary:
+            temporary.write_text("half")
             raise KeyError("x")
 
     with pytest.raises(KeyError):
@@ -43,8 +43,8 @@ def test_what_was_written_is_on_the_disk_before_the_rename(
     monkeypatch.setattr(os, "fsync", lambda descriptor: done.append("flush"))
     rename = os.replace
     monkeypatch.setattr(os, "replace", lambda *names: (done.append("rename"), rename(*names)))
-    with write_atomically(tmp_path / "a.txt") as beside:
-        beside.write_text("new")
+    with write_atomically(tmp_path / "a.txt") as temporary:
+        temporary.write_text("new")
     assert done == ["flush", "rename"]
 
 
@@ -52,8 +52,8 @@ def test_what_was_written_is_on_the_disk_before_the_rename(
 def test_others_may_read_what_the_umask_allows(tmp_path: Path, umask: int) -> None:
     before = os.umask(umask)
     try:
-        with write_atomically(tmp_path / "a.npz") as beside:
-            np.savez(beside, a=np.zeros(3))
+        with write_atomically(tmp_path / "a.npz") as temporary:
+            np.savez(temporary, a=np.zeros(3))
     finally:
         os.umask(before)
     assert (tmp_path / "a.npz").stat().st_mode & 0o777 == 0o666 & ~umask
@@ -62,8 +62,8 @@ def test_others_may_read_what_the_umask_allows(tmp_path: Path, umask: int) -> No
 def test_a_file_keeps_its_mode(tmp_path: Path) -> None:
     path = tmp_path / "private.txt"
     path.touch(mode=0o600)
-    with write_atomically(path) as beside:
-        beside.write_text("new")
+    with write_atomically(path) as temporary:
+        temporary.write_text("new")
     assert path.stat().st_mode & 0o777 == 0o600
 
 
@@ -72,8 +72,8 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     (tmp_path / "far" / "a.txt").write_text("old")
     link = tmp_path / "a.txt"
     link.symlink_to("far/a.txt")
-    with write_atomically(link) as beside:
-        beside.write_text("new")
+    with write_atomically(link) as temporary:
+        temporary.write_text("new")
     assert link.is_symlink()
     assert (tmp_path / "far" / "a.txt").read_text() == "new"
 
@@ -89,8 +89,8 @@ def test_two_writers_do_not_meet(tmp_path: Path) -> None:
 
 def test_the_longest_name_can_be_written(tmp_path: Path) -> None:
     path = tmp_path / ("a" * 251 + ".npz")
-    with write_atomically(path) as beside:
-        beside.write_text("new")
+    with write_atomically(path) as temporary:
+        temporary.write_text("new")
     assert path.read_text() == "new"
 
 
@@ -107,13 +107,13 @@ def test_folders_devices_and_protected_files_are_not_replaced(
     assert sorted(each.name for each in tmp_path.iterdir()) == ["pipe", "protected"]
 
 
-def test_a_full_disk_is_told_of_the_file_that_was_wanted(tmp_path: Path) -> None:
+def test_a_full_disk_error_names_the_file_itself(tmp_path: Path) -> None:
     """A limit on the size of files stands for the disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
-        with pytest.raises(OSError, match=r"a\.bin'$"), write_atomically(tmp_path / "a.bin") as beside:
-            beside.write_bytes(bytes(5000))
+        with pytest.raises(OSError, match=r"a\.bin'$"), write_atomically(tmp_path / "a.bin") as temporary:
+            temporary.write_bytes(bytes(5000))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert list(tmp_path.iterdir()) == []
@@ -122,8 +122,8 @@ def test_a_full_disk_is_told_of_the_file_that_was_wanted(tmp_path: Path) -> None
 def test_leftovers_of_killed_writers_are_found(tmp_path: Path) -> None:
     names = ("a+b.tar.npz", "c", ".lock")
     with contextlib.ExitStack() as stack:
-        besides = {stack.enter_context(write_atomically(tmp_path / name)): name for name in names}
-        for path in (*besides, tmp_path / ".mine.part.npz", tmp_path / "c"):
+        temporaries = {stack.enter_context(write_atomically(tmp_path / name)): name for name in names}
+        for path in (*temporaries, tmp_path / ".mine.part.npz", tmp_path / "c"):
             path.touch()
-        assert find_leftovers(tmp_path) == besides
+        assert find_leftovers(tmp_path) == temporaries
     assert find_leftovers(tmp_path) == find_leftovers(tmp_path / "nowhere") == {}

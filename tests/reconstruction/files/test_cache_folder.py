@@ -63,10 +63,10 @@ def test_a_folder_that_others_can_fill_is_not_used(shared: Path, caplog, prepare
 
 
 def test_a_folder_of_another_user_is_not_used(shared: Path, monkeypatch, caplog) -> None:
-    stranger = os.getuid() + 1
-    (shared / f"symbrion-gym-{stranger}").mkdir(mode=0o700)
-    monkeypatch.setattr(os, "getuid", lambda: stranger)
-    assert cache.find_cache_folder("arenas").parent != shared / f"symbrion-gym-{stranger}"
+    other_user = os.getuid() + 1
+    (shared / f"symbrion-gym-{other_user}").mkdir(mode=0o700)
+    monkeypatch.setattr(os, "getuid", lambda: other_user)
+    assert cache.find_cache_folder("arenas").parent != shared / f"symbrion-gym-{other_user}"
     assert "not this user's alone" in caplog.text
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from reconstruction.geometry.boxes import find_inside, find_near_box
 
 
-def test_the_box_holds_its_own_sides_and_nothing_beyond():
+def test_the_box_contains_its_sides_and_nothing_beyond():
     points = np.array([[0, 0, 0], [1, 1, 1], [0.5, 0.5, 1.01], [-0.01, 0, 0], [0.5, 2, 0.5]], dtype=float)
     assert find_inside(points, np.zeros(3), np.ones(3)).tolist() == [0, 1]
     assert find_near_box(points, points[:2], 0.02).tolist() == [0, 1, 2, 3]

@@ -34,7 +34,7 @@ def test_extent() -> None:
 @pytest.mark.parametrize("sides", [2, 3])
 def test_corners(sides: int) -> None:
     rng = np.random.default_rng(2)
-    is_chosen, faces = rng.random(50) < 0.4, rng.integers(0, 50, (200, sides))
-    np.testing.assert_array_equal(any_corner(is_chosen, faces), is_chosen[faces].any(axis=1))
-    np.testing.assert_array_equal(all_corners(is_chosen, faces), is_chosen[faces].all(axis=1))
-    assert len(any_corner(is_chosen, faces[:0])) == 0
+    is_selected, faces = rng.random(50) < 0.4, rng.integers(0, 50, (200, sides))
+    np.testing.assert_array_equal(any_corner(is_selected, faces), is_selected[faces].any(axis=1))
+    np.testing.assert_array_equal(all_corners(is_selected, faces), is_selected[faces].all(axis=1))
+    assert len(any_corner(is_selected, faces[:0])) == 0

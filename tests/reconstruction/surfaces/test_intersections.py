@@ -23,8 +23,8 @@ def test_two_triangles_that_cross():
 def test_two_triangles_that_overlap_in_one_plane():
     shifted = np.add(LEVEL, [0.5, 0.5, 0]).tolist()
     assert find_pairs(LEVEL + shifted, [[0, 1, 2], [3, 4, 5]]) == [[0, 1]]
-    beside = np.add(LEVEL, [2.5, 0, 0]).tolist()
-    assert find_pairs(LEVEL + beside, [[0, 1, 2], [3, 4, 5]]) == []
+    shifted = np.add(LEVEL, [2.5, 0, 0]).tolist()
+    assert find_pairs(LEVEL + shifted, [[0, 1, 2], [3, 4, 5]]) == []
 
 
 def test_a_shared_corner_alone_is_no_intersection():
@@ -59,16 +59,16 @@ def test_a_sheet_has_none_and_a_pulled_vertex_makes_some():
     assert len(find_folded_edges(vertices, faces)) > 0
 
 
-def test_chosen_faces_and_sizes_apart_change_nothing():
+def test_selected_faces_and_sizes_apart_change_nothing():
     rng = np.random.default_rng(0)
     size = 10 ** rng.uniform(-2, 0, 300)
     corners = rng.random((300, 1, 3)) + size[:, None, None] * rng.normal(size=(300, 3, 3)) / 4
     vertices, faces = corners.reshape(-1, 3), np.arange(900).reshape(-1, 3)
     pairs = find_intersections(vertices, faces)
     assert len(pairs) > 100
-    is_chosen = rng.random(300) < 0.2
-    wanted = pairs[is_chosen[pairs].any(axis=1)]
-    np.testing.assert_array_equal(find_intersections(vertices, faces, is_chosen), wanted)
+    is_selected = rng.random(300) < 0.2
+    wanted = pairs[is_selected[pairs].any(axis=1)]
+    np.testing.assert_array_equal(find_intersections(vertices, faces, is_selected), wanted)
     order = rng.permutation(300)
     again = np.sort(order[find_intersections(vertices, faces[order])], axis=1)
     np.testing.assert_array_equal(np.unique(again, axis=0), pairs)

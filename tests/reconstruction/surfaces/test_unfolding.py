@@ -23,7 +23,7 @@ def test_a_flat_lattice_has_no_folds_and_stays():
 
 
 @pytest.mark.parametrize("vertex", [24, 3])  # the middle; the rim
-def test_a_vertex_beyond_its_neighbours_comes_back(vertex):
+def test_a_vertex_beyond_its_neighbors_comes_back(vertex):
     vertices, faces = make_lattice()
     spoiled = vertices.copy()
     spoiled[vertex, :2] += [1.6, 0.3]
