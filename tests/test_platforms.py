@@ -24,7 +24,7 @@ from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.cache import CACHE_VARIABLE, find_cache_folder
 from symbrion_gym import headless
 from symbrion_gym.contact import coacd_worker, decomposition
-from symbrion_gym.environment.rendering import Pictures
+from symbrion_gym.environment.rendering import SceneRenderer
 
 ROOT = Path(__file__).parents[1]
 FILES = [
@@ -109,7 +109,7 @@ def test_a_window_that_needs_another_interpreter_is_left_out(
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(mujoco.viewer, "launch_passive", refuse)
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
-    pictures = Pictures(model, mujoco.MjData(model), 64, 48, 1.0, 0.0)
+    pictures = SceneRenderer(model, mujoco.MjData(model), 64, 48, 1.0, 0.0)
     pictures.follow(np.zeros((1, 3)))
     assert pictures.draw("human") is pictures.draw("human") is None
     assert caplog.text.count("mjpython") == 1

@@ -21,7 +21,8 @@ from reconstruction.scans.planar_poses import (
     rotate_planar,
     transform_planar,
 )
-from reconstruction.scans.scan import HorizontalScans, make_pose, planar_pose
+from reconstruction.geometry.pose import make_pose, to_planar
+from reconstruction.scans.scan import HorizontalScans
 
 if TYPE_CHECKING:
     from small_gicp import KdTree, PointCloud
@@ -273,7 +274,7 @@ def _align(
         translation_epsilon=config.translation_tolerance,
         max_iterations=config.max_iterations,
     )
-    step = find_planar_step(guess, planar_pose(result.T_target_source[None])[0])
+    step = find_planar_step(guess, to_planar(result.T_target_source[None])[0])
     step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
     information = result.H[np.ix_(_PLANAR, _PLANAR)] / config.reading_noise**2
     step = np.linalg.solve(information + config.guess_information, information @ step)

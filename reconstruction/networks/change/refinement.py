@@ -5,8 +5,10 @@ that are no longer valid are dropped, the samples are gathered, and the network 
 that of the change, and what did not change stays equal to the bit.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from functools import cached_property
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,9 +17,6 @@ from scipy.spatial import cKDTree
 from reconstruction.geometry.boxes import find_near_box
 from reconstruction.networks.change.detection import Change, ChangeConfig, detect_changes, find_superseded
 from reconstruction.progress import Progress, silent
-
-State = TypeVar("State")
-State_co = TypeVar("State_co", covariant=True)
 
 
 @dataclass(frozen=True)
@@ -62,31 +61,56 @@ class Samples:
     num_known: int
 
 
+class Surface(NamedTuple):
+    """The surface of a trained network.
+
+    Attributes:
+        vertices: positions [m].
+        faces: vertex indices.
+        spacing: usual distance between neighboring vertices [m].
+    """
+
+    vertices: Float[np.ndarray, "V 3"]
+    faces: Int[np.ndarray, "F 3"]
+    spacing: float
+
+
+class NetworkConfig(Protocol):
+    """The configuration of any network, as the shared sequence sees it."""
+
+    @property
+    def change(self) -> ChangeConfig:
+        """When new readings contradict the network."""
+        ...
+
+
+State = TypeVar("State")
+Config = TypeVar("Config", bound=NetworkConfig)
 SelectionType = TypeVar("SelectionType", bound=Selection)
 
 
-class Learner(Protocol[State_co, SelectionType]):
-    """A trained network as the shared sequence sees it.
+@dataclass(frozen=True)
+class NetworkLearner(ABC, Generic[State, Config, SelectionType]):
+    """A trained network that can learn from new readings; each network implements the three abstract methods.
 
     Attributes:
         state: the network.
-        vertices: positions [m].
-        faces: vertex indices.
-        spacing: mean distance between neighboring vertices [m].
-        change: when new readings contradict the network.
+        config: as it was grown with.
     """
 
-    @property
-    def state(self) -> State_co: ...
-    @property
-    def vertices(self) -> Float[np.ndarray, "V 3"]: ...
-    @property
-    def faces(self) -> Int[np.ndarray, "F 3"]: ...
-    @property
-    def spacing(self) -> float: ...
-    @property
-    def change(self) -> ChangeConfig: ...
+    state: State
+    config: Config
 
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface of the network, measured once."""
+        return self.measure()
+
+    @abstractmethod
+    def measure(self) -> Surface:
+        """Return the surface of the network."""
+
+    @abstractmethod
     def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> SelectionType | None:
         """Return which vertices learn again; None where nothing has changed.
 
@@ -94,11 +118,11 @@ class Learner(Protocol[State_co, SelectionType]):
             change: what the new readings show.
             readings: those of them that were compared [m].
         """
-        ...
 
+    @abstractmethod
     def learn(
         self, change: Change, selection: SelectionType, samples: Samples, rng: np.random.Generator
-    ) -> tuple[State_co, Bool[np.ndarray, " O"]]:
+    ) -> tuple[State, Bool[np.ndarray, " O"]]:
         """Learn from the samples.
 
         Args:
@@ -110,11 +134,10 @@ class Learner(Protocol[State_co, SelectionType]):
         Returns:
             The network, and which of the samples' old points its surface has left: they are no longer valid.
         """
-        ...
 
 
 def refine(
-    learner: Learner[State, SelectionType],
+    learner: NetworkLearner[State, Config, SelectionType],
     old_points: Float[np.ndarray, "N 3"],
     new_points: Float[np.ndarray, "M 3"],
     seed: int = 0,
@@ -135,17 +158,15 @@ def refine(
         The new network, and the points that it now knows: the old ones that are still valid, and the new ones.
     """
     progress("refine", 0.0)
-    vertices = learner.vertices
-    change = detect_changes(
-        vertices, learner.faces, old_points, new_points, learner.spacing, learner.change, origins
-    )
+    (vertices, faces, spacing), limits = learner.surface, learner.config.change
+    change = detect_changes(vertices, faces, old_points, new_points, spacing, limits, origins)
     readings = new_points[change.compared]
     selection = learner.select(change, readings)
     if selection is None:
         progress("refine", 1.0)
         return learner.state, np.concatenate([old_points, new_points])
     samples = _gather_samples(
-        vertices, old_points, new_points, readings, change, selection, learner.change.agreement_distance
+        vertices, old_points, new_points, readings, change, selection, limits.agreement_distance
     )
     state, has_left = learner.learn(change, selection, samples, np.random.default_rng(seed))
     is_valid = np.ones(len(old_points), dtype=bool)

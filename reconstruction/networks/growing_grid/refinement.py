@@ -4,14 +4,13 @@ Only contradicted units and those next to them may move, and only the rows and c
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from reconstruction.geometry.rows import find_lengths
-from reconstruction.networks.change.detection import Change, ChangeConfig
-from reconstruction.networks.change.refinement import Samples, Selection
+from reconstruction.networks.change.detection import Change
+from reconstruction.networks.change.refinement import NetworkLearner, Samples, Selection, Surface
 from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State
 from reconstruction.networks.growing_grid.learning import choose_sigmas
 from reconstruction.networks.growing_grid.marks import close_gaps, dilate, find_open_patches
@@ -43,39 +42,13 @@ class GridSelection(Selection):
     is_spanned: Bool[np.ndarray, "R C"]
 
 
-@dataclass(frozen=True)
-class Learner:
-    """A trained grid that learns from new readings; see `reconstruction.networks.change.refinement.Learner`.
+class Learner(NetworkLearner[State, GrowingGridConfig, GridSelection]):
+    """A trained grid that learns from new readings."""
 
-    Attributes:
-        state: the grid.
-        config: as it was grown with.
-    """
-
-    state: State
-    config: GrowingGridConfig
-
-    @property
-    def vertices(self) -> Float[np.ndarray, "V 3"]:
-        """Positions of the units [m]."""
-        return self.state.vertices
-
-    @property
-    def change(self) -> ChangeConfig:
-        """When new readings contradict the grid."""
-        return self.config.change
-
-    @cached_property
-    def faces(self) -> Int[np.ndarray, "F 3"]:
-        """Two triangles a cell."""
-        return self.state.faces
-
-    @cached_property
-    def spacing(self) -> float:
-        """Median edge length of the grid [m]."""
-        units = self.state.units
-        edges = [find_lengths(np.diff(units, axis=axis)).ravel() for axis in (0, 1)]
-        return float(np.median(np.concatenate(edges)))
+    def measure(self) -> Surface:
+        """Return the grid, with its median edge length."""
+        edges = [find_lengths(np.diff(self.state.units, axis=axis)).ravel() for axis in (0, 1)]
+        return Surface(self.state.vertices, self.state.faces, float(np.median(np.concatenate(edges))))
 
     def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> GridSelection | None:
         """Return the units that have moved or are gone and those next to them; None where there are none."""
@@ -83,7 +56,7 @@ class Learner:
         is_moved, is_strong, is_gone = (
             marks.reshape(shape) for marks in (change.is_moved, change.is_strong, change.is_gone)
         )
-        is_moved = is_moved & dilate(is_strong, self.change.strong_rings)
+        is_moved = is_moved & dilate(is_strong, self.config.change.strong_rings)
         if not (is_moved | is_gone).any():
             return None
         is_moved = close_gaps(is_moved, config.closing)
@@ -98,7 +71,7 @@ class Learner:
             is_near=is_near,
             is_refuted=is_changed.reshape(-1),
             is_doubtful=is_active.reshape(-1),
-            margin=config.sample_margin * self.spacing,
+            margin=config.sample_margin * self.surface.spacing,
             is_movable=is_active & ~is_cut,
             is_spanned=is_gone & ~is_cut & ~is_moved,
         )
@@ -107,13 +80,14 @@ class Learner:
         self, change: Change, selection: GridSelection, samples: Samples, rng: np.random.Generator
     ) -> tuple[State, Bool[np.ndarray, " O"]]:
         """Train the movable units by the batch rule, with new lines where they are stretched."""
-        units, spacing, config = self.state.units, self.spacing, self.config
+        units, config = self.state.units, self.config
+        vertices, _, spacing = self.surface
         spanned = span_gone(units, selection.is_spanned)
-        center = self.vertices[selection.is_active].mean(axis=0)
+        center = vertices[selection.is_active].mean(axis=0)
         is_kept = ~selection.is_active.reshape(units.shape[:2])
         start = ((spanned - center) / spacing).astype(np.float32)
         sheet = Sheet(start, selection.is_movable, self.state.has_face, is_kept)
-        per_unit = samples.num_known / len(self.vertices)
+        per_unit = samples.num_known / len(vertices)
         sigmas = config.fit_sigmas or choose_sigmas(per_unit)[: config.refinement.max_fit_iterations]
         scaled = ((samples.points - center) / spacing).astype(np.float32)
         if selection.is_movable.any() and len(scaled) >= _MIN_SAMPLES:

@@ -4,17 +4,14 @@ Where readings have shifted by less than an edge, the units follow and keep thei
 has changed, the contradicted units are grown again between the others, which do not move (`regrowth`).
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.manifold import group_sides
 from reconstruction.geometry.rows import any_corner, find_lengths, sum_rows
-from reconstruction.networks.change.detection import Change, ChangeConfig
+from reconstruction.networks.change.detection import Change
 from reconstruction.networks.change.neighborhoods import widen
-from reconstruction.networks.change.refinement import Samples, Selection
+from reconstruction.networks.change.refinement import NetworkLearner, Samples, Selection, Surface
 from reconstruction.networks.gsrm.gsrm import GSRMConfig, State
 from reconstruction.networks.gsrm.hole_patching import find_vertex_normals
 from reconstruction.networks.gsrm.motion import find_movable, move_units
@@ -23,59 +20,35 @@ from reconstruction.networks.surface_fit import mean_edge_length
 from reconstruction.surfaces.unfolding import unfold_faces
 
 
-@dataclass(frozen=True)
-class Learner:
-    """A trained map that learns from new readings; see `reconstruction.networks.change.refinement.Learner`.
+class Learner(NetworkLearner[State, GSRMConfig, Selection]):
+    """A trained map that learns from new readings."""
 
-    Attributes:
-        state: the map.
-        config: as it was grown with.
-    """
-
-    state: State
-    config: GSRMConfig
-
-    @property
-    def vertices(self) -> Float[np.ndarray, "V 3"]:
-        """Positions of the units [m]."""
-        return self.state.units
-
-    @property
-    def change(self) -> ChangeConfig:
-        """When new readings contradict the map."""
-        return self.config.change
-
-    @cached_property
-    def faces(self) -> Int[np.ndarray, "F 3"]:
-        """Unit indices."""
-        return self.state.faces.astype(np.int64)
-
-    @cached_property
-    def spacing(self) -> float:
-        """Mean edge length of the map [m]."""
-        return mean_edge_length(self.vertices, self.faces)
+    def measure(self) -> Surface:
+        """Return the map, with its mean edge length."""
+        units, faces = self.state.units, self.state.faces.astype(np.int64)
+        return Surface(units, faces, mean_edge_length(units, faces))
 
     def select(self, change: Change, readings: Float[np.ndarray, "C 3"]) -> Selection | None:
         """Return the units that have moved or are gone; None where there are none."""
-        faces, config = self.faces, self.config.refinement
-        is_active = _find_changed(faces, change, self.change.strong_rings, config.min_confirmations)
+        (units, faces, spacing), config = self.surface, self.config.refinement
+        is_active = _find_changed(faces, change, self.config.change.strong_rings, config.min_confirmations)
         if not is_active.any():
             return None
         is_extended = _find_extended(
-            self.vertices,
+            units,
             faces,
             change.winners[change.disagrees],
             readings[change.disagrees],
             config.max_extension_rise,
         )
-        per_unit = change.density * config.unit_area * self.spacing**2
+        per_unit = change.density * config.unit_area * spacing**2
         return Selection(
             is_active=is_active,
             is_searched=is_active,
             is_near=widen(faces, is_active, 1),
             is_refuted=is_active & ~is_extended,
             is_doubtful=np.zeros_like(is_active),
-            margin=config.sample_margin * self.spacing,
+            margin=config.sample_margin * spacing,
             stride=max(1, int(per_unit / config.readings_per_unit)),
         )
 
@@ -83,11 +56,11 @@ class Learner:
         self, change: Change, selection: Selection, samples: Samples, rng: np.random.Generator
     ) -> tuple[State, Bool[np.ndarray, " O"]]:
         """Move the units whose readings are near, grow the others again."""
-        units, faces, edge = self.vertices, self.faces, self.spacing
+        units, faces, edge = self.surface
         points, winners, config = samples.points, samples.winners, self.config.refinement
         fit = self.config.surface_fit, config.fit_rounds
         is_changed = find_movable(
-            faces, selection.is_active, change, edge, config.motion, self.change.min_readings
+            faces, selection.is_active, change, edge, config.motion, self.config.change.min_readings
         )
         if is_changed.any():
             own = points[is_changed[winners]]
@@ -103,7 +76,7 @@ class Learner:
             if self.config.fit:
                 units, faces = fit_new(units, faces, num_kept, own, *fit)
             is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
-        tolerance = self.change.strong_ratio * change.tolerance
+        tolerance = self.config.change.strong_ratio * change.tolerance
         has_left = _find_left(units, faces, is_changed, points[: len(samples.old)], tolerance)
         used, flat = np.unique(faces, return_inverse=True)
         faces = flat.reshape(-1, 3)
