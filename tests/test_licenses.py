@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.licenses import POLICY, Kind, classify, judge
+from tools.licenses import POLICY, Kind, check_licenses, classify
 
 PERMISSIVE_CLASSIFIER = "Classifier: License :: OSI Approved :: MIT License"
 GPL_CLASSIFIER = "Classifier: License :: OSI Approved :: GNU General Public License v3 or later (GPLv3+)"
@@ -18,11 +18,11 @@ def project(tmp_path: Path) -> Path:
     """A project whose core is `direct`, whose extra is `plots`, and whose tools are `tester`."""
     (tmp_path / "pyproject.toml").write_text(
         """[project]
-name = "road"
+name = "project"
 dependencies = ["direct>=1"]
 [project.optional-dependencies]
 extra = ["plots"]
-dev = ["road[extra]", "tester"]
+dev = ["project[extra]", "tester"]
 """
     )
     for name in ("direct", "plots", "tester"):
@@ -42,13 +42,15 @@ def install(folder: Path, name: str, *lines: str, files: dict[str, str] | None =
     (info / "RECORD").write_text("".join(f"{info.name}/licenses/{file},,\n" for file in files or {}))
 
 
-def find_faults(project: Path, judged: dict | None = None) -> dict[str, str]:
-    return {row.name: row.fault for row in judge(project, [str(project)], judged or {}) if row.fault}
+def find_faults(project: Path, reviewed: dict | None = None) -> dict[str, str]:
+    return {
+        row.name: row.fault for row in check_licenses(project, [str(project)], reviewed or {}) if row.fault
+    }
 
 
 def test_permissive_dependencies_pass(project: Path) -> None:
     assert find_faults(project) == {}
-    assert {row.name: row.groups for row in judge(project, [str(project)], {})} == {
+    assert {row.name: row.groups for row in check_licenses(project, [str(project)], {})} == {
         "direct": ("core",),
         "plots": ("extra", "dev"),
         "tester": ("dev",),
@@ -67,13 +69,15 @@ def test_permissive_dependencies_pass(project: Path) -> None:
 @pytest.mark.parametrize("name", ["direct", "plots"])
 def test_strong_copyleft_fails_wherever_it_is_told(project: Path, name: str, lines: list[str]) -> None:
     install(project, name, *lines)
-    says = " | ".join(row.statements[0] for row in judge(project, [str(project)], {}) if row.name == name)
-    assert find_faults(project, {name: {"says": says, "reason": "we like it"}}) == {
+    statement = " | ".join(
+        row.statements[0] for row in check_licenses(project, [str(project)], {}) if row.name == name
+    )
+    assert find_faults(project, {name: {"statement": statement, "reason": "we like it"}}) == {
         name: "copyleft: replace it"
     }
 
 
-def test_what_a_dependency_brings_is_judged(project: Path) -> None:
+def test_indirect_dependencies_are_checked(project: Path) -> None:
     install(
         project,
         "direct",
@@ -85,11 +89,12 @@ def test_what_a_dependency_brings_is_judged(project: Path) -> None:
     assert find_faults(project) == {"deep": "copyleft: replace it"}
 
 
-def test_tools_of_developers_are_listed_and_not_judged(project: Path) -> None:
+def test_tools_of_developers_are_listed_and_not_checked(project: Path) -> None:
     install(project, "tester", GPL_CLASSIFIER)
     assert find_faults(project) == {}
     assert any(
-        row.name == "tester" and "GPLv3+" in row.statements[0] for row in judge(project, [str(project)], {})
+        row.name == "tester" and "GPLv3+" in row.statements[0]
+        for row in check_licenses(project, [str(project)], {})
     )
 
 
@@ -104,12 +109,16 @@ def test_tools_of_developers_are_listed_and_not_judged(project: Path) -> None:
 def test_weak_copyleft_and_unknown_need_a_reason(project: Path, lines: list[str], fault: str) -> None:
     install(project, "direct", *lines)
     assert find_faults(project)["direct"].startswith(fault)
-    (says,) = (
-        " | ".join(row.statements) for row in judge(project, [str(project)], {}) if row.name == "direct"
+    (statement,) = (
+        " | ".join(row.statements)
+        for row in check_licenses(project, [str(project)], {})
+        if row.name == "direct"
     )
-    assert find_faults(project, {"direct": {"says": says, "reason": "only its own files"}}) == {}
-    assert find_faults(project, {"direct": {"says": says}})["direct"].startswith(fault)
-    assert find_faults(project, {"direct": {"says": "another", "reason": "old"}})["direct"].startswith(fault)
+    assert find_faults(project, {"direct": {"statement": statement, "reason": "only its own files"}}) == {}
+    assert find_faults(project, {"direct": {"statement": statement}})["direct"].startswith(fault)
+    assert find_faults(project, {"direct": {"statement": "another", "reason": "old"}})["direct"].startswith(
+        fault
+    )
 
 
 def test_copyleft_parts_are_seen_by_their_licence_file(project: Path) -> None:
@@ -119,7 +128,7 @@ def test_copyleft_parts_are_seen_by_their_licence_file(project: Path) -> None:
 
 def test_core_that_is_not_installed_fails(project: Path) -> None:
     shutil.rmtree(project / "direct-1.0.dist-info")
-    assert find_faults(project) == {"direct": "not installed: cannot be judged"}
+    assert find_faults(project) == {"direct": "not installed: cannot be checked"}
 
 
 @pytest.mark.parametrize(
@@ -142,7 +151,7 @@ def test_kinds_of_licences(statement: str, kind: Kind) -> None:
     assert classify(statement) == kind
 
 
-def test_each_judgement_gives_its_reason() -> None:
+def test_each_review_gives_its_reason() -> None:
     assert all(
-        re.search(r"\w+ \w+", entry["reason"]) and entry["says"] for entry in POLICY["judged"].values()
+        re.search(r"\w+ \w+", entry["reason"]) and entry["statement"] for entry in POLICY["reviewed"].values()
     )

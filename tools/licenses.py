@@ -2,14 +2,14 @@
 
     python -m tools.licenses
 
-Judged are the core (`pip install .`) and the extras that users install, each with all that it brings. Development
-tools are listed alone: nobody who uses the package gets them. What metadata say counts wherever they say it
-(License-Expression, License, classifiers), the strictest statement first:
+Checked are the core (`pip install .`) and the extras that users install, with all their dependencies. Development
+tools are only listed: users of the package do not get them. Of the statements in the metadata (License-Expression,
+License, classifiers) the strictest counts:
 
 - permissive: passes;
 - strong copyleft (GPL, AGPL, SSPL, EUPL, ...): fails, always;
 - weak copyleft (LGPL, MPL, EPL, ...), parts under a copyleft licence (by the licence files that the package ships)
-  and unknown: fail until `tools/licenses.toml` holds what is said and a reason.
+  and unknown: fail until `tools/licenses.toml` has the statement and a reason for accepting it.
 """
 
 import re
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[1]
 CORE, TOOLS = "core", frozenset({"dev", "docs", "mutants"})
 PART = "parts under"
 
-POLICY = tomllib.loads(Path(__file__).with_suffix(".toml").read_text())
+POLICY = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 PERMISSIVE = frozenset(name.lower() for name in POLICY["permissive"])
 WEAK = re.compile(
     r"\bLGPL|lesser general public|\bMPL|mozilla public|\bEPL|eclipse public|\bCDDL", re.IGNORECASE
@@ -40,7 +40,7 @@ STRONG = re.compile(
 
 
 class Kind(IntEnum):
-    """What a licence asks of those who build on it, from the least to the most."""
+    """Obligations of a licence, from the least to the most."""
 
     PERMISSIVE = 0
     UNKNOWN = 1
@@ -55,9 +55,9 @@ class Row:
     Attributes:
         name: of the distribution.
         version: installed; empty where it is not.
-        groups: core and extras that bring it.
-        statements: what its metadata say of its licence.
-        fault: why it cannot stay, empty where it can.
+        groups: core and extras that depend on it.
+        statements: of its metadata on its licence.
+        fault: why it is not acceptable, empty where it is.
     """
 
     name: str
@@ -112,7 +112,7 @@ def _classify_name(name: str) -> Kind:
 
 
 def find_statements(distribution: Distribution) -> tuple[str, ...]:
-    """Return what the metadata say of the licence; of a whole text, its first line."""
+    """Return the statements of the metadata on the licence; of a whole text, its first line."""
     metadata = distribution.metadata
     fields = (
         metadata.get("License-Expression") or "",
@@ -126,7 +126,7 @@ def find_statements(distribution: Distribution) -> tuple[str, ...]:
 
 
 def find_copyleft_files(distribution: Distribution) -> list[str]:
-    """Return the names of the licence files beside the metadata that begin as a strong copyleft licence."""
+    """Return the names of the licence files next to the metadata that begin like a strong copyleft licence."""
     files = [
         path
         for path in distribution.files or ()
@@ -135,19 +135,19 @@ def find_copyleft_files(distribution: Distribution) -> list[str]:
     return [path.name for path in files if STRONG.search(path.read_text().strip().split("\n")[0])]
 
 
-def find_fault(name: str, statements: tuple[str, ...], judged: Mapping[str, Mapping[str, str]]) -> str:
-    """Return why a dependency cannot stay; empty where it can."""
+def find_fault(name: str, statements: tuple[str, ...], reviewed: Mapping[str, Mapping[str, str]]) -> str:
+    """Return why a dependency is not acceptable; empty where it is."""
     kinds = {statement: classify(statement) for statement in statements}
     known = [kind for kind in kinds.values() if kind != Kind.UNKNOWN]
     kind = max(known, default=Kind.UNKNOWN)
     if kind == Kind.STRONG:
         return "copyleft: replace it"
-    entry = judged.get(name, {})
-    is_judged = entry.get("says") == " | ".join(statements) and entry.get("reason")
-    if kind == Kind.PERMISSIVE or is_judged:
+    entry = reviewed.get(name, {})
+    is_reviewed = entry.get("statement") == " | ".join(statements) and entry.get("reason")
+    if kind == Kind.PERMISSIVE or is_reviewed:
         return ""
     what = "weak copyleft" if kind == Kind.WEAK else "unknown licence"
-    return f"{what}: replace it, or judge it in tools/licenses.toml"
+    return f"{what}: replace it, or accept it in tools/licenses.toml"
 
 
 def find_groups(project: Mapping) -> dict[str, list[Requirement]]:
@@ -156,10 +156,10 @@ def find_groups(project: Mapping) -> dict[str, list[Requirement]]:
     return {name: [Requirement(line) for line in lines] for name, lines in tables.items()}
 
 
-def find_brought(
+def find_dependencies(
     requirements: Iterable[Requirement], own: str, groups: Mapping[str, list[Requirement]], installed: Mapping
 ) -> Iterator[str]:
-    """Yield the names of all that requirements bring, at any depth."""
+    """Yield the names of all direct and indirect dependencies of requirements."""
     seen: set[tuple[str, str]] = set()
     waiting = list(requirements)
     while waiting:
@@ -179,40 +179,44 @@ def find_brought(
             ]
 
 
-def judge(root: Path = ROOT, path: list[str] | None = None, judged: Mapping = POLICY["judged"]) -> list[Row]:
-    """Judge every dependency of a project.
+def check_licenses(
+    root: Path = ROOT, path: list[str] | None = None, reviewed: Mapping = POLICY["reviewed"]
+) -> list[Row]:
+    """Check every dependency of a project.
 
     Args:
         root: folder with `pyproject.toml`.
         path: folders of installed distributions; `sys.path` unless given.
-        judged: distribution -> what it says of its licence, and why it may stay.
+        reviewed: distribution -> its statement on its licence, and the reason for accepting it.
     """
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     installed = {str(canonicalize_name(d.name)): d for d in distributions(path=path or sys.path)}
     groups = find_groups(project)
-    brought: dict[str, list[str]] = {}
+    dependencies: dict[str, list[str]] = {}
     for group, requirements in groups.items():
         for name in dict.fromkeys(
-            find_brought(requirements, canonicalize_name(project["name"]), groups, installed)
+            find_dependencies(requirements, canonicalize_name(project["name"]), groups, installed)
         ):
-            brought.setdefault(name, []).append(group)
-    return [_make_row(name, tuple(by), installed.get(name), judged) for name, by in sorted(brought.items())]
+            dependencies.setdefault(name, []).append(group)
+    return [
+        _make_row(name, tuple(by), installed.get(name), reviewed) for name, by in sorted(dependencies.items())
+    ]
 
 
-def _make_row(name: str, by: tuple[str, ...], found: Distribution | None, judged: Mapping) -> Row:
+def _make_row(name: str, by: tuple[str, ...], found: Distribution | None, reviewed: Mapping) -> Row:
     if found is None:
-        return Row(name, "", by, (), "not installed: cannot be judged" if CORE in by else "")
+        return Row(name, "", by, (), "not installed: cannot be checked" if CORE in by else "")
     statements = find_statements(found)
-    fault = "" if set(by) <= TOOLS else find_fault(name, statements, judged)
+    fault = "" if set(by) <= TOOLS else find_fault(name, statements, reviewed)
     return Row(name, found.version, by, statements, fault)
 
 
 def main() -> None:
-    """Print every dependency with its licence; exit with 1 where one cannot stay."""
-    rows = judge()
+    """Print every dependency with its licence; exit with 1 where one is not acceptable."""
+    rows = check_licenses()
     for row in rows:
-        said = " | ".join(row.statements) or ("not installed" if not row.version else "nothing said")
-        print(f"{row.name:24} {row.version:12} {said[:60]:60} {', '.join(row.groups)}")
+        statement = " | ".join(row.statements) or ("not installed" if not row.version else "no statement")
+        print(f"{row.name:24} {row.version:12} {statement[:60]:60} {', '.join(row.groups)}")
     faults = [f"{row.name} ({' | '.join(row.statements)[:60]}): {row.fault}" for row in rows if row.fault]
     if faults:
         sys.exit("licences:\n" + "\n".join(f"  {fault}" for fault in faults))
