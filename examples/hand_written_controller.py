@@ -1,7 +1,7 @@
 """A controller in fifteen lines: each module takes the slope of a path at its position.
 
-The path leads down the near wall of the pit and up the far one. The position of the head is known by dead reckoning, and
-the positions of the other modules follow from their pitch.
+The path leads down the near wall of the pit and up the far one. The position of the head is estimated by dead
+reckoning; the positions of the other modules follow from their pitch.
 
     python examples/hand_written_controller.py
 """
@@ -20,7 +20,12 @@ LENGTH = 0.1254
 
 
 def act(head: float, pitch: np.ndarray) -> np.ndarray:
-    """Return the action, given the position of the head [m, from the middle of the pit] and the pitch of all modules [rad]."""
+    """Return the action.
+
+    Args:
+        head: position of the head along the course, from the middle of the pit [m].
+        pitch: pitch of all modules [rad].
+    """
     half = LENGTH / 2 * np.cos(pitch)
     positions = head - np.cumsum(half + np.roll(half, 1)) + half[0] + half[-1]
     slopes = np.interp(positions, POSITIONS, SLOPES)
