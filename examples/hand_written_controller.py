@@ -1,7 +1,7 @@
-"""A controller in fifteen lines: each module takes the slope that a path has at its place.
+"""A controller in fifteen lines: each module takes the slope of a path at its position.
 
-The path leads down the near wall of the pit and up the far one. Where the head is, dead reckoning tells, and where
-the others are, their pitch.
+The path leads down the near wall of the pit and up the far one. The position of the head is estimated by dead
+reckoning; the positions of the other modules follow from their pitch.
 
     python examples/hand_written_controller.py
 """
@@ -11,21 +11,29 @@ import numpy as np
 
 import symbrion_gym  # noqa: F401  registers the environments
 
-PLACES = [-0.2, -0.1, 0.05, 0.2, 0.3, 0.45]
+POSITIONS = [-0.2, -0.1, 0.05, 0.2, 0.3, 0.45]
+"""Points of the path along the course, from the middle of the pit [m]."""
 SLOPES = [0.0, -1.0, -1.0, 1.2, 1.2, 0.0]
+"""Slope of the path at these points; up is positive [rad]."""
 LENGTH = 0.1254
+"""Distance of two docked modules [m]."""
 
 
 def act(head: float, pitch: np.ndarray) -> np.ndarray:
-    """Return the action of modules of this pitch [rad] whose head is at `head` [m] from the middle of the pit."""
+    """Return the action.
+
+    Args:
+        head: position of the head along the course, from the middle of the pit [m].
+        pitch: pitch of all modules [rad].
+    """
     half = LENGTH / 2 * np.cos(pitch)
-    places = head - np.cumsum(half + np.roll(half, 1)) + half[0] + half[-1]
-    slopes = np.interp(places, PLACES, SLOPES)
+    positions = head - np.cumsum(half + np.roll(half, 1)) + half[0] + half[-1]
+    slopes = np.interp(positions, POSITIONS, SLOPES)
     return np.clip((slopes[:-1] - slopes[1:]) / (np.pi / 2), -1.0, 1.0)
 
 
 def main(render_mode: str | None = None, seed: int = 0) -> bool:
-    """Let the body try once; return whether it crossed."""
+    """Run one episode and return whether the snake crossed."""
     env = gym.make(
         "symbrion_gym/SnakePit-v1",
         arena="truth",

@@ -1,4 +1,4 @@
-"""What the pages list is what there is: environments, extras, arenas, controllers, backends, point files."""
+"""The tables of the documentation are complete: environments, extras, arenas, controllers, backends, point files."""
 
 import re
 import tomllib
@@ -19,7 +19,7 @@ DEVELOPERS = {"docs", "mutants", "dev"}
 
 
 def read_table(page: str, head: str) -> list[list[str]]:
-    """Return the cells of the table of a page whose first column has this head."""
+    """Return the cells of the table of a page with this title of the first column."""
     _, _, rest = (ROOT / page).read_text().partition(f"\n| {head} |")
     lines = rest.partition("\n\n")[0].splitlines()[2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
@@ -36,33 +36,43 @@ def read_names(page: str, head: str) -> set[str]:
         ("docs/getting-started.md", "id", set(ENVIRONMENTS)),
         ("docs/getting-started.md", "extra", set(EXTRAS) - DEVELOPERS),
         ("README.md", "extra", set(EXTRAS) - DEVELOPERS - {"all"}),
-        ("docs/wings/evolution.md", "controller", set(CONTROLLERS)),
-        ("docs/wings/symbrion-gym.md", "`kind`", set(CONTACT_KINDS)),
+        ("docs/packages/evolution.md", "controller", set(CONTROLLERS)),
+        ("docs/packages/symbrion-gym.md", "`kind`", set(CONTACT_KINDS)),
         ("docs/cluster.md", "`--backend`", set(BACKENDS)),
     ],
 )
-def test_tables_list_all_there_is(page: str, head: str, wanted: set[str]) -> None:
+def test_tables_are_complete(page: str, head: str, wanted: set[str]) -> None:
     assert read_names(page, head) == wanted
 
 
-def test_controllers_have_as_many_genes_as_told() -> None:
-    for name, genes, _ in read_table("docs/wings/evolution.md", "controller"):
+def test_controllers_have_the_documented_number_of_genes() -> None:
+    for name, genes, _ in read_table("docs/packages/evolution.md", "controller"):
         number = re.match(r"\d+", genes)
         controller = make_controller(name.strip("`"), 8)
         assert len(controller.parameters) == (int(number[0]) if number else 7), name
 
 
 @pytest.mark.parametrize("name", NAMED_ARENAS)
-def test_named_arenas_are_told(name: str) -> None:
-    assert f"`{name}`" in (ROOT / "docs/wings/symbrion-gym.md").read_text()
+def test_named_arenas_are_documented(name: str) -> None:
+    assert f"`{name}`" in (ROOT / "docs/packages/symbrion-gym.md").read_text()
 
 
 @pytest.mark.parametrize("ending", sorted(_READERS))
-def test_every_kind_of_point_file_is_told(ending: str) -> None:
-    for page in ("docs/own-scan.md", "docs/wings/reconstruction.md"):
+def test_every_kind_of_point_file_is_documented(ending: str) -> None:
+    for page in ("docs/own-scan.md", "docs/packages/reconstruction.md"):
         assert ending in (ROOT / page).read_text(), page
 
 
-def test_ready_made_arenas_are_told() -> None:
+def test_ready_made_arenas_are_documented() -> None:
     folders = {path.parent.name for path in (ROOT / "assets").rglob("arena.json")}
     assert read_names("assets/README.md", "arena") == folders
+
+
+def test_every_folder_of_the_packages_is_documented() -> None:
+    packages = ("reconstruction", "symbrion_gym", "evolution", "benchmarks")
+    folders = {
+        f"{path.parent.relative_to(ROOT).as_posix()}/"
+        for package in packages
+        for path in (ROOT / package).rglob("__init__.py")
+    }
+    assert folders <= read_names("CONTRIBUTING.md", "folder")

@@ -1,4 +1,4 @@
-"""The documentation holds: its links lead somewhere, its command lines parse, its Python runs, the site builds."""
+"""The documentation is correct: its links exist, its command lines parse, its Python runs, the site builds."""
 
 import contextlib
 import importlib.util
@@ -25,7 +25,7 @@ def _name(page: Path) -> str:
 
 
 def find_commands(page: Path) -> list[list[str]]:
-    """Return the words of every `symbrion` command line in blocks and in lines."""
+    """Return the arguments of every `symbrion` command line in code blocks and inline code."""
     text = page.read_text()
     lines = [line for language, block in BLOCK.findall(text) if not language for line in block.splitlines()]
     lines += re.findall(r"`(symbrion [a-z][^`]*)`", BLOCK.sub("", text))
@@ -60,7 +60,7 @@ def test_command_lines_parse(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=_name)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_exist(page: Path) -> None:
     for link in re.findall(r"\]\(([^)#\s]+)[^)]*\)", BLOCK.sub("", page.read_text())):
         assert link.startswith("https://") or (page.parent / link).exists(), link
 
@@ -101,7 +101,7 @@ def test_programs_of_a_page_run_in_order(page: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="mkdocs is not here: make docs")
+@pytest.mark.skipif(importlib.util.find_spec("mkdocs") is None, reason="mkdocs is not installed: make docs")
 def test_site_builds_without_warnings(tmp_path: Path) -> None:
     words = ["-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")]
     environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}

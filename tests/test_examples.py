@@ -1,4 +1,4 @@
-"""The examples do what they say."""
+"""The examples work."""
 
 import importlib.util
 from pathlib import Path
@@ -34,6 +34,6 @@ def test_ppo_trains() -> None:
         lambda observation: model.predict(envs.normalize_obs(observation), deterministic=True)[0],
     )
     for policy in policies:
-        progress, successes = example.judge(policy, trials=4)
+        progress, successes = example.evaluate(policy, trials=4)
         assert progress > 0
         assert 0 <= successes <= 1

@@ -13,6 +13,7 @@ from scipy.spatial import KDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.extras import require_extras
+from reconstruction.geometry.pose import make_pose, to_planar
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.mixed_pixels import find_jumps, find_noise
 from reconstruction.scans.planar_poses import (
@@ -21,7 +22,6 @@ from reconstruction.scans.planar_poses import (
     rotate_planar,
     transform_planar,
 )
-from reconstruction.geometry.pose import make_pose, to_planar
 from reconstruction.scans.scan import HorizontalScans
 
 if TYPE_CHECKING:

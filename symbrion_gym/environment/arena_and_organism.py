@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.errors import ArenaError, OrganismError
