@@ -1,4 +1,4 @@
-"""Machine and versions, for the footer of a page and for result files."""
+"""Where results come from, for pages and result files: machine, versions, selection of the champion."""
 
 import os
 import platform
@@ -16,6 +16,15 @@ def describe_machine() -> str:
     revision = find_revision()
     packages += f", commit {revision}" if revision else ""
     return f"{_find_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+
+
+def describe_selection(successes: int, trials: int) -> str:
+    """Return a sentence on how a champion was selected, from its fresh trials in the arena of its run."""
+    if not trials:
+        return "No genotype crossed in all of its trials; the champion is the fittest one."
+    return (
+        f"The champion was selected by fresh randomized trials there; it crossed in {successes} of {trials}."
+    )
 
 
 def _find_processor() -> str:

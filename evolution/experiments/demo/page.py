@@ -13,7 +13,7 @@ from evolution.report.figures import (
     draw_tracks,
 )
 from evolution.report.page import Page
-from evolution.report.provenance import describe_machine
+from evolution.report.provenance import describe_machine, describe_selection
 from evolution.report.video import encode_video
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def write_demo_page(result: "DemoResult", path: Path) -> None:
     """
     page = Page(
         "From a laser scan to a snake that crosses the pit",
-        summary="A virtual robot scans the arena with two laser scanners, self-organising networks turn the scan "
+        summary="A virtual robot scans the arena with two laser scanners, self-organizing networks turn the scan "
         "into surfaces, the surfaces become MuJoCo arenas, and CMA-ES evolves a snake of docked Scouts in one of them. "
         "Whether the snake really crosses is judged in the true arena, which evolution never saw.",
         footer=f"symbrion demo --seed {result.config.seed} · {describe_machine()}",
@@ -93,7 +93,7 @@ def add_scan(page: Page, result: "DemoResult") -> None:
 def add_surfaces(page: Page, result: "DemoResult") -> None:
     """Show the surfaces of both networks and their distances from the true surface."""
     truth = sg.load_arena("truth").surface
-    page.add_section("Surfaces", "Two self-organising networks learn the cloud.")
+    page.add_section("Surfaces", "Two self-organizing networks learn the points.")
     rows = []
     for method, surface in result.surfaces.items():
         quality = surface.quality(truth)
@@ -166,8 +166,8 @@ def add_evolution(page: Page, result: "DemoResult") -> None:
     page.add_section(
         "Evolution",
         f"CMA-ES with {result.config.modules} modules in the GSRM arena: {int(history[-1]['evaluations'])} genotypes "
-        f"in {len(history)} generations and {result.seconds['evolution']:.0f} s. The champion was selected by fresh "
-        f"randomized trials in that arena; it crossed in {champion.successes} of {champion.trials}.",
+        f"in {len(history)} generations and {result.seconds['evolution']:.0f} s. "
+        f"{describe_selection(champion.successes, champion.trials)}",
     )
     page.add_figure(
         draw_learning_curve(history["evaluations"], history["best"], history["median"]),

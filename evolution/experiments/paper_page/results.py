@@ -10,6 +10,7 @@ from evolution.experiments.paper_page import tables
 from evolution.experiments.paper_page.context import PaperContext
 from evolution.experiments.paper_page.figures import draw_costs, draw_scan_growth
 from evolution.report.figures import draw_learning_curve, draw_section, draw_tracks
+from evolution.report.provenance import describe_selection
 
 ROBOTS = {
     "insufficient": "Fig. 7a. An insufficiently evolved robot, from the first generation",
@@ -72,8 +73,8 @@ def add_robots(context: PaperContext) -> None:
     context.page.add_section(
         "Fig. 7: the robots",
         f"CMA-ES with {champion['modules']} modules in the GSRM arena: {figures['genotypes']} genotypes in "
-        f"{figures['generations']} generations. The champion was selected by fresh randomized trials in that arena; it "
-        f"crossed in {champion['successes']} of {champion['trials']}.",
+        f"{figures['generations']} generations. "
+        f"{describe_selection(champion['successes'], champion['trials'])}",
     )
     for name, text in ROBOTS.items():
         _add_film(context, name, text, films[name])
