@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from reconstruction.errors import ReconstructionError
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import MAX_BYTES, read_npz
-from reconstruction.networks.change.free_space import check_origins, check_scale
+from reconstruction.networks.change.input_checks import check_origins, check_scale
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.point_check import check_number, check_points

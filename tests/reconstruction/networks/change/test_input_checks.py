@@ -1,0 +1,25 @@
+"""Origins that are none are refused, and new readings of another unit."""
+
+import numpy as np
+import pytest
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.networks.change.input_checks import check_origins, check_scale
+
+
+def test_origins_that_are_none_are_refused():
+    assert check_origins([1, 2, 3], 5).shape == (5, 3)
+    for wrong, reason in (
+        (np.zeros((4, 3)), r"\[5, 3\]"),
+        ([0.0, np.nan, 0.0], "NaN"),
+        (["a", "b", "c"], "real numbers"),
+    ):
+        with pytest.raises(ReconstructionError, match=reason):
+            check_origins(wrong, 5)
+
+
+def test_another_unit_is_noticed():
+    points = np.random.default_rng(2).uniform(-1, 1, (100, 3))
+    check_scale(points + np.array([3, 0, 0]), points)
+    with pytest.raises(ReconstructionError, match="in metres"):
+        check_scale(1000 * points, points)
