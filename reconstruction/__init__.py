@@ -10,9 +10,13 @@ if TYPE_CHECKING:
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
+    from reconstruction.scans.cells import SparsePointsConfig
     from reconstruction.scans.formats import load_points, save_points
-    from reconstruction.scans.localization import localise, localize
+    from reconstruction.scans.leveling import LevelingConfig
+    from reconstruction.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction.scans.preprocess import (
+        PreprocessConfig,
         crop,
         level_floor,
         preprocess,
@@ -22,11 +26,16 @@ if TYPE_CHECKING:
     )
     from reconstruction.scans.scan import ScanLog
     from reconstruction.scans.scan_log_file import load_scan_log
+    from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
     "GSRMConfig",
     "GrowingGridConfig",
+    "LevelingConfig",
+    "LocalizationConfig",
+    "MixedPixelsConfig",
+    "PreprocessConfig",
     "Progress",
     "Quality",
     "Reconstruction",
@@ -34,6 +43,8 @@ __all__ = [
     "ReconstructionPackageError",
     "ScanError",
     "ScanLog",
+    "SmoothingConfig",
+    "SparsePointsConfig",
     "crop",
     "level_floor",
     "load_points",

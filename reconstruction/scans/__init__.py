@@ -1,1 +1,1 @@
-"""Readings in, clean points out: files, levelling, smoothing, filters, localisation."""
+"""Readings in, clean points out: files, leveling, smoothing, filters, localization."""

@@ -57,8 +57,8 @@ class ScanTruth:
 class ScanReport(dict[str, float]):
     """Figures about a log by name.
 
-    Names of version 0.1 (``localisation_...``) are stored under their new spelling, and found with a
-    DeprecationWarning.
+    Earlier names (``localisation_...``) are stored under their new spelling (``localization_...``), and looked up
+    with a DeprecationWarning.
     """
 
     def __init__(self, figures: Mapping[str, float] | None = None):
@@ -183,8 +183,8 @@ def _write_npz(path: str | os.PathLike[str], arrays: dict[str, ArrayLike]) -> Pa
         raise ScanError(f"{path}: a scan log is written as .npz, not {path.suffix or 'without a suffix'}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with write_atomically(path) as beside:
-            np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
+        with write_atomically(path) as temporary:
+            np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
     except OSError as error:
         raise ScanError(f"{path}: cannot be written: {error}") from error
     return path

@@ -1,4 +1,4 @@
-"""Point files: what is read, what is written, and what every broken file is told."""
+"""Point files: what is read, what is written, and how every broken file is refused."""
 
 import bz2
 import gzip
@@ -203,7 +203,7 @@ def test_what_cannot_be_written_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_units_are_metres(tmp_path):
+def test_units_are_meters(tmp_path):
     path = write(tmp_path, "a.xyz", TEXT.encode())
     np.testing.assert_allclose(load_points(path, unit="cm"), POINTS / 100)
     np.testing.assert_allclose(load_points(path, unit="mm"), POINTS / 1000)
@@ -220,6 +220,12 @@ def test_a_unit_is_guessed_or_refused(tmp_path):
     for factor in (0.01, 1000.0):  # nothing fits; cm and mm both fit
         with pytest.raises(ScanError, match="cannot guess the unit"):
             load_points(write(tmp_path, "x.npy", npy(POINTS * factor)), unit="auto")
+
+
+def test_the_extent_of_a_scene_decides_the_unit(tmp_path):
+    path = write(tmp_path, "a.npy", npy(POINTS * 1000.0))
+    points = load_points(path, unit="auto", scene_extent=(5.0, 20.0))
+    np.testing.assert_allclose(points, POINTS)
 
 
 def test_rows_that_are_not_finite_are_dropped_and_counted(tmp_path, caplog):
@@ -332,7 +338,7 @@ def test_scans_stop_at_the_limit_too(tmp_path):
             load_scan_log(log, max_bytes=100)
 
 
-def test_broken_numbers_are_told_with_their_row(tmp_path):
+def test_broken_numbers_are_reported_with_their_row(tmp_path):
     path = write(tmp_path, "a.xyz", b"1 2 3\n" * 60_000 + b"4 five 6\n")
     with pytest.raises(ScanError, match=r"five.*row 10000, .*counted from row 50000"):
         load_points(path)

@@ -1,18 +1,23 @@
 """Scan matching: a room of known walls, a drive with drifting wheels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.localization import (
+    LocalizationConfig,
     find_pitch,
+    localise,
     localize,
     match_scans,
     measure_localization,
 )
-from reconstruction.scans.odometry import fuse_odometry
+from reconstruction.scans.odometry import OdometryConfig
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
+from reconstruction.scans.scan_matching import ScanMatchingConfig
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
 WALLS = np.array(  # a room with two niches, x0 y0 x1 y1
@@ -57,7 +62,7 @@ def test_matching_finds_the_track_that_the_wheels_lose():
     assert found["localization_max_deg"] < 0.3
 
 
-def test_the_sway_of_the_scanner_tells_the_pitch():
+def test_the_sway_of_the_scanner_gives_the_pitch():
     rng = np.random.default_rng(0)
     true = np.stack([np.linspace(0, 5, 500), np.zeros(500), np.full(500, 0.5)], axis=1)
     pitch = np.radians(0.7) * rng.standard_normal(500)
@@ -85,13 +90,6 @@ def test_blind_scans_follow_the_wheels():
     np.testing.assert_allclose(match_scans(blind), scans.odometry, atol=1e-6)
 
 
-def test_fusing_halves_the_sway_and_keeps_exact_tracks():
-    _, true = make_drive(num_scans=200)
-    np.testing.assert_allclose(fuse_odometry(true, true), true, atol=1e-9)
-    swaying = true + [0.004, 0.004, 0.0] * np.random.default_rng(0).standard_normal(true.shape)
-    assert np.std(fuse_odometry(swaying, true) - true) < 0.5 * np.std(swaying - true)
-
-
 def test_a_log_is_localized_and_judged():
     scans, true = make_drive(num_scans=40)
     robot = make_pose(*true.T)
@@ -117,3 +115,43 @@ def test_the_truth_is_never_read():
 def test_a_log_without_horizontal_scans_is_refused():
     with pytest.raises(ScanError, match="horizontal"):
         localize(ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1))))
+
+
+def test_the_old_name_is_deprecated():
+    scans, true = make_drive(num_scans=5)
+    log = ScanLog(np.ones((5, 3)), np.zeros(3), make_pose(*true.T), horizontal=scans)
+    with pytest.warns(DeprecationWarning, match="use localize"):
+        done = localise(log)
+    np.testing.assert_array_equal(done.poses, localize(log).poses)
+
+
+def test_the_settings_are_used():
+    scans, true = make_drive(num_scans=40)
+    mount = np.eye(4)
+    mount[2, 3] = 0.3
+    raised = replace(scans, mount=mount)
+    log = ScanLog(np.ones((40, 3)), np.zeros(3), make_pose(*true.T), horizontal=raised)
+    poses = localize(log).poses
+    for config in (
+        LocalizationConfig(matching=ScanMatchingConfig(num_rounds=1)),
+        LocalizationConfig(odometry=OdometryConfig(slip=0.05)),
+        LocalizationConfig(vibration=0.1),
+    ):
+        other = localize(log, config=config).poses
+        assert 0 < np.abs(other - poses).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("config", "options", "reason"),
+    [
+        (LocalizationConfig, {"vibration": 0.0}, "vibration must be above 0"),
+        (LocalizationConfig, {"max_pitch": 1.5}, "max_pitch"),
+        (ScanMatchingConfig, {"reach": 0.0}, "reach must be above 0"),
+        (ScanMatchingConfig, {"num_rounds": -1}, "num_rounds must not be negative"),
+        (OdometryConfig, {"slip": -1.0}, "slip must not be negative"),
+        (OdometryConfig, {"calibration_window": 0}, "calibration_window"),
+    ],
+)
+def test_settings_out_of_range_are_refused(config, options, reason):
+    with pytest.raises(ScanError, match=reason):
+        config(**options)

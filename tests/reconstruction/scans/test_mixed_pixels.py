@@ -33,21 +33,21 @@ def find_places(ranges: np.ndarray, **options: float) -> list[int]:
     return np.flatnonzero(find_mixed_beams(ranges, config=config)[0]).tolist()
 
 
-def test_a_ledge_of_four_centimetres_is_an_edge_and_one_of_two_is_not():
-    """At 1 m; where there is an edge, either beam beside it is in doubt."""
+def test_a_ledge_of_four_centimeters_is_an_edge_and_one_of_two_is_not():
+    """At 1 m; where there is an edge, the beams on both sides count as mixed."""
     for height in (0.04, -0.04, 0.5):
         assert find_places(lay_steps(30, height=height)) == [29, 30]
     assert find_places(lay_steps(30, height=0.02)) == []
 
 
 def test_farther_away_an_edge_is_higher():
-    """By 3 mm a metre."""
+    """By 3 mm a meter."""
     assert find_places(lay_steps(30, height=0.048, distance=5.0)) == [29, 30]
     assert find_places(lay_steps(30, height=0.042, distance=5.0)) == []
 
 
 @pytest.mark.parametrize(
-    ("places", "doubted"),
+    ("places", "mixed"),
     [
         ((25,), [24, 25]),
         ((25, 30), [24, 25, 26, 27, 28, 29, 30]),
@@ -57,17 +57,17 @@ def test_farther_away_an_edge_is_higher():
         ((25, 40), [24, 25, 39, 40]),
     ],
 )
-def test_a_beam_with_four_doubtful_ones_among_nine_is_doubtful(places, doubted):
+def test_a_beam_with_four_mixed_ones_among_nine_is_mixed(places, mixed):
     """An edge along the scan: two jumps within nine beams leave few that can be trusted."""
-    assert find_places(lay_steps(*places)) == doubted
+    assert find_places(lay_steps(*places)) == mixed
     both = np.concatenate([lay_steps(*places), lay_steps(50, height=0.0), lay_steps(*places)])
     flags = find_mixed_beams(both, config=ALL)
-    assert [np.flatnonzero(row).tolist() for row in flags] == [doubted, [], doubted]
+    assert [np.flatnonzero(row).tolist() for row in flags] == [mixed, [], mixed]
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_veil_hangs_between_two_surfaces(sign):
-    """Two steps of more than 10 cm the same way; whatever the share of doubtful beams."""
+def test_a_veil_point_lies_between_two_surfaces(sign):
+    """Two steps of more than 10 cm the same way; whatever the share of mixed beams."""
     ranges = lay_steps(30, 31, height=sign * 0.11, distance=2.0)
     assert find_places(ranges, max_share=0.0) == [30]
     assert find_places(lay_steps(30, 31, height=sign * 0.09, distance=2.0), max_share=0.0) == []
@@ -79,7 +79,7 @@ def test_a_veil_hangs_between_two_surfaces(sign):
 
 
 def test_the_higher_of_two_jumps_goes_first():
-    """Of 100 beams two may go by default, beside the veils."""
+    """Of 100 beams two may go by default, in addition to the veil points."""
     ranges = lay_steps(30, beams=100) + lay_steps(70, beams=100, height=0.3, distance=0.0)
     assert (
         find_places(ranges, max_share=0.02)
@@ -93,7 +93,7 @@ def test_the_higher_of_two_jumps_goes_first():
     assert find_places(ranges, max_share=0.025) == [69, 70]
 
 
-def test_frays_go_after_all_jumps():
+def test_clutter_goes_after_all_jumps():
     ranges = lay_steps(25, 30, beams=100)
     assert find_places(ranges, max_share=0.04) == [24, 25, 29, 30]
     assert find_places(ranges, max_share=0.07) == list(range(24, 31))
@@ -195,7 +195,7 @@ def test_without_three_beams_side_by_side_there_is_no_noise():
 
 
 @pytest.mark.parametrize("distance", [1.0, 4.0])
-def test_a_jump_is_more_than_three_centimetres_and_four_millimetres_a_metre(distance):
+def test_a_jump_is_more_than_three_centimeters_and_four_millimeters_a_meter(distance):
     threshold = 0.03 + 0.004 * distance
     assert np.flatnonzero(find_jumps(lay_steps(30, height=1.05 * threshold, distance=distance))).tolist() == [
         29
@@ -206,8 +206,8 @@ def test_a_jump_is_more_than_three_centimetres_and_four_millimetres_a_metre(dist
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_a_jump_is_like_no_two_of_the_steps_beside_it(number):
-    """A step of 1/r that two of its four neighbours repeat is a surface met aslant."""
+def test_a_jump_is_like_no_two_of_its_neighboring_steps(number):
+    """A step of 1/r that two of its four neighbors repeat is a surface at an angle."""
     for like in combinations((28, 29, 31, 32), number):
         steps = np.zeros(60)
         steps[[30, *like]] = 0.06
@@ -215,7 +215,7 @@ def test_a_jump_is_like_no_two_of_the_steps_beside_it(number):
         assert find_jumps(ranges)[0, 30] == (number < 2), like
 
 
-def test_steps_at_the_rim_of_a_scan_have_fewer_neighbours():
+def test_steps_at_the_ends_of_a_scan_have_fewer_neighbors():
     for place in (1, 2, 57, 58, 59):
         assert np.flatnonzero(find_jumps(lay_steps(place, height=0.5))).tolist() == [place - 1]
     assert not find_jumps(lay_steps(1, height=0.0)).any()

@@ -11,7 +11,7 @@ from reconstruction.errors import ScanError
 from reconstruction.scans.formats import load_points, save_points
 
 UTM = np.random.default_rng(0).uniform(size=(40, 3)) * [100, 100, 10] + [448_262.1, 5_411_932.7, 112.0]
-"""Coordinates that single precision would move by decimetres [m]."""
+"""Coordinates that single precision would move by decimeters [m]."""
 FACES = np.arange(39).reshape(-1, 3)
 
 

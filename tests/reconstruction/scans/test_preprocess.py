@@ -1,4 +1,4 @@
-"""Levelling, smoothing, mixed pixels, cropping and thinning."""
+"""Leveling, smoothing, mixed pixels, cropping and thinning."""
 
 import numpy as np
 import pytest
@@ -9,13 +9,13 @@ from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose
-from reconstruction.scans.cells import as_points, crop, find_sparse_points, thin
-from reconstruction.scans.leveling import find_declination, level_floor
+from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
+from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
 from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams, find_step
-from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
+from reconstruction.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
 from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.scan_log_file import load_scan_log
-from reconstruction.scans.smoothing import find_creases, smooth_ranges
+from reconstruction.scans.smoothing import SmoothingConfig, find_creases, smooth_ranges
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))
@@ -32,7 +32,7 @@ def vertical_mount() -> np.ndarray:
 
 
 def scan_floor(roll: np.ndarray, step_at: float = np.inf, noise: float = 0.0) -> np.ndarray:
-    """Ranges on the floor z = 0 from a robot that leans by roll; to the right of step_at it lies 0.25 m up."""
+    """Ranges on the floor z = 0 from a robot that is tilted by roll; to the right of step_at it lies 0.25 m up."""
     down = np.sqrt(0.75) * np.cos(ANGLES) - 0.5 * np.sin(ANGLES)
     right = 0.5 * np.cos(ANGLES) + np.sqrt(0.75) * np.sin(ANGLES)
     rows = []
@@ -60,13 +60,13 @@ def make_log(roll, **options) -> ScanLog:
     return ScanLog(scan_floor(np.asarray(roll), **options), ANGLES, flat @ mount, mount=mount)
 
 
-def test_the_floor_is_level_after_levelling():
+def test_the_floor_is_level_after_leveling():
     log = level_floor(make_log([-0.04, -0.01, 0.0, 0.02, 0.05]))
     assert np.abs(log.points()[:, 2]).max() < 1e-3
 
 
 @pytest.mark.parametrize("step_at", [1.0, 2.0])
-def test_declination_is_found_beside_a_plateau_and_through_noise(step_at):
+def test_declination_is_found_next_to_a_plateau_and_through_noise(step_at):
     roll = np.radians(np.linspace(-2, 2, 21))
     log = make_log(roll, step_at=step_at, noise=0.006)
     error = np.degrees(np.abs(np.abs(find_declination(log)) - np.abs(roll)))
@@ -146,7 +146,7 @@ def test_a_mixed_pixel_goes_and_its_surroundings_stay():
     assert find_mixed_beams(ranges, config=ALL)[:, 28:34].tolist() == [[0, 1, 1, 1, 0, 0]] * 4
 
 
-def test_the_share_of_doubtful_beams_is_kept():
+def test_the_share_of_mixed_beams_is_kept():
     ranges = np.random.default_rng(0).uniform(1, 5, (50, 100))
     least, most = (
         find_mixed_beams(ranges, config=NONE),
@@ -155,15 +155,15 @@ def test_the_share_of_doubtful_beams_is_kept():
     assert 0 < most.sum() - least.sum() <= 0.1 * ranges.size
 
 
-def test_stray_points_go_and_a_surface_stays():
+def test_isolated_points_go_and_a_surface_stays():
     rng = np.random.default_rng(0)
     surface = np.c_[rng.uniform(0, 2, (20000, 2)), np.zeros(20000)]
-    stray = np.c_[rng.uniform(0, 2, (100, 2)), rng.uniform(0.3, 2, 100)]
-    is_sparse = find_sparse_points(np.concatenate([surface, stray]))
+    isolated = np.c_[rng.uniform(0, 2, (100, 2)), rng.uniform(0.3, 2, 100)]
+    is_sparse = find_sparse_points(np.concatenate([surface, isolated]))
     assert is_sparse[:20000].mean() < 0.01
     assert is_sparse[20000:].mean() > 0.97
-    kept = remove_mixed_pixels(np.concatenate([surface, stray]))
-    np.testing.assert_array_equal(kept, np.concatenate([surface, stray])[~is_sparse])
+    kept = remove_mixed_pixels(np.concatenate([surface, isolated]))
+    np.testing.assert_array_equal(kept, np.concatenate([surface, isolated])[~is_sparse])
 
 
 def test_crop_keeps_the_box():
@@ -190,7 +190,7 @@ def test_points_of_another_shape_are_refused():
 
 
 def make_veiled_log(spacing: int = 1) -> ScanLog:
-    """A floor with a ledge on the left, a veil at its edge, and one reading alone in the air, beams thinned."""
+    """A floor with a ledge on the left, veil points at its edge, and one isolated reading in the air, beams thinned."""
     log = make_log([0.0] * 40)
     ranges = log.ranges.copy()
     ranges[:, :150] -= 0.5
@@ -200,7 +200,7 @@ def make_veiled_log(spacing: int = 1) -> ScanLog:
 
 
 @pytest.mark.parametrize("spacing", [1, 2, 3])
-def test_a_log_loses_veils_and_lonely_readings_and_keeps_the_rest_as_it_is(spacing):
+def test_a_log_loses_veil_points_and_isolated_readings_and_keeps_the_rest_as_it_is(spacing):
     log = make_veiled_log(spacing)
     clean = remove_mixed_pixels(log)
     assert isinstance(clean, ScanLog)
@@ -215,7 +215,7 @@ def test_a_log_loses_veils_and_lonely_readings_and_keeps_the_rest_as_it_is(spaci
     assert np.array_equal(clean.poses, log.poses)
 
 
-def test_two_readings_side_by_side_are_not_alone():
+def test_two_neighboring_readings_are_not_isolated():
     log = make_veiled_log()
     ranges = log.ranges.copy()
     ranges[10, 345:347] = 1.0
@@ -251,15 +251,15 @@ def test_preprocessing_filters_the_readings_as_they_came_and_then_smooths_them(s
         expected = smooth_ranges(filtered, across_jumps=across_jumps).points()
         points = preprocess(log, across_jumps=across_jumps)
         distance, _ = cKDTree(points).query(expected)
-        lonely = cKDTree(points).query(log.points())[0]
+        to_raw = cKDTree(points).query(log.points())[0]
         assert 0.995 * len(expected) <= len(points) < len(expected)
         assert (distance < 1e-9).sum() == len(points)
-        assert lonely.max() > 0.3, "the reading in the air"
+        assert to_raw.max() > 0.3, "the reading in the air"
     np.testing.assert_array_equal(preprocess(log), preprocess(log, across_jumps=False))
     assert not np.array_equal(preprocess(log), preprocess(log, across_jumps=True))
 
 
-def test_a_log_with_a_box_is_cropped_unless_told_otherwise():
+def test_a_log_with_a_box_is_cropped_unless_it_is_turned_off():
     log = make_log([0.0] * 40)
     everything = preprocess(log)
     low, high = everything.min(axis=0) - 1, everything.max(axis=0) + 1
@@ -272,13 +272,70 @@ def test_a_log_with_a_box_is_cropped_unless_told_otherwise():
     assert (cropped <= box[1] + 0.1).all()
 
 
-def test_progress_is_told_before_each_step():
-    told = []
-    preprocess(make_log([0.0]), progress=lambda text, share: told.append((text, share)))
-    assert told == [("leveling", 0.0), ("filtering", 0.3), ("smoothing", 0.6)]
-    told.clear()
-    preprocess(np.zeros((3, 3)), progress=lambda text, share: told.append((text, share)))
-    assert told == [("filtering", 0.0)]
+def test_progress_is_reported_before_each_step():
+    reports = []
+    preprocess(make_log([0.0]), progress=lambda text, share: reports.append((text, share)))
+    assert reports == [("leveling", 0.0), ("filtering", 0.3), ("smoothing", 0.6)]
+    reports.clear()
+    preprocess(np.zeros((3, 3)), progress=lambda text, share: reports.append((text, share)))
+    assert reports == [("filtering", 0.0)]
+
+
+def test_the_settings_are_those_of_the_steps():
+    log = make_veiled_log()
+    np.testing.assert_array_equal(preprocess(log, config=PreprocessConfig()), preprocess(log))
+    across = PreprocessConfig(smoothing=SmoothingConfig(across_jumps=True))
+    np.testing.assert_array_equal(preprocess(log, config=across), preprocess(log, across_jumps=True))
+    np.testing.assert_array_equal(preprocess(log, config=across, across_jumps=False), preprocess(log))
+    for config in (
+        PreprocessConfig(mixed_pixels=MixedPixelsConfig(step=1.0, max_share=0.0)),
+        PreprocessConfig(smoothing=SmoothingConfig(window=1)),
+        PreprocessConfig(sparse_readings=SparsePointsConfig(max_share=0.0)),
+    ):
+        assert not np.array_equal(preprocess(log, config=config), preprocess(log)), config
+    boxed = log.replace(box=np.array([[-9, -9, -9], [9, 9, -0.02]]))
+    assert len(preprocess(boxed)) > 0 == len(preprocess(boxed, config=PreprocessConfig(crop_margin=0.0)))
+    tilted, config = make_log([0.02] * 40), PreprocessConfig(leveling=LevelingConfig(max_tilt=0.01))
+    assert np.ptp(preprocess(tilted)[:, 2]) < 0.5 * np.ptp(preprocess(tilted, config=config)[:, 2])
+
+
+def test_options_of_a_step_replace_those_of_its_settings():
+    log = make_log(np.radians([-3.0, 3.0]))
+    np.testing.assert_array_equal(
+        level_floor(log, np.radians(1.0)).poses,
+        level_floor(log, config=LevelingConfig(max_tilt=np.radians(1.0))).poses,
+    )
+    np.testing.assert_array_equal(
+        level_floor(log, tolerance=0.01).poses, level_floor(log, config=LevelingConfig(tolerance=0.01)).poses
+    )
+    wide = SmoothingConfig(window=9)
+    np.testing.assert_array_equal(smooth_ranges(log, 9).ranges, smooth_ranges(log, config=wide).ranges)
+    assert np.abs(find_declination(log, LevelingConfig(max_tilt=np.radians(1.0)))).max() < np.radians(1.01)
+
+
+@pytest.mark.parametrize(
+    ("config", "options", "reason"),
+    [
+        (LevelingConfig, {"max_tilt": 0.0}, "max_tilt"),
+        (LevelingConfig, {"tolerance": -1.0}, "tolerance must be above 0"),
+        (LevelingConfig, {"min_distance": -1.0}, "min_distance"),
+        (LevelingConfig, {"num_bins": 0}, "num_bins"),
+        (MixedPixelsConfig, {"step": 0.0}, "step must be above 0"),
+        (MixedPixelsConfig, {"jump": -0.1}, "jump must not be negative"),
+        (MixedPixelsConfig, {"max_share": 1.1}, "max_share"),
+        (MixedPixelsConfig, {"max_noise_factor": 0.5}, "max_noise_factor"),
+        (MixedPixelsConfig, {"clutter_window": 0}, "clutter_window"),
+        (SmoothingConfig, {"window": 4}, "window"),
+        (SmoothingConfig, {"crease": np.nan}, "crease must not be negative"),
+        (SparsePointsConfig, {"cell": 0.0}, "cell must be above 0"),
+        (SparsePointsConfig, {"max_share": -0.1}, "max_share"),
+        (SparsePointsConfig, {"cell_growth": 1.0}, "cell_growth"),
+        (SparsePointsConfig, {"threshold": 0}, "threshold"),
+    ],
+)
+def test_settings_out_of_range_are_refused(config, options, reason):
+    with pytest.raises(ScanError, match=reason):
+        config(**options)
 
 
 RANGES = arrays.arrays(
@@ -324,7 +381,7 @@ def test_any_cloud_is_processed(points):
 
 
 @pytest.mark.data
-def test_a_real_scan_loses_its_veils_and_keeps_the_rest(shared_data):
+def test_a_real_scan_loses_its_veil_points_and_keeps_the_rest(shared_data):
     log = load_scan_log(shared_data / "3dtk_scan000.3d")
     assert log.ranges.shape == (226, 360)
     step = np.diff(log.ranges, axis=1)

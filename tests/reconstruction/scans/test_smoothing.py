@@ -33,7 +33,7 @@ def test_the_mean_is_harmonic_and_its_window_shrinks_at_the_ends(window):
         assert smoothed[1, 11 - beam] == pytest.approx(expected, abs=1e-12)
 
 
-def test_five_readings_are_averaged_unless_told_otherwise():
+def test_five_readings_are_averaged_by_default():
     np.testing.assert_array_equal(smooth(RANGES), smooth(RANGES, window=5))
 
 
@@ -86,7 +86,7 @@ def test_a_scan_may_be_shorter_than_the_window(across_jumps):
 
 
 @pytest.mark.parametrize(("distance", "least"), [(1.0, 0.034), (5.0, 0.05)])
-def test_a_crease_bends_more_than_three_centimetres_and_four_millimetres_a_metre(distance, least):
+def test_a_crease_bends_more_than_three_centimeters_and_four_millimeters_a_meter(distance, least):
     """Two beams to either side the bend is twice the change of 1/r from beam to beam."""
     for share, found in ((1.03, [10]), (0.97, [])):
         ranges = bend(10, share * least / 2 / distance**2, distance)[None]
@@ -95,7 +95,7 @@ def test_a_crease_bends_more_than_three_centimetres_and_four_millimetres_a_metre
     assert np.flatnonzero(find_creases(mirrored)).tolist() == [10]
 
 
-def test_how_much_a_crease_bends_can_be_told():
+def test_the_bend_of_a_crease_is_a_parameter():
     ranges = bend(10, 0.01)[None]
     assert not find_creases(ranges).any()
     assert find_creases(ranges, crease=0.01, crease_per_meter=0.009)[0, 10]
