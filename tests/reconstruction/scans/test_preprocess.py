@@ -233,7 +233,7 @@ def test_of_very_many_lonely_readings_only_few_go():
     ranges = log.ranges.copy()
     ranges[scans[lonely], beams[lonely]] *= rng.uniform(0.2, 0.9, 400)
     log = log.replace(ranges=ranges)
-    is_left = log.is_valid & ~find_mixed_beams(log.ranges, step=find_step(log.angles))
+    is_left = log.is_valid & ~find_mixed_beams(log.ranges, angles=log.angles)
     least = 0.995 * is_left.sum()
     cleaned = remove_mixed_pixels(log)
     assert isinstance(cleaned, ScanLog)
