@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.errors import ScanError
+from reconstruction.geometry.pose import rotate_about
 from reconstruction.scans.scan import ScanLog
 
 _NEIGHBOR_VOTE = 0.5
@@ -102,7 +103,7 @@ def find_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.nd
     angle = find_declination(log, config)
     turn = np.tile(np.eye(4), (len(angle), 1, 1))
     if angle.any():
-        turn[:, :3, :3] = _rotate_about(np.cross(*_plane_axes(log.mount)), -angle)
+        turn[:, :3, :3] = rotate_about(np.cross(*_plane_axes(log.mount)), -angle)
     return turn
 
 
@@ -208,12 +209,3 @@ def _plane_axes(
     side = np.cross([0.0, 0.0, 1.0], normal)
     side /= np.linalg.norm(side)
     return side, np.cross(normal, side)
-
-
-def _rotate_about(
-    axis: Float[np.ndarray, " 3"], angles: Float[np.ndarray, " S"]
-) -> Float[np.ndarray, "S 3 3"]:
-    """Return the rotations by angles [rad] about one axis of unit length: Rodrigues' formula."""
-    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    c, s = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
-    return c * np.eye(3) + s * cross + (1 - c) * np.outer(axis, axis)

@@ -9,11 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.errors import ScanError
-from reconstruction.geometry.pose import make_pose, to_planar
+from reconstruction.geometry.pose import make_pose, to_planar, transform_planar
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.leveling import LevelingConfig, find_tilt
 from reconstruction.scans.odometry import OdometryConfig, fuse_odometry
-from reconstruction.scans.planar_poses import transform_planar
 from reconstruction.scans.scan import HorizontalScans, ScanLog
 from reconstruction.scans.scan_matching import ScanMatchingConfig, match_to_map
 

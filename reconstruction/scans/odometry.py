@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.linalg import solveh_banded
 
 from reconstruction.errors import ScanError
-from reconstruction.scans.planar_poses import rotate_planar
+from reconstruction.geometry.pose import rotate_planar
 
 _MIN_VARIANCE = 1e-10
 """Of a step [m^2]: where the robot stands still, its wheels err by 0.01 mm, which keeps the weights finite."""

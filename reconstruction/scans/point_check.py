@@ -1,18 +1,26 @@
-"""Refuse clouds that hold no surface, saying why."""
+"""Check that a cloud of points holds a surface."""
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
 
 FLATNESS = 1e-6
-"""A cloud thinner than this share of its length in two directions is a line."""
+"""A cloud thinner than this share of its length in two directions is a line: far below the noise of any scanner, and
+above the rounding errors of single precision."""
+_MIN_POINTS = 4
+"""A tetrahedron: fewer points span no closed surface."""
+_MAX_COORDINATE = 1e100
+"""No length; and products of three larger coordinates overflow."""
+_SAME_PLACE = 1e-12
+"""Extent of a cloud over its coordinates, below which rounding errors are all there is of it."""
 
 
-def check_points(points: ArrayLike) -> np.ndarray:
-    """Return the points as a contiguous `[N, 3]` float64 array.
+def check_points(points: ArrayLike) -> Float[np.ndarray, "N 3"]:
+    """Return the points as a contiguous float64 array.
 
-    Any real number type will do (float16, too: its values are taken as they are), in any memory order.
+    Any real number type in any memory order is accepted.
 
     Raises:
         ReconstructionError: another shape, not numbers, NaN or infinity, fewer than 4 points, all in one
@@ -28,8 +36,8 @@ def check_points(points: ArrayLike) -> np.ndarray:
         raise ReconstructionError(
             f"points must have the shape [N, 3], got {list(array.shape)}; one row x, y, z per point"
         )
-    if len(array) < 4:
-        raise ReconstructionError(f"a surface needs at least 4 points, got {len(array)}")
+    if len(array) < _MIN_POINTS:
+        raise ReconstructionError(f"a surface needs at least {_MIN_POINTS} points, got {len(array)}")
     array = np.ascontiguousarray(array, dtype=np.float64)
     if not np.isfinite(array).all():
         is_finite = np.isfinite(array).all(axis=1)
@@ -41,16 +49,16 @@ def check_points(points: ArrayLike) -> np.ndarray:
     return array
 
 
-def check_number(points: np.ndarray, units: int) -> None:
-    """Refuse a number of units that is no number, too small, or larger than that of the distinct points.
+def check_number(points: Float[np.ndarray, "N 3"], units: int) -> None:
+    """Check the number of units of a network.
 
     Raises:
-        ReconstructionError: with the value and the range.
+        ReconstructionError: no whole number, below 4, or more than there are distinct points.
     """
     if isinstance(units, bool) or not isinstance(units, int | np.integer):
         raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    if units < 4:
-        raise ReconstructionError(f"units must be at least 4, got {units}")
+    if units < _MIN_POINTS:
+        raise ReconstructionError(f"units must be at least {_MIN_POINTS}, got {units}")
     distinct = len(points)
     if units <= distinct and len(np.unique(points[:, 0])) < units:
         distinct = len(np.unique(points, axis=0))
@@ -61,13 +69,14 @@ def check_number(points: np.ndarray, units: int) -> None:
         )
 
 
-def _check_extent(points: np.ndarray) -> None:
+def _check_extent(points: Float[np.ndarray, "N 3"]) -> None:
+    """Refuse clouds that lie in one place or on one line, and coordinates that would overflow."""
     axes = np.ascontiguousarray(points.T)  # rows as long as the cloud: several times as fast
     extent = np.ptp(axes, axis=1).max()
     magnitude = np.abs(axes).max()
-    if not np.isfinite(extent) or magnitude > 1e100:
+    if not np.isfinite(extent) or magnitude > _MAX_COORDINATE:
         raise ReconstructionError(f"coordinates up to {magnitude:.3g} are too large; what is their unit?")
-    if extent <= 1e-12 * magnitude or extent == 0:
+    if extent <= _SAME_PLACE * magnitude or extent == 0:
         raise ReconstructionError(f"all {len(points)} points lie in one place, {points[0].tolist()}")
     centered = (axes - axes.mean(axis=1, keepdims=True)) / extent
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(centered @ centered.T), 0))

@@ -13,15 +13,16 @@ from scipy.spatial import KDTree
 
 from reconstruction.errors import ScanError
 from reconstruction.extras import require_extras
-from reconstruction.geometry.pose import make_pose, to_planar
-from reconstruction.progress import Progress, silent
-from reconstruction.scans.mixed_pixels import find_jumps, find_noise
-from reconstruction.scans.planar_poses import (
+from reconstruction.geometry.pose import (
     compose_planar,
     find_planar_step,
+    make_pose,
     rotate_planar,
+    to_planar,
     transform_planar,
 )
+from reconstruction.progress import Progress, silent
+from reconstruction.scans.mixed_pixels import find_jumps, find_noise
 from reconstruction.scans.scan import HorizontalScans
 
 if TYPE_CHECKING:

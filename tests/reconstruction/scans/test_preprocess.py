@@ -11,7 +11,7 @@ from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose
 from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams, find_step
+from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams
 from reconstruction.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
 from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.scan_log_file import load_scan_log
