@@ -1,8 +1,8 @@
-"""Run every benchmark, each in a process of its own, then write the tables.
+"""Run every benchmark in a separate process, then write the tables.
 
     python -m benchmarks [--quick] [NAME ...]
 
-A quick run leaves its results and its table in `benchmarks/results/quick` and the README as it is.
+A quick run writes its results and its table to `benchmarks/results/quick` and does not change the README.
 """
 
 import argparse
@@ -16,7 +16,7 @@ FOLDER = Path(__file__).parent
 
 
 def find_benchmarks() -> list[str]:
-    """Return the names of the modules beside this file that can be run."""
+    """Return the names of the modules in this folder that can be run."""
     return sorted(
         path.stem for path in FOLDER.glob("*.py") if re.search(r"^def run\(", path.read_text(), re.MULTILINE)
     )

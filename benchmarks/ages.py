@@ -1,8 +1,8 @@
-"""Whether the code that a figure measures has changed since, as git tells.
+"""Detection with git of whether the code that a figure measures has changed since.
 
-What counts is the code itself: each Python file is compared as a syntax tree without docstrings, so that comments and
-formatting make nothing old. The code of today is what lies in the working tree: a table made before a commit is
-right after it.
+Only the code itself counts: each Python file is compared as a syntax tree without docstrings, so changes of comments
+and formatting do not count. The present code is that of the working tree: a table made just before a commit is correct
+after it.
 """
 
 import ast
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 
 class Ages:
-    """Compares the code of today with that of earlier commits.
+    """Compares the present code with that of earlier commits.
 
     Args:
         root: of a checkout with its whole history.
@@ -28,14 +28,14 @@ class Ages:
         self._differs = cache(self._compare)
 
     def is_old(self, commit: str, sources: Sequence[str]) -> bool | None:
-        """Tell whether the code at these places differs from that of a commit.
+        """Return whether the code at these places differs from that of a commit.
 
         Args:
             commit: its hash.
             sources: folders or files from the root; "file.py::name" means that definition only.
 
         Returns:
-            None where the history has no such commit.
+            None if the history does not contain the commit.
         """
         changed = self._find_changed(commit)
         if changed is None:
@@ -64,7 +64,7 @@ class Ages:
 
 
 def open_ages(root: Path = ROOT) -> Ages | None:
-    """Return what compares the code of today with earlier; None without git or without the whole history."""
+    """Return a comparison with earlier commits; None without git or without the whole history."""
     top, is_shallow = (
         run_git(root, "rev-parse", word) for word in ("--show-toplevel", "--is-shallow-repository")
     )
@@ -75,8 +75,8 @@ def normalize(code: str, name: str = "") -> str:
     """Return code without comments, docstrings and formatting.
 
     Args:
-        code: of a Python file; what is none is returned as it is.
-        name: of the one function, class or constant that counts; empty means all.
+        code: of a Python file; other text is returned unchanged.
+        name: of the only function, class or constant to keep; empty means all.
     """
     try:
         tree = ast.parse(code)

@@ -1,4 +1,4 @@
-"""The arena: how closely contact pieces follow the truth, what they cost, and whether robots notice.
+"""The arena: accuracy and cost of contact pieces, and their influence on robots.
 
 python -m benchmarks.arena [--quick] [--only NAME ...]
 """
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from benchmarks.material.arena_drives import Behaviour, drive_waves, time_steps
+from benchmarks.material.arena_drives import OutcomeComparison, drive_waves, time_steps
 from benchmarks.material.arena_surfaces import (
     MAIN,
     RESOLUTIONS,
@@ -25,7 +25,7 @@ from benchmarks.material.arena_surfaces import (
     turn,
 )
 from benchmarks.material.ray_casts import compare_with_embree, measure_scans
-from benchmarks.material.sleds import compare_drawn
+from benchmarks.material.sleds import compare_pulled
 from benchmarks.report import load_record, write_results
 from reconstruction.geometry.mesh_repair import repair_mesh
 from symbrion_gym.arenas.arena import Arena
@@ -40,7 +40,7 @@ from symbrion_gym.contact.surface_error import measure_arena
 
 _PIT = 0.40
 _EASY_PIT = 0.30
-"""Of random controllers some cross this pit, some do not [m]."""
+"""Width of a pit that some random controllers cross and some do not [m]."""
 Rows = dict[str, dict[str, Any]]
 
 
@@ -62,24 +62,28 @@ def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict:
 
 
 def measure_accuracy(quick: bool) -> dict:
-    """Distances of contact pieces from the truth, their number and the time to make them."""
+    """Measure the distance of contact pieces from the true surface, their number and the time to make them."""
     truth, rows = Course().surface(), {}
     for name in MAIN:
         mesh, yaw = scan_course(_PIT, name), np.radians(20)
-        _judge(rows, name, make_arena(mesh, cache=False), truth, mesh)
+        _compare_with_truth(rows, name, make_arena(mesh, cache=False), truth, mesh)
         turned = cut_irregular(mesh, yaw)
-        _judge(rows, f"{name}, yawed and cut", make_arena(turned, cache=False), turn(truth, yaw), turned)
+        _compare_with_truth(
+            rows, f"{name}, yawed and cut", make_arena(turned, cache=False), turn(truth, yaw), turned
+        )
     for name, profile in make_other_profiles().items():
         mesh = turn(make_scanned_surface(profile, num_vertices=2200), -0.6)
         exact = turn(make_scanned_surface(profile, num_vertices=20000, noise=0.0), -0.6)
-        _judge(rows, name, make_arena(mesh, cache=False), exact, mesh)
+        _compare_with_truth(rows, name, make_arena(mesh, cache=False), exact, mesh)
     stairs = map_stairs()
     if stairs is not None:
-        _judge(rows, "real staircase, own surface", make_arena(stairs, cache=False), stairs, stairs)
+        _compare_with_truth(
+            rows, "real staircase, own surface", make_arena(stairs, cache=False), stairs, stairs
+        )
     bunny = load_bunny()
     if bunny is not None:
         made = make_arena(bunny, cache=False)
-        _note(rows, "bunny, own surface", made, made.quality)
+        _record(rows, "bunny, own surface", made, made.quality)
     if not quick:
         mesh = scan_course(_PIT, "gsrm 2200")
         begin = time.perf_counter()
@@ -87,12 +91,12 @@ def measure_accuracy(quick: bool) -> dict:
         seconds = time.perf_counter() - begin
         made = make_arena(mesh)
         naive = replace(made, pieces=pieces, quality=replace(made.quality, seconds=seconds))
-        _judge(rows, "naive coacd 0.05", naive, truth, mesh)
+        _compare_with_truth(rows, "naive coacd 0.05", naive, truth, mesh)
     return {"accuracy": rows}
 
 
 def measure_steps(quick: bool) -> dict:
-    """Time of a physics step of one snake under one sequence of controls."""
+    """Measure the time of a physics step of one snake under one sequence of controls."""
     mesh, course = scan_course(_PIT, "gsrm 2200"), Course()
     arenas = {"boxes": Arena.from_course(course)}
     arenas |= {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
@@ -102,7 +106,7 @@ def measure_steps(quick: bool) -> dict:
 
 
 def measure_seams(quick: bool) -> dict:
-    """Kicks and losses of speed of a sled and a wheel drawn to and fro over the seams."""
+    """Measure jumps and losses of speed of a sled and a wheel pulled over the seams."""
     course = Course()
     truth = Arena.from_course(course)
     arenas = {"truth moved by 1 mm along": _move(truth, [0.001, 0.0, 0.0])}
@@ -112,19 +116,19 @@ def measure_seams(quick: bool) -> dict:
     if not quick:
         mesh = arenas["ready-made gsrm"].surface
         arenas["exact triangles of ready-made gsrm"] = make_arena(mesh, kind="prisms", course=course)
-    found = compare_drawn(truth, course, arenas)
+    found = compare_pulled(truth, course, arenas)
     for rows in found.values():
         _show(rows)
     return found
 
 
-def measure_behaviour(quick: bool) -> dict:
-    """Crossing and distance of random controllers in every kind of contact, against the truth."""
+def measure_outcomes(quick: bool) -> dict:
+    """Compare outcome and progress of random controllers in every kind of contact with the true arena."""
     course = Course(pit=_EASY_PIT)
     truth = Arena.from_course(course)
     moved = _move(truth, [0.0, 0.0, 0.001])
-    behaviour = Behaviour(truth, 10 if quick else 30)
-    rows: Rows = {"truth": behaviour.reference, "truth moved by 1 mm": behaviour.compare(moved)}
+    comparison = OutcomeComparison(truth, 10 if quick else 30)
+    rows: Rows = {"truth": comparison.reference, "truth moved by 1 mm": comparison.compare(moved)}
     _show(rows)
     wanted = [("convex", name) for name in RESOLUTIONS]
     if not quick:
@@ -133,21 +137,21 @@ def measure_behaviour(quick: bool) -> dict:
     for kind, name in wanted:
         arena = make_arena(scan_course(_EASY_PIT, name), course=course, kind=kind)
         label = name if kind == "convex" else f"{name}, {kind}"
-        rows[label] = behaviour.compare(arena)
+        rows[label] = comparison.compare(arena)
         _show({label: rows[label]})
         write_results("arena", {"behaviour": rows})
     waves: Rows = {}
     if not quick:
-        behaviour = Behaviour(truth, 30, drive_waves)
-        waves = {"truth": behaviour.reference, "truth moved by 1 mm": behaviour.compare(moved)}
+        comparison = OutcomeComparison(truth, 30, drive_waves)
+        waves = {"truth": comparison.reference, "truth moved by 1 mm": comparison.compare(moved)}
         for name in MAIN:
-            waves[name] = behaviour.compare(make_arena(scan_course(_EASY_PIT, name), course=course))
+            waves[name] = comparison.compare(make_arena(scan_course(_EASY_PIT, name), course=course))
         _show(waves)
     return {"behaviour": rows, "behaviour_of_waves": waves}
 
 
 def measure_rays(quick: bool) -> dict:
-    """Time of one laser scan by every way to cast it, and MuJoCo's ranges against Embree's."""
+    """Measure the time of one laser scan with several ray casters, and compare MuJoCo's ranges with Embree's."""
     course, mesh = Course(), scan_course(_PIT, "gg")
     arenas = {
         "gg": make_arena(mesh, course=course),
@@ -165,7 +169,7 @@ PARTS: dict[str, Callable[[bool], dict]] = {
     "steps": measure_steps,
     "seams": measure_seams,
     "rays": measure_rays,
-    "behaviour": measure_behaviour,
+    "behaviour": measure_outcomes,
 }
 
 
@@ -173,12 +177,14 @@ def _move(arena: Arena, by: list[float]) -> Arena:
     return replace(arena, pieces=[piece.copy().apply_translation(by) for piece in arena.pieces])
 
 
-def _judge(rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh) -> None:
-    """Put down distances [mm], number of pieces and the time they took."""
-    _note(rows, name, arena, measure_arena(arena.pieces, truth, region=region))
+def _compare_with_truth(
+    rows: Rows, name: str, arena: Arena, truth: trimesh.Trimesh, region: trimesh.Trimesh
+) -> None:
+    """Record distances from the true surface [mm], number of pieces and time."""
+    _record(rows, name, arena, measure_arena(arena.pieces, truth, region=region))
 
 
-def _note(rows: Rows, name: str, arena: Arena, quality: ArenaQuality) -> None:
+def _record(rows: Rows, name: str, arena: Arena, quality: ArenaQuality) -> None:
     rows[name] = {
         "pieces": quality.num_pieces,
         "mean_mm": 1e3 * quality.mean,

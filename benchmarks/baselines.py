@@ -1,9 +1,9 @@
-"""What doing nothing and a random choice score on the course: the map by which the default pit was chosen.
+"""Success of zero actions and of random genotypes on the course, by which the default pit was selected.
 
     python -m benchmarks.baselines [--quick] [--only NAME ...]
 
-Every trial is a randomised one from the floor in the true course, which no evolution sees, judged strictly.
-`python docs/pictures.py results` draws the map.
+All trials are randomized and start on the floor of the true course.
+`python docs/pictures.py results` draws the success by width, modules and friction.
 """
 
 import argparse
@@ -24,12 +24,12 @@ PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(11))
 """Widths of the pit [m]."""
 MODULES = (6, 7, 8)
 ABYSSES = (0.36, 0.37)
-"""Widths of the abyss [m] on both sides of where a body that does nothing ceases to cross."""
+"""Widths of the bottomless pit [m], just below and above the largest that a body crosses without control."""
 FRICTIONS = (0.55, 0.65, 0.75, 0.85)
-"""Sliding friction of the map over friction; else it is drawn from the range of all trials."""
+"""Sliding friction, where it is not drawn from the usual range."""
 AS_IT_IS = Randomization(stretch=(1.0,))
 DEFAULT_TRIALS = 200
-"""Trials of what is said of the default course."""
+"""Trials on the default course."""
 RANDOM_GENOTYPES = 50
 RANDOM_STEP = 0.5
 """Standard deviation of random genotypes [rad]: the first step of a search from zero."""
@@ -44,7 +44,7 @@ def count_crossings(
     randomization: Randomization = AS_IT_IS,
     **environment: Any,
 ) -> int:
-    """Return how many of so many randomised trials from the floor succeed."""
+    """Return the number of successes in randomized trials from the floor."""
     conditions: dict[str, Any] = {"start": "floor", "seed": SEED, "workers": 2, "pit": pit, **environment}
     _, (outcome,) = evaluate(
         genotype,
@@ -85,11 +85,11 @@ class Baselines:
     Args:
         results: where they write.
         quick: few trials.
-        say: told each figure.
+        report: called with each figure as text.
     """
 
-    def __init__(self, results: Results, quick: bool, say: Callable[[str], None]) -> None:
-        self._results, self._say = results, say
+    def __init__(self, results: Results, quick: bool, report: Callable[[str], None]) -> None:
+        self._results, self._report = results, report
         self._trials = 4 if quick else 60
         self._map_trials = 4 if quick else 30
         self._friction_trials = 4 if quick else 12
@@ -98,10 +98,10 @@ class Baselines:
 
     def _put(self, part: str, figures: dict[str, Any]) -> None:
         self._results.put(part, figures)
-        self._say(f"{part}: {figures}")
+        self._report(f"{part}: {figures}")
 
     def default_course(self) -> None:
-        """The default course with 8 modules: all genes zero, the hints set by hand, and random genotypes."""
+        """Measure the default course with 8 modules: all genes zero, hand-set genotypes, random genotypes."""
         pit, count = Course().pit, self._default_trials
         figures: dict[str, Any] = {"pit": pit, "trials": count}
         figures["zero"] = count_crossings(np.zeros(len(REACTIVE_HINT)), pit, 8, count)
@@ -116,26 +116,26 @@ class Baselines:
         self._put("default_course", figures)
 
     def random_actions(self) -> None:
-        """The default environment with 8 modules: an action drawn at random at every step."""
+        """Measure the default environment with 8 modules and an action drawn at random at every step."""
         count = self._default_trials
         self._put("random_actions", {"trials": count, "successes": count_random_crossings(count)})
 
     def other_tasks(self) -> None:
-        """Doing nothing where the search is for less: six modules, and a bridge over the abyss of the benchmark."""
+        """Measure zero actions with six modules, and over a bottomless pit."""
         zero, count = np.zeros(len(REACTIVE_HINT)), self._trials
         six = count_crossings(zero, Course().pit, 6, count)
         bridge = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, abyss=True) for pit in ABYSSES}
         self._put("other_tasks", {"trials": count, "six modules": six, "abyss": bridge})
 
     def widths(self) -> None:
-        """Crossings by doing nothing, by the width of the pit and the number of modules."""
+        """Measure zero actions by the width of the pit and the number of modules."""
         zero = np.zeros(len(REACTIVE_HINT))
         for modules in MODULES:
             row = {f"{pit:.2f}": count_crossings(zero, pit, modules, self._map_trials) for pit in PITS}
             self._put(f"widths/{modules}", {"trials": self._map_trials, "successes": row})
 
     def frictions(self) -> None:
-        """Crossings by doing nothing with 8 modules, by the width of the pit and the friction."""
+        """Measure zero actions with 8 modules by the width of the pit and the friction."""
         zero = np.zeros(len(REACTIVE_HINT))
         for friction in FRICTIONS:
             fixed = Randomization(friction=(friction, friction), stretch=(1.0,))
@@ -148,7 +148,7 @@ PARTS = tuple(name for name in vars(Baselines) if not name.startswith("_"))
 
 
 def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Measure, print, keep and return the figures.
+    """Measure, print, store and return the figures.
 
     Args:
         quick: few trials.

@@ -1,9 +1,9 @@
-"""The environment: is the task neither trivial nor impossible, is its physics honest, is it fast?
+"""The environment: difficulty of the task, validity of its physics, speed.
 
 python -m benchmarks.environment [--quick] [--only NAME ...] [--more]
 
-The parts "cheats" and "robustness" go round by round: `--minutes` limits them, and `--more` adds to what they
-found before instead of beginning again.
+The parts "cheats" and "robustness" run in rounds: `--minutes` limits them, and `--more` adds to their last results
+instead of starting again.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.material.cheats import try_evolved, try_random
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
-from benchmarks.material.robustness import torment
+from benchmarks.material.robustness import step_at_random
 from benchmarks.report import load_record, write_results
 from symbrion_gym import ArenaError, load_arena
 from symbrion_gym.environment.snake_pit import SnakePitEnv
@@ -42,7 +42,7 @@ def run(
     Args:
         quick: smaller sizes and fewer repetitions.
         only: names of parts; all by default.
-        minutes: limit of each of the parts that go round by round.
+        minutes: limit of each of the parts that run in rounds.
         more: those parts add to their last results.
     """
     for name, part in PARTS.items():
@@ -59,7 +59,7 @@ def run(
 
 
 def measure_task(quick: bool) -> dict:
-    """Let the zero controller try: which bodies cross which pits from the floor at friction 0.7."""
+    """Measure which bodies cross which pits with zero actions, from the floor at friction 0.7."""
     outcomes = {}
     for pit in (0.20, 0.30, 0.40):
         for modules in (4, 5, 6, 7, 8, 9, 10) if pit == 0.40 else (6, 7, 8):
@@ -74,7 +74,7 @@ def measure_task(quick: bool) -> dict:
 
 
 def measure_cheats(quick: bool, minutes: float, last: dict) -> dict:
-    """Judge every success of random and of evolved controllers a second time."""
+    """Audit every success of random and of evolved controllers."""
     wanted = {"random": 200 if quick else RANDOM_EPISODES, "evolved": 100 if quick else EVOLVED_EPISODES}
     rounds, counts = Counter(last.get("rounds", {})), Counter(last.get("counts", {}))
     faults, limit = list(last.get("faults", [])), time.perf_counter() + 60 * minutes
@@ -122,10 +122,10 @@ def measure_timestep(quick: bool) -> dict:
 
 
 def measure_speed(quick: bool) -> dict:
-    """Robot-seconds per second of one thread, and what the loop in Python adds to bare steps.
+    """Measure robot-seconds per second of one thread, and the overhead over the physics steps.
 
-    Processor time of the same ticks again and again, side by side, each by its own clock; of each tick the median
-    over the rounds counts (and the fastest), so that a switch to other work costs only the tick it falls into.
+    The processor time of each tick is measured in many rounds, side by side. The median of each tick over the rounds
+    is used (and the fastest), so that an interruption affects only one tick.
     """
     result = {}
     for arena in _find_arenas():
@@ -173,7 +173,7 @@ def _step_bare(env: SnakePitEnv, control: np.ndarray) -> None:
 
 
 def measure_threads(quick: bool) -> dict:
-    """Speed of the vector environment with two threads over one, side by side."""
+    """Compare the speed of the vector environment with two threads and one, side by side."""
     ratios = []
     envs = {k: SnakePitVectorEnv(16, modules=8, num_threads=k, autoreset_mode="Disabled") for k in (1, 2)}
     for _ in range(3 if quick else 7):
@@ -189,17 +189,17 @@ def measure_threads(quick: bool) -> dict:
 
 
 def measure_robustness(quick: bool, minutes: float, last: dict) -> dict:
-    """Random steps over random options and actions that no one should send."""
+    """Step with random options and with invalid actions."""
     rounds, counts = int(last.get("rounds", 0)), Counter(last.get("counts", {}))
     limit = time.perf_counter() + 60 * minutes
     while counts["steps"] < (100_000 if quick else RANDOM_STEPS) and time.perf_counter() < limit:
-        counts.update(torment(rounds))
+        counts.update(step_at_random(rounds))
         rounds += 1
     return {"counts": dict(counts), "rounds": rounds}
 
 
 def measure_memory(quick: bool) -> dict:
-    """Growth of the process over 1,000 resets and 200 environments."""
+    """Measure the memory growth over 1,000 resets and 200 environments."""
     env = SnakePitEnv(modules=8)
     for _ in range(100):
         env.reset(seed=0)
@@ -231,7 +231,7 @@ PARTS: dict[str, Callable[..., dict]] = {
 
 
 def _cross_with(count: int, options: dict) -> list[bool]:
-    """Whether each of the seeded random controllers crosses."""
+    """Return whether each of the seeded random controllers crosses."""
     envs = SnakePitVectorEnv(
         count, modules=6, start="pit", stuck_time=6.0, autoreset_mode="Disabled", **options
     )
@@ -282,7 +282,7 @@ def main() -> None:
     parser.add_argument(
         "--minutes", type=float, default=MINUTES, help="limit of each of: " + ", ".join(ROUNDS)
     )
-    parser.add_argument("--more", action="store_true", help="let these add to their last results")
+    parser.add_argument("--more", action="store_true", help="add to the last results of these parts")
     options = parser.parse_args()
     run(options.quick, tuple(options.only), options.minutes, options.more)
 

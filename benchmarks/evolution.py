@@ -1,13 +1,12 @@
-"""Does evolution find champions that hold in the true arena, at what price, and is its bookkeeping honest?
+"""Evolution: robustness of champions in the true arena, cost of finding them, correctness of resuming.
 
     python -m benchmarks.evolution [--quick] [--only champions stages ...] [--seeds 0 1 ...]
     python -m benchmarks.evolution --judge-again [--only champions ...]
 
-Every champion is judged by 20 fresh randomised trials from the floor in the true arena, which the search
-never saw; their seed is drawn then and kept with the row. Only champions that their run has confirmed count as
-ones that hold. Each run is written as soon as it is known; a part that is measured again replaces its own rows.
-Wall seconds mean something on an idle machine only (`load` tells); genotypes, trials and processor seconds
-always do.
+Every champion is judged in 20 fresh randomized trials from the floor in the true arena, which the search never saw;
+their seed is drawn at that moment and stored with the row. A champion is robust if its run has confirmed it and at
+least 18 of these trials succeed. Each run is written at once; a new measurement of a part replaces its rows. Wall times
+are meaningful only on an idle machine (see `load`), unlike genotypes, trials and processor times.
 """
 
 import argparse
@@ -23,14 +22,14 @@ import numpy as np
 from benchmarks.evolution_judging import judge_again
 from benchmarks.evolution_machine import measure_backends, measure_kills, measure_overhead, measure_workers
 from benchmarks.evolution_runs import Results, make_model, measure_runs
-from benchmarks.evolution_summary import find_gaps, holds
+from benchmarks.evolution_summary import find_gaps, is_robust
 from evolution.search.config import EvolutionConfig
 from evolution.search.stages import Stage
 from symbrion_gym.arenas.course import Course
 
 SEEDS = (0, 1, 2, 3, 4)
 HELD_OUT = 5
-"""Seeds from here on were not looked at when the search was given its patience."""
+"""Seeds from here on were not used when the restart rule of the search was tuned."""
 BASE = EvolutionConfig(arena="gsrm", modules=8, generations=50, workers=2)
 """At most 600 genotypes."""
 MODELS: dict[str, tuple[str, int] | str] = {
@@ -44,16 +43,16 @@ MODELS: dict[str, tuple[str, int] | str] = {
 }
 """Models to evolve on: a ready-made arena, or a network and its units (gsrm) or triangles (gg)."""
 COARSE, FINES = "gsrm 800", ("gsrm 2200", "gg 13860")
-"""Coarser ones lead astray: what crosses in a grid of 210 triangles does not in truth; a GSRM of 200 units makes 18
-contact pieces, the fine ones 6 to 8, and so is dearer than they are."""
+"""Coarser ones mislead: what crosses in a grid of 210 triangles fails in the true arena; a GSRM of 200 units makes 18
+contact pieces and is slower than the fine ones, which make 6 to 8."""
 LAWS: dict[str, dict[str, Any]] = {
     "travelling": {"controller": "travelling"},
     "reactive from its hint": {"controller": "reactive", "origin": "hint", "sigma": 0.15},
 }
-"""Other ways to begin, to compare: angles instead of slopes, and a law that begins from numbers set by hand."""
+"""Controllers to compare: angles instead of slopes, and a search that begins from hand-set numbers."""
 BODIES: dict[str, Any] = {"body_lengths": (3, 9), "restart_after": 20, "generations": 300}
 ABYSS = Course(pit=0.37)
-"""Wider than a body that does nothing holds itself out: it crosses 0.36 m in 60 of 60 trials, 0.37 m in none."""
+"""Too wide for a body without control: it crosses 0.36 m in 60 of 60 trials, 0.37 m in none."""
 
 
 class Benchmark:
@@ -63,13 +62,13 @@ class Benchmark:
         results: where they write.
         seeds: of the runs.
         repeats: of what is timed.
-        say: told each figure.
+        report: called with each figure as text.
     """
 
     def __init__(
-        self, results: Results, seeds: tuple[int, ...], repeats: int, say: Callable[[str], None]
+        self, results: Results, seeds: tuple[int, ...], repeats: int, report: Callable[[str], None]
     ) -> None:
-        self._results, self._seeds, self._repeats, self._say = results, seeds, repeats, say
+        self._results, self._seeds, self._repeats, self._report = results, seeds, repeats, report
 
     def _run(
         self,
@@ -79,45 +78,45 @@ class Benchmark:
         **changes: Any,
     ) -> list[dict[str, Any]]:
         chosen = self._seeds if seeds is None else seeds
-        return measure_runs(self._results, part, replace(BASE, **changes), chosen, self._say, course)
+        return measure_runs(self._results, part, replace(BASE, **changes), chosen, self._report, course)
 
     def _put(self, part: str, figures: dict[str, Any]) -> None:
         self._results.put(part, figures)
-        self._say(f"{part}: {figures}")
+        self._report(f"{part}: {figures}")
 
     def overhead(self) -> None:
-        """The loop over bare stepping."""
+        """Measure the overhead of evaluation over the physics steps."""
         self._put("overhead", measure_overhead(self._repeats))
 
     def workers(self) -> None:
-        """Two threads over one."""
+        """Measure the speedup by a second thread."""
         self._put("workers", measure_workers(self._repeats))
 
     def backends(self) -> None:
-        """Equal histories from 1, 2 and 4 threads and from processes; Ray has its own test."""
+        """Compare the histories of 1, 2 and 4 threads and of processes; Ray has its own test."""
         self._put("backends", measure_backends())
 
     def kills(self) -> None:
-        """Runs killed by signal 9 and resumed."""
+        """Kill runs by SIGKILL and resume them."""
         self._put("kills", measure_kills(20))
 
     def champions(self) -> None:
-        """The task: the default course, 8 modules, on the scanned arena, from zero."""
+        """Evolve in the scanned arena: default course, 8 modules, search from zero."""
         self._run("champions")
         self._run("champions_held_out", tuple(seed + HELD_OUT for seed in self._seeds))
 
     def six_modules(self) -> None:
-        """A shorter body."""
+        """Evolve with a shorter body."""
         self._run("six_modules", modules=6)
 
     def abyss(self) -> None:
-        """A bridge: where the floor of the pit is touched, the trial ends."""
+        """Evolve over a bottomless pit: a trial ends when a module touches the floor."""
         with tempfile.TemporaryDirectory() as folder:
             arena = make_model("gsrm", 2200, Path(folder), ABYSS)
             self._run("abyss", course=ABYSS, arena=arena, environment=(("abyss", True),))
 
     def models(self) -> None:
-        """Evolved on coarse and fine models of the same arena, judged in truth."""
+        """Evolve in coarse and fine models of the same arena; judge in the true one."""
         champions = self._results.content.get("champions")
         with tempfile.TemporaryDirectory() as folder:
             for name, recipe in MODELS.items():
@@ -128,7 +127,7 @@ class Benchmark:
                 self._run(f"models/{name}", arena=arena)
 
     def stages(self) -> None:
-        """Coarse to fine against fine only (the row of `models`), by the time to a champion that holds."""
+        """Compare coarse to fine with fine only (the row of `models`), by the cost of a robust champion."""
         with tempfile.TemporaryDirectory() as folder:
             method, units = MODELS[COARSE]
             coarse = make_model(str(method), int(units), Path(folder))
@@ -138,16 +137,16 @@ class Benchmark:
                 self._compare_stages(fine)
 
     def stages_compared(self) -> None:
-        """Coarse to fine against fine only once more, from the rows that there are."""
+        """Compare coarse to fine with fine only again, from the existing rows."""
         for fine in FINES:
             self._compare_stages(fine)
 
     def _compare_stages(self, fine: str) -> None:
-        """Set the runs that began coarse beside those that did not, of the same seeds, as far as champions hold."""
+        """Compare the runs that began coarse with the others of the same seeds, as far as champions are robust."""
         staged = self._results.find_runs(f"stages/{fine}")
         seeds = {row["seed"] for row in staged}
         only = [row for row in self._results.find_runs(f"models/{fine}") if row["seed"] in seeds]
-        only, staged = ([row for row in rows if holds(row)] for rows in (only, staged))
+        only, staged = ([row for row in rows if is_robust(row)] for rows in (only, staged))
         if only and staged:
             names = [
                 f"{moment}{name}" for name in ("cpu_seconds", "genotypes") for moment in ("holds_from_", "")
@@ -160,16 +159,16 @@ class Benchmark:
             self._put(f"stages_compared/{fine}", {"coarse": COARSE, "from_parts": parts, **figures})
 
     def body_length(self) -> None:
-        """Evolution chooses the length of the body, and once one holds goes on among shorter ones."""
+        """Evolve the length of the body as well; once one succeeds, the search continues with shorter ones."""
         self._run("body_length", self._seeds[:3], **BODIES)
 
     def laws(self) -> None:
-        """Other laws and beginnings on the default course."""
+        """Evolve with other controllers and starting points on the default course."""
         for name, changes in LAWS.items():
             self._run(f"laws/{name}", self._seeds[:3], **changes)
 
     def gap(self) -> None:
-        """The gap between validation and final test, over all runs that a seed drawn with the row has judged."""
+        """Measure the gap between validation and final test, over all runs with a drawn seed."""
         content = self._results.content
         parts = [part for part in content if part == "champions" or content[part] != content.get("champions")]
         drawn = {
@@ -186,7 +185,7 @@ QUICK = ("overhead", "workers", "backends", "champions", "gap")
 
 
 def _compare(fine: list[dict[str, Any]], staged: list[dict[str, Any]], name: str) -> float:
-    """Return how many times less coarse to fine needs, by the medians."""
+    """Return the ratio of the medians, fine only over coarse to fine."""
     one, other = (np.median([row[name] for row in rows]) for rows in (fine, staged))
     return round(float(one / other), 2)
 
@@ -195,21 +194,21 @@ def run(
     quick: bool = False,
     only: tuple[str, ...] = (),
     seeds: tuple[int, ...] = SEEDS,
-    is_judged_again: bool = False,
+    judge_again_only: bool = False,
 ) -> dict[str, Any]:
-    """Measure, print, keep and return the figures.
+    """Measure, print, store and return the figures.
 
     Args:
         quick: two seeds, and the small parts only.
         only: names of the parts to measure; empty means all (all small ones if quick).
         seeds: of the runs of each kind.
-        is_judged_again: evolve nothing; judge the champions that are kept once more.
+        judge_again_only: do not evolve; judge the stored champions again.
     """
     results = Results("evolution")
-    say = partial(print, flush=True)
-    benchmark = Benchmark(results, seeds[:2] if quick else seeds, 2 if quick else 5, say)
-    if is_judged_again:
-        judge_again(results, only, say)
+    report = partial(print, flush=True)
+    benchmark = Benchmark(results, seeds[:2] if quick else seeds, 2 if quick else 5, report)
+    if judge_again_only:
+        judge_again(results, only, report)
         only = ("stages_compared", "gap")
     for name in only or (QUICK if quick else PARTS):
         getattr(benchmark, name)()
@@ -225,7 +224,9 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to measure")
     parser.add_argument("--seeds", nargs="*", type=int, default=list(SEEDS), help="of the runs of each kind")
     parser.add_argument(
-        "--judge-again", action="store_true", help="judge the kept champions by new seeds; evolve nothing"
+        "--judge-again",
+        action="store_true",
+        help="judge the stored champions with new seeds, without evolving",
     )
     options = parser.parse_args()
     run(options.quick, tuple(options.only), tuple(options.seeds), options.judge_again)

@@ -1,7 +1,7 @@
-"""The final test: champions judged in the true arena by seeds that nothing has used before.
+"""The final test: champions judged in the true arena with seeds that were never used before.
 
-A rule that was tuned on the trials of a final test is tuned on their seeds. So the seed of a judgement is drawn when
-the row is made, or judged again, and kept with it; a row keeps its champions, so that any row can be judged again
+A rule that was tuned on the trials of a final test is tuned to their seeds. Therefore the seed of a final test is drawn
+when the row is made, or judged again, and stored with it. A row stores its champions, so that it can be judged again
 without evolving.
 """
 
@@ -20,15 +20,15 @@ from symbrion_gym.arenas.loading import load_arena
 TRIALS = 20
 """Trials in the true arena, which the search never saw."""
 PASS = 18
-"""So many of them must hold."""
+"""Number of these that must succeed for a champion to be robust."""
 SPENT = ("genotypes", "wall_seconds", "cpu_seconds")
-"""What is known of the moment at which a champion was found."""
+"""Fields of the cost up to the moment when a champion was found."""
 
 Row = dict[str, Any]
 
 
 class RowStore(Protocol):
-    """Where rows are kept."""
+    """Storage of rows."""
 
     @property
     def content(self) -> dict[str, Any]: ...
@@ -38,22 +38,22 @@ class RowStore(Protocol):
 
 
 def describe_champion(champion: Champion, spent: Row) -> Row:
-    """Return what a row keeps of a champion, and of what had been spent when it was found."""
+    """Return what a row stores of a champion and its cost."""
     return {"champion": champion.as_dict() | {"arena": Path(champion.arena).name}, **spent}
 
 
 def judge_row(row: Row, used: Container[int], workers: int) -> Row:
-    """Return a row with the judgement of its `champions` in its true `course`, by a newly drawn seed.
+    """Return a row with the final test of its `champions` in its true `course`, with a newly drawn seed.
 
     Args:
-        row: with `champions` as they were found, the run's own last; `course`; `validated`.
-        used: seeds of judgements before this one.
+        row: with `champions` in the order found, the run's own last; `course`; `validated`.
+        used: seeds of earlier final tests.
         workers: threads.
 
     Returns:
         The row and `judging_seed`, `judged` (day and commit), `held_in_truth`, `gap_of_20` (how much better
-        validation was, in trials of 20; None without any) and `holds_from_*` (what had been spent when the champion
-        was found from which on every one holds, which the run itself cannot know).
+        validation was, in trials of 20; None without any) and `holds_from_*` (the cost up to the champion from which on
+        all champions are robust, which the run itself cannot know).
     """
     seed = _draw_seed(used)
     truth = load_arena("truth", Course(**row["course"]))
@@ -72,17 +72,17 @@ def judge_row(row: Row, used: Container[int], workers: int) -> Row:
 
 
 def judge_again(
-    results: RowStore, only: Container[str], say: Callable[[str], None], workers: int = 2
+    results: RowStore, only: Container[str], report: Callable[[str], None], workers: int = 2
 ) -> None:
-    """Judge every kept champion once more; what it held before stays in the row as `judged_before`.
+    """Judge every stored champion again; earlier results remain in the row as `judged_before`.
 
     Args:
-        results: that hold the rows.
+        results: the storage of the rows.
         only: names of parts, "models" for all "models/..."; empty means all.
-        say: told each judgement.
+        report: called with each result as text.
         workers: threads.
     """
-    judged: dict[str, Row] = {}  # the same run may stand in two parts
+    judged: dict[str, Row] = {}  # the same run may be in two parts
     for part in results.content:
         rows = results.find_runs(part)
         if not rows or (only and part.split("/")[0] not in only):
@@ -90,11 +90,13 @@ def judge_again(
         for row in rows:
             key = json.dumps(row, sort_keys=True)
             if "champions" not in row:
-                say(f"{part}, seed {row['seed']}: its champion was not kept; evolve it anew to judge it")
+                report(f"{part}, seed {row['seed']}: its champion was not stored; evolve again to judge it")
             elif key not in judged:
                 used = results.find_judging_seeds() | {other["judging_seed"] for other in judged.values()}
                 judged[key] = judge_row(_keep_judgement(row), used, workers)
-                say(f"{part}, seed {row['seed']}: {judged[key]['held_in_truth']}, was {row['held_in_truth']}")
+                report(
+                    f"{part}, seed {row['seed']}: {judged[key]['held_in_truth']}, was {row['held_in_truth']}"
+                )
         results.put_runs(part, [judged.get(json.dumps(row, sort_keys=True), row) for row in rows])
 
 

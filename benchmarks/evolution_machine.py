@@ -1,4 +1,4 @@
-"""What the machinery of evolution costs and survives: overhead, workers, backends, kill -9."""
+"""Overhead of evolution, speedup by workers, equality of backends, resuming after SIGKILL."""
 
 import json
 import os
@@ -43,7 +43,7 @@ evolve(EvolutionConfig.from_json(json.loads(sys.argv[1])))
 
 
 class _TimedBatch(vector.Batch):
-    """The batch of simulations, with a clock at its steps."""
+    """A batch of simulations that measures the time of its steps."""
 
     seconds = 0.0
 
@@ -56,9 +56,9 @@ class _TimedBatch(vector.Batch):
 
 
 def measure_overhead(repeats: int) -> dict[str, Any]:
-    """Return what everything around the steps of `mujoco.batch` adds to their time on one thread.
+    """Return the overhead over the steps of `mujoco.batch`, on one thread.
 
-    Processor time, so that others on the machine count little; median over repeats.
+    Processor time, so that other processes have little influence; median over repeats.
     """
     original, vector.Batch = vector.Batch, _TimedBatch
     try:
@@ -84,7 +84,7 @@ def _measure_overhead(trials: Trials, repeats: int) -> float:
 
 
 def measure_workers(repeats: int) -> dict[str, Any]:
-    """Compare two threads with one on the same jobs, in turns."""
+    """Compare two threads with one on the same jobs, alternating."""
     jobs = [
         Job(np.array(REACTIVE_HINT) + 0.01 * index, Trials(arena="gsrm", count=BASE_TRIALS))
         for index in range(12)
@@ -108,7 +108,7 @@ def measure_workers(repeats: int) -> dict[str, Any]:
 
 
 def measure_backends() -> dict[str, Any]:
-    """Run the same evolution on 1, 2 and 4 threads and on processes; compare the histories but for times."""
+    """Run the same evolution on 1, 2 and 4 threads and on processes; compare the histories without times."""
     histories: dict[str, str] = {}
     for backend, workers in (("batch", 1), ("batch", 2), ("batch", 4), ("processes", 2)):
         run = evolve(replace(_SMALL, backend=backend, workers=workers))
@@ -120,7 +120,7 @@ def measure_backends() -> dict[str, Any]:
 
 
 def measure_kills(count: int) -> dict[str, Any]:
-    """Kill runs by signal 9 at random moments, resume each, compare champion and history with a whole run."""
+    """Kill runs by SIGKILL at random moments, resume them, and compare champion and history with a complete run."""
     equal, cut_off = 0, 0
     with tempfile.TemporaryDirectory() as name:
         began = time.perf_counter()
@@ -145,7 +145,7 @@ def _in_folder(folder: Path) -> EvolutionConfig:
 
 
 def _run_program(folder: Path, seconds: float | None) -> int:
-    """Evolve in a process of its own, killed after so long; return its exit status."""
+    """Evolve in a separate process, killed after `seconds`; return its exit status."""
     config = json.dumps(_in_folder(folder).to_json())
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen([sys.executable, "-c", _PROGRAM, config], env=environment)

@@ -1,4 +1,4 @@
-"""Runs of evolution for the benchmark: what is measured of each, and a file of results that grows run by run."""
+"""Runs of evolution for the benchmark, and the file to which their results are added run by run."""
 
 import os
 import time
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.evolution_judging import SPENT, Row, describe_champion, judge_row
-from benchmarks.evolution_summary import summarise
+from benchmarks.evolution_summary import summarize
 from benchmarks.report import describe_moment, load_record, write_results
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve
@@ -25,7 +25,7 @@ from symbrion_gym.sensing.survey import survey
 
 
 class Results:
-    """The file of results; what is measured again replaces its own part only.
+    """The file of results; a new measurement replaces only its own part.
 
     Args:
         name: of the file in `benchmarks/results`.
@@ -36,11 +36,11 @@ class Results:
 
     @property
     def content(self) -> dict[str, Any]:
-        """What the file holds now; another process may have added to it."""
+        """The present content of the file; another process may have added to it."""
         return load_record(self._name)["results"]
 
     def put(self, part: str, figures: dict[str, Any]) -> None:
-        """Write a part that is no table of runs."""
+        """Write a part that is not a table of runs."""
         write_results(self._name, {part: figures})
 
     def add_run(self, part: str, row: Row) -> None:
@@ -49,15 +49,15 @@ class Results:
         self.put_runs(part, sorted([*rows, row], key=lambda each: each["seed"]))
 
     def put_runs(self, part: str, rows: list[Row]) -> None:
-        """Write a table of runs and what it comes to."""
-        self.put(part, {**summarise(rows), "runs": rows})
+        """Write a table of runs with its summary."""
+        self.put(part, {**summarize(rows), "runs": rows})
 
     def find_runs(self, part: str) -> list[Row]:
         """Return the runs of a part."""
         return self.content.get(part, {}).get("runs", [])
 
     def find_judging_seeds(self) -> set[int]:
-        """Return the seeds of all judgements that any row knows of."""
+        """Return the seeds of all final tests so far."""
         rows = [row for part in self.content for row in self.find_runs(part)]
         judgements = [each for row in rows for each in (row, *row.get("judged_before", []))]
         return {each["judging_seed"] for each in judgements if "judging_seed" in each}
@@ -68,29 +68,29 @@ def measure_runs(
     part: str,
     config: EvolutionConfig,
     seeds: Iterable[int],
-    say: Callable[[str], None],
+    report: Callable[[str], None],
     course: Course | None = None,
 ) -> list[Row]:
-    """Evolve once for each seed, judge in truth, and keep each row as soon as it is known."""
+    """Evolve once per seed, judge the champion in the true arena, and write each row at once."""
     for seed in seeds:
         row = measure_run(replace(config, seed=seed), course, results.find_judging_seeds())
         results.add_run(part, row)
-        told = {
+        shown = {
             key: value for key, value in row.items() if not isinstance(value, dict) and key != "champions"
         }
-        say(f"{part}: " + ", ".join(f"{key} {value}" for key, value in told.items()))
+        report(f"{part}: " + ", ".join(f"{key} {value}" for key, value in shown.items()))
     return results.find_runs(part)
 
 
 def measure_run(
     config: EvolutionConfig, course: Course | None = None, used: Container[int] = frozenset()
 ) -> Row:
-    """Evolve, judge in truth by a seed that is drawn now, and return figures of both.
+    """Evolve, judge the champion in the true arena with a newly drawn seed, and return the figures of both.
 
     Args:
         config: of the run.
-        course: the true one, where it is not the usual one.
-        used: seeds of other judgements.
+        course: the true one; the default course if None.
+        used: seeds of other final tests.
     """
     clock = _ChampionClock()
     load = os.getloadavg()[0]
@@ -118,7 +118,7 @@ def measure_run(
 
 
 class _ChampionClock:
-    """What had been spent when a run found each of its champions."""
+    """The cost of a run up to each of its champions."""
 
     def __init__(self) -> None:
         self._began, self._cpu_began = time.perf_counter(), time.process_time()
@@ -137,7 +137,7 @@ class _ChampionClock:
         self._found.append((run.champion, dict(zip(SPENT, spent, strict=True))))
 
     def describe_champions(self, last: Champion) -> list[Row]:
-        """Return the champions in their order; the last one with all the fresh trials that it had by the end."""
+        """Return the champions in order; the last one with all the fresh trials it had at the end."""
         found = [*self._found[:-1], (last, self._found[-1][1])]
         return [describe_champion(champion, spent) for champion, spent in found]
 
@@ -152,13 +152,13 @@ def _describe_shorter(run: Run, modules: int) -> Row:
 
 
 def make_model(method: str, size: int, folder: Path, course: Course | None = None) -> str:
-    """Survey the true arena, grow a network, save the arena made of it; return its folder.
+    """Survey the true arena, reconstruct it, save the resulting arena, and return its folder.
 
     Args:
         method: "gsrm" or "gg".
         size: units of a gsrm, triangles of a gg.
-        folder: where it goes.
-        course: the true one; default: the usual one.
+        folder: where the arena is saved.
+        course: the true one; the default course if None.
     """
     course = course or Course()
     path = folder / f"{method}_{size}_{round(1000 * course.pit)}mm"

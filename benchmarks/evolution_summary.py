@@ -1,4 +1,4 @@
-"""What a table of runs comes to. Only a champion that its run has confirmed counts as one that holds."""
+"""Summary of a table of runs. Only a confirmed champion can be robust."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,32 +8,32 @@ import numpy as np
 from benchmarks.evolution_judging import PASS, Row
 
 NONE = "-"
-"""Stands for the mean of nothing."""
+"""Placeholder for the mean of no values."""
 
 
-def holds(row: Row) -> bool:
-    """Tell whether a champion was confirmed by its run and crosses in the truth."""
+def is_robust(row: Row) -> bool:
+    """Return whether a champion is robust: confirmed by its run, and successful in the true arena."""
     return row["confirmed"] and row["held_in_truth"] >= PASS
 
 
-def summarise(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return what a table of runs comes to, confirmed and unconfirmed champions apart.
+def summarize(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the summary of a table of runs, with confirmed and unconfirmed champions separate.
 
-    Costs are medians over all runs; what is said of validation and truth concerns confirmed champions.
+    Costs are medians over all runs; figures of validation and the true arena are those of confirmed champions.
     """
     confirmed, others = _part(rows)
     medians = {
         f"median_{name}": float(np.median([row[name] for row in rows]))
         for name in ("genotypes", "wall_seconds", "cpu_seconds")
     }
-    holding = [row for row in rows if holds(row) and row.get("holds_from_genotypes") is not None]
+    holding = [row for row in rows if is_robust(row) and row.get("holds_from_genotypes") is not None]
     for name in ("genotypes", "cpu_seconds") if holding else ():
         medians[f"median_holds_from_{name}"] = float(
             np.median([row[f"holds_from_{name}"] for row in holding])
         )
     held = [row["held_in_truth"] for row in confirmed]
     return {
-        "champions_that_hold": sum(map(holds, rows)),
+        "champions_that_hold": sum(map(is_robust, rows)),
         "of": len(rows),
         "confirmed": len(confirmed),
         "unconfirmed": len(others),
@@ -46,9 +46,9 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def find_gaps(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return how much better validation was than the final test, confirmed and unconfirmed champions apart.
+    """Return how much better validation was than the final test, with confirmed and unconfirmed champions separate.
 
-    Unconfirmed ones do worse in validation than in truth as often as not, and would cancel the others.
+    Unconfirmed ones often do worse in validation than in the final test and would cancel the others.
     """
     confirmed, others = _part(rows)
     return {**describe_gaps(confirmed), "unconfirmed": describe_gaps(others)}

@@ -23,21 +23,21 @@ SENSES = {"<=": operator.le, ">=": operator.ge}
 
 
 class ClaimError(ValueError):
-    """A claim has no figure: its file or its path in the file is missing, or what stands there does not fit."""
+    """A claim has no figure: its file or its path in the file is missing, or the entry there does not fit."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """Where one number of a claim stands.
+    """The place of one number of a claim.
 
     Attributes:
         file: name of the results without `.json`.
-        path: keys of `results` from the top, with `/` between them; `*` means every entry there. After ` | ` may
-            stand where an earlier version of the benchmark put it; the first place that is there counts.
-        reduce: what becomes of several entries: only, min, max, median, mean, sum, count.
+        path: keys of `results` from the top, with `/` between them; `*` means every entry there. After ` | ` an
+            older path may follow; the first one that exists is used.
+        reduce: how several entries are combined: only, min, max, median, mean, sum, count.
         scale: factor into the unit of the claim (1000: from metres to millimetres).
         offset: added after that (-100: from 112 % of something to 12 % more than it).
-        pattern: where a text stands there, a regular expression whose first group is the number.
+        pattern: for an entry that is text, a regular expression whose first group is the number.
     """
 
     file: str
@@ -52,7 +52,7 @@ class Value:
             raise ClaimError(f"no reduction {self.reduce!r}; there are: {', '.join(REDUCTIONS)}")
 
     def find_part(self, results: dict[str, Any]) -> str | None:
-        """Return the part of the results that the number lies in; None where it was never measured."""
+        """Return the part of the results that contains the number; None if it was never measured."""
         keys = self.path.split("/")
         return "/".join(keys[: _find_key(results, keys)]) or None
 
@@ -60,7 +60,7 @@ class Value:
         """Return the number from the `results` of its file.
 
         Raises:
-            ClaimError: nothing stands there, or several entries where one is expected.
+            ClaimError: there is no entry, or several where one is expected.
         """
         *places, last = self.path.split(" | ")
         path = next((place for place in places if _is_there(results, place)), last)
@@ -88,9 +88,9 @@ class Claim:
     """One line of the table.
 
     Attributes:
-        what: what was measured.
+        what: the quantity, as a sentence that is clear without the source.
         figure: a format string; `{0}` is the first of `values`.
-        values: where the numbers stand.
+        values: the places of the numbers.
         bar: the target, as `<= 1.0 mm`; its number is compared with value `bar_index`.
         bar_index: index of the value that the bar is about.
         is_headline: whether the row is in the README too.
@@ -109,11 +109,11 @@ class Claim:
 
     @property
     def file(self) -> str:
-        """Name of the results that the first number comes from."""
+        """Name of the results that contain the first number."""
         return self.values[0].file
 
     def find_parts(self, records: dict[str, dict[str, Any]]) -> list[tuple[str, str]]:
-        """Return file and part of the results that the numbers lie in, as far as they were measured."""
+        """Return file and part of the results that contain the numbers, as far as they were measured."""
         places = [
             (value.file, value.find_part(records.get(value.file, {}).get("results", {})))
             for value in self.values
@@ -121,7 +121,7 @@ class Claim:
         return list(dict.fromkeys((file, part) for file, part in places if part is not None))
 
     def is_measured(self, records: dict[str, dict[str, Any]]) -> bool:
-        """Tell whether the part of the results that each number lies in is there."""
+        """Return whether the parts of the results that contain the numbers exist."""
         return all(value.find_part(records.get(value.file, {}).get("results", {})) for value in self.values)
 
     def read(self, records: dict[str, dict[str, Any]]) -> list[Any]:

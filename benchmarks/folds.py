@@ -1,10 +1,10 @@
-"""Folds and self-intersections of both networks' surfaces: on surveys, on other kinds of ground, and after changes.
+"""Folds and self-intersections of both networks' surfaces: for surveys, other kinds of ground, and after changes.
 
-Run as `python -m benchmarks.folds [--quick]`. Every cloud is learnt by the growing grid (7,000 units) and by GSRM
-(2,200), as the demo does; a row counts pairs of faces that intersect and edges at which the surface doubles back
-(`Quality.self_intersections`, `Quality.folds`). The networks were mended on the survey seeds 0 to 9 of both pits; seeds
-from 10 on and all other kinds of ground are held out, but for the real staircase, whose first result (four pairs on the
-grid) was mended, too.
+Run as `python -m benchmarks.folds [--quick]`. Every cloud is reconstructed by the growing grid (7,000 units) and by
+GSRM (2,200), as the demo does; a row counts pairs of faces that intersect and edges at which the surface doubles back
+(`Quality.self_intersections`, `Quality.folds`). Survey seeds 0 to 9 of both pits were used for development; seeds from
+10 on and all other kinds of ground are held out, except the real staircase, whose first result (four pairs on the
+grid) was fixed as well.
 """
 
 import argparse
@@ -24,7 +24,7 @@ from symbrion_gym.ready_made import RECIPES, SPACING
 PITS = (0.40, 0.45)
 SEEDS = {0.40: 20, 0.45: 10}
 DEVELOPED = 10
-"""Survey seeds below this were looked at while the networks were mended."""
+"""Survey seeds below this were used for development."""
 COURSES: dict[str, sg.Course | sg.StairsCourse] = {
     "pit 0.20 m": sg.Course(pit=0.20),
     "deep pit": sg.Course(pit=0.45, height=0.5),
@@ -32,15 +32,15 @@ COURSES: dict[str, sg.Course | sg.StairsCourse] = {
     "high stairs": sg.StairsCourse(rise=0.12),
 }
 TERRAIN_SIZE = 6.0
-"""Edge of the made terrain [m]."""
+"""Edge of the generated terrain [m]."""
 TERRAIN_SEEDS = 5
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """Measure and return everything, and write it down.
+    """Measure, write and return everything.
 
     Args:
-        quick: one survey a pit, one terrain and one course.
+        quick: one survey per pit, one terrain and one course.
     """
     groups = {
         "surveys": survey_pits(developed=True, quick=quick),
@@ -71,7 +71,7 @@ def survey_pits(*, developed: bool, quick: bool = False) -> Iterator[tuple[str, 
 
 
 def survey_course(course: sg.Course | sg.StairsCourse, seed: int) -> np.ndarray:
-    """Return the points of a survey, as the demo makes them: `[N, 3]`."""
+    """Return the points of a survey as in the demo, `[N, 3]`."""
     return thin(preprocess(sg.survey(sg.load_arena("truth", course), seed=seed)), SPACING)
 
 
@@ -90,11 +90,11 @@ def make_grounds(quick: bool = False) -> Iterator[tuple[str, int, np.ndarray]]:
 
 
 def make_terrain(seed: int, number: int = 60_000, height: float = 0.15, noise: float = 0.004) -> np.ndarray:
-    """Return points on ground whose height is noise with a spectrum of 1/f²: `[number, 3]`.
+    """Return points on terrain whose height is noise with a spectrum of 1/f², `[number, 3]`.
 
     Args:
-        seed: of everything.
-        number: how many points.
+        seed: of terrain and noise.
+        number: of points.
         height: standard deviation of the heights [m].
         noise: of the readings [m].
     """
@@ -115,7 +115,7 @@ def make_terrain(seed: int, number: int = 60_000, height: float = 0.15, noise: f
 
 
 def measure_changes() -> dict[str, dict[str, int]]:
-    """Count on surfaces that have learnt of a change."""
+    """Count folds and intersections of surfaces after `refine`."""
     rows = {}
     for name, change in make_changes().items():
         for method, recipe in RECIPES.items():
@@ -134,9 +134,9 @@ def _count(result: Reconstruction) -> dict[str, int]:
 
 
 def _print_group(group: str, rows: dict[str, dict[str, int]]) -> None:
-    marred = {name: row for name, row in rows.items() if row["self_intersections"] or row["folds"]}
-    print(f"{group}: {len(rows)} surfaces, {len(marred)} with folds or self-intersections", flush=True)
-    for name, row in marred.items():
+    faulty = {name: row for name, row in rows.items() if row["self_intersections"] or row["folds"]}
+    print(f"{group}: {len(rows)} surfaces, {len(faulty)} with folds or self-intersections", flush=True)
+    for name, row in faulty.items():
         print(f"  {name}: {row['self_intersections']} pairs, {row['folds']} folds of {row['faces']} faces")
 
 

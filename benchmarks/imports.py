@@ -1,9 +1,9 @@
-"""What it costs to begin: importing the packages, the first environment, the command's help and refusals.
+"""Startup cost: imports, the first environment, help and error messages of the command.
 
     python -m benchmarks.imports [--quick]
 
-Each program runs in fresh processes, in turn with `import mujoco, gymnasium, trimesh`, which any user of the
-environments pays for; the ratio to that is taken round by round.
+Each program runs in fresh processes, alternating with `import mujoco, gymnasium, trimesh`, which every user of the
+environments needs; the ratio is computed for each round.
 """
 
 import argparse
@@ -35,7 +35,7 @@ PROGRAMS = {
 
 
 class Cost(NamedTuple):
-    """What a process took: processor time [s], time on the clock [s], most memory [MB]."""
+    """Cost of a process: processor time [s], wall time [s], peak memory [MB]."""
 
     cpu_seconds: float
     wall_seconds: float
@@ -43,7 +43,7 @@ class Cost(NamedTuple):
 
 
 def measure(program: str) -> Cost:
-    """Run a program in a fresh process, in an empty folder, and return what it took."""
+    """Run a program in a fresh process in an empty folder and return its cost."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
         began = time.perf_counter()
@@ -64,7 +64,7 @@ def measure(program: str) -> Cost:
 
 
 def run(quick: bool = False) -> dict:
-    """Measure every program in turn; print a table and write results/imports.json."""
+    """Measure all programs, alternating; print a table and write results/imports.json."""
     for program in PROGRAMS.values():  # the first process reads from the disk
         measure(program)
     rounds = [

@@ -1,9 +1,9 @@
-"""Break the code in small ways and count what no test notices (mutation testing, by mutmut).
+"""Mutation testing with mutmut: change the code in small ways and count the changes that no test notices.
 
     python -m benchmarks.mutants [--share S] [--again] [--children N] [--table]
 
-What to break and which tests ask stands in `[tool.mutmut]` of pyproject.toml. A run that was stopped goes on where
-it was; it works in `mutants/`. Survivors are explained in docs/mutants.md.
+`[tool.mutmut]` in pyproject.toml lists the files to change and the tests to run. An interrupted run continues; it works
+in `mutants/`. docs/mutants.md explains the survivors.
 """
 
 import argparse
@@ -23,14 +23,14 @@ from mutmut.state import state
 from mutmut.stats import status_by_exit_code
 from mutmut.utils.format_utils import get_mutant_name
 
-WANTED = 0.85
-"""Share of the mutants of each file that must be killed; those that never end count as killed."""
+TARGET = 0.85
+"""Share of the mutants of each file that must be killed; those that time out count as killed."""
 COLUMNS = ("killed", "timeout", "survived", "no tests")
 NOT_CHECKED = "not checked"
 
 
 def read_statuses() -> dict[str, dict[str, str]]:
-    """Return what came of each mutant that was tried, by file and name."""
+    """Return the status of each tested mutant, by file and name."""
     statuses = {}
     for path in config().only_mutate:
         mutants = SourceFileMutationData(path=Path(path))
@@ -41,7 +41,7 @@ def read_statuses() -> dict[str, dict[str, str]]:
 
 
 def draw_names(share: float, seed: int = 0) -> list[str]:
-    """Return the names of a share of the mutants of each file; a larger share holds a smaller one."""
+    """Return the names of a share of the mutants of each file; a larger share contains a smaller one."""
     drawn = []
     for path in config().only_mutate:
         mutated = mutate_file_contents(path, Path(path).read_text())
@@ -51,18 +51,18 @@ def draw_names(share: float, seed: int = 0) -> list[str]:
     return drawn
 
 
-def choose_names(share: float, again: bool) -> list[str] | None:
-    """Return the mutants to try, None for all that were not tried yet."""
+def select_names(share: float, again: bool) -> list[str] | None:
+    """Return the mutants to test; None for all that were not tested yet."""
     statuses = {name: status for each in read_statuses().values() for name, status in each.items()}
     if again:
         return [name for name, status in statuses.items() if status != "killed"]
     return None if share >= 1 else [name for name in draw_names(share) if name not in statuses]
 
 
-def try_mutants(names: Sequence[str], children: int) -> None:
-    """Try the mutants of these names; of none, all that were not tried yet.
+def run_mutants(names: Sequence[str], children: int) -> None:
+    """Test the mutants of these names; without names, all that were not tested yet.
 
-    Of the tests of a mutant those that take the least time are asked first: most mutants are killed by one of these.
+    The fastest tests of a mutant run first: most mutants are killed by one of these.
     """
     run_tests = PytestRunner.run_tests
 
@@ -76,39 +76,37 @@ def try_mutants(names: Sequence[str], children: int) -> None:
 
 
 def print_table() -> bool:
-    """Print what came of the mutants of each file; return whether enough were killed in all of them."""
+    """Print the results of each file; return whether enough mutants were killed in all of them."""
     print(f"\n{'file':48}" + "".join(f"{name:>10}" for name in (*COLUMNS, "other", "score")))
     is_good = True
     for path, statuses in read_statuses().items():
         counts = Counter(statuses.values())
         cells = [counts[name] for name in COLUMNS]
         score = (counts["killed"] + counts["timeout"]) / max(len(statuses), 1)
-        is_good &= score >= WANTED
+        is_good &= score >= TARGET
         numbers = "".join(f"{cell:10}" for cell in (*cells, len(statuses) - sum(cells)))
         print(f"{path:48}{numbers}{score:10.1%}")
-    print("\n`mutmut results` names what survived, `mutmut show NAME` shows what was changed.")
+    print("\n`mutmut results` lists the survivors, `mutmut show NAME` shows a change.")
     return is_good
 
 
 def main() -> None:
-    """Run and print a table; the exit code is 1 if a file has too few killed."""
+    """Run and print a table; the exit code is 1 if too few mutants of a file were killed."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.mutants",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--share", type=float, default=1.0, help="try a sample of this share of each file (default: all)"
+        "--share", type=float, default=1.0, help="test a sample of this share of each file (default: all)"
     )
-    parser.add_argument(
-        "--again", action="store_true", help="only those that survived, after tests were added"
-    )
+    parser.add_argument("--again", action="store_true", help="only those not killed, after tests were added")
     parser.add_argument("--children", type=int, default=2, help="processes at once (default: 2)")
-    parser.add_argument("--table", action="store_true", help="only print what came of those tried so far")
+    parser.add_argument("--table", action="store_true", help="only print the results so far")
     options = parser.parse_args()
-    names = [] if options.table else choose_names(options.share, options.again)
+    names = [] if options.table else select_names(options.share, options.again)
     if names is None or names:
-        try_mutants(names or (), options.children)
+        run_mutants(names or (), options.children)
     sys.exit(not print_table())
 
 

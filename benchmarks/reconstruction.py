@@ -1,9 +1,9 @@
-"""Both networks on clouds of every kind: time, distances, soundness; beside the authors' own program.
+"""Both networks on many kinds of clouds: time, distances, topology; compared with the authors' own program.
 
 Run as `python -m benchmarks.reconstruction [--quick] [--c-reference PATH]`, PATH being the binary
-`gnn-gsrm` of danfis/gnn built outside this repository. Distances in millimetres (micrometres for clouds below a
-metre), times in seconds, medians of five runs with different seeds. Runs are warm: just before each, the same work is
-done once uncounted, ours and the authors' alike, as a core that has waited is slow at first.
+`gnn-gsrm` of danfis/gnn built outside this repository. Distances in millimeters (micrometers for clouds below a
+meter), times in seconds, medians of five runs with different seeds. Runs are warm: before each, the same work is done
+once without being counted, for our program and the authors', because an idle core is slow at first.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.material.c_gsrm import run_c_gsrm
 from benchmarks.material.clouds import CLOUDS, DATA, REAL, Cloud, make_arena
-from benchmarks.material.stairs import judge_stairs
+from benchmarks.material.stairs import compare_stairs
 from benchmarks.report import write_results
 from reconstruction.reconstruct import reconstruct
 from reconstruction.surfaces.quality import Quality, measure_quality
@@ -39,12 +39,12 @@ REPEATS = 5
 
 
 def run(quick: bool = False, c_reference: str | None = None, only: str | None = None) -> dict[str, Any]:
-    """Measure and return everything, and write it down.
+    """Measure, write and return everything.
 
     Args:
-        quick: two runs a row instead of five, small scaling sizes, three clouds.
+        quick: two runs per row instead of five, small scaling sizes, three clouds.
         c_reference: the authors' binary, run side by side.
-        only: the one part to run ("sizes", "clouds", "stairs", "scaling", "start"); the others keep their figures.
+        only: the one part to run ("sizes", "clouds", "stairs", "scaling", "start"); the others keep their results.
     """
     binary = Path(c_reference).resolve() if c_reference else None
     parts: dict[str, Callable[[], Any]] = {
@@ -60,7 +60,7 @@ def run(quick: bool = False, c_reference: str | None = None, only: str | None = 
 
 
 def measure_sizes(repeats: int, binary: Path | None) -> dict[str, dict]:
-    """Measure every size on the arena, and the C program's runs in between."""
+    """Measure every size on the arena, alternating with runs of the C program."""
     cloud = make_arena()
     assert cloud.truth is not None
     print(_HEADER)
@@ -109,7 +109,7 @@ def measure_clouds(repeats: int, names: tuple[str, ...]) -> dict[str, dict]:
 
 
 def measure_stairs() -> dict[str, Any] | None:
-    """Judge the heights of the real staircase's steps in the meshes."""
+    """Measure the heights of the real staircase's steps in the meshes."""
     if not DATA.exists():
         print(f"stairs: left out, no {DATA}")
         return None
@@ -117,13 +117,13 @@ def measure_stairs() -> dict[str, Any] | None:
     results = {}
     for units in (1200, 2200, 5000):
         mesh = reconstruct(cloud.points, "gsrm", units=units).mesh
-        results[f"gsrm {units}"] = judged = judge_stairs(mesh, cloud.points)
-        print(f"stairs gsrm {units}: {judged}")
+        results[f"gsrm {units}"] = found = compare_stairs(mesh, cloud.points)
+        print(f"stairs gsrm {units}: {found}")
     return results
 
 
 def measure_scaling(units: tuple[int, ...], samples_per_unit: int = 30) -> dict[str, dict]:
-    """Measure how time grows with the size, 30 samples a unit, and the memory of the largest."""
+    """Measure how time grows with the size, 30 samples per unit, and the memory of the largest."""
     results = {}
     for method in ("gsrm", "gg"):
         seconds = []
@@ -157,7 +157,7 @@ def report_memory(method: str, units: int, num_points: int) -> None:
 
 
 def measure_cold_start(repeats: int = 5) -> dict[str, float]:
-    """Measure a fresh process, imports and all, with compiled programs kept from the first."""
+    """Measure a fresh process including imports, with compiled programs cached by the first."""
     results = {}
     for method in ("gsrm", "gg"):
         code = (
@@ -184,7 +184,7 @@ def _run_fresh(code: str) -> str:
 def _make_row(
     cloud: Cloud, seconds: list[float], qualities: list[Quality], c_seconds: list[float] | None = None
 ) -> dict[str, Any]:
-    """Return one line of the table: medians, and how many of the runs are sound."""
+    """Return one line of the table: medians, and the number of runs with correct topology."""
     size = float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
     row: dict[str, Any] = {
         "seconds": float(np.median(seconds)),
@@ -235,7 +235,7 @@ def _print_row(name: str, row: dict[str, Any]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.reconstruction", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer runs, smaller sizes")
-    parser.add_argument("--c-reference", metavar="PATH", help="the authors' binary gnn-gsrm, to run beside")
+    parser.add_argument("--c-reference", metavar="PATH", help="the authors' binary gnn-gsrm, to compare with")
     parser.add_argument("--only", choices=("sizes", "clouds", "stairs", "scaling", "start"), help="one part")
     options = parser.parse_args()
     run(options.quick, options.c_reference, options.only)

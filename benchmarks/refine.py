@@ -1,13 +1,14 @@
-"""A scanned place changes and is read again: what refining costs against a fresh run, and what it leaves as it was.
+"""Updating a reconstruction after a change: cost relative to a new reconstruction, and effect on unchanged parts.
 
-Run as `python -m benchmarks.refine [--quick] [--only SIZE]`. Ratios are medians of five pairs of runs, refined and
-fresh in turn, of wall and of processor time. The fresh run that is timed learns from a whole new scan of the place as
-it is now, as many readings as the first, spread evenly: no fresh run is cheaper. (The points that the refined one
-knows lie denser where it was read again; growing from them may take longer.) The fresh run whose accuracy stands
-beside learns from the points that the refined one knows.
-Distances in millimetres. Drift: how far old and new mesh are apart at most, farther than two unit spacings from all
-that changed. Seven changes are told by a tenth of new readings; that readings stop, only a whole new scan tells:
-"scanned anew". In "wall moved" the far wall of the pit has moved away by 5 cm.
+Run as `python -m benchmarks.refine [--quick] [--only SIZE]`. Ratios are medians of five pairs of runs, `refine` and new
+reconstruction alternating, of wall and of processor time. The new reconstruction that is timed learns from a complete
+new scan with as many readings as the first, evenly distributed, which is the fastest case. (The points known after
+`refine` are denser where new readings were made; growing from them may take longer.) The new reconstruction whose
+accuracy is reported learns from the points known after `refine`.
+Distances in millimeters. Drift: the largest distance between old and new mesh, farther than two unit spacings from
+everything that changed. Seven changes come with a tenth as many new readings as the first scan has; a removed object
+without new readings in its place shows only in a complete new scan: "scanned anew". In "wall moved" the far wall of the
+pit has moved away by 5 cm.
 """
 
 import argparse
@@ -35,7 +36,7 @@ IN_A_ROW = 10
 
 
 def run(quick: bool = False, only: str | None = None) -> dict[str, Any]:
-    """Measure and return everything, and write it down.
+    """Measure, write and return everything.
 
     Args:
         quick: one pair of runs instead of five, and no run of ten.
@@ -86,7 +87,7 @@ def measure_change(change: Change, method: str, options: dict[str, Any], repeats
         "before": _measure(old, change.new),
         "after": _measure(refined, change.new),
         "fresh": _measure(fresh, change.new),
-        "drift": _summarise(measure_drift(change, old.mesh, refined.mesh)),
+        "drift": _summarize(measure_drift(change, old.mesh, refined.mesh)),
         "units": [len(old.mesh.vertices), len(refined.mesh.vertices)],
         "loops": topology.boundary_loops,
         "euler_number": topology.euler_number,
@@ -97,9 +98,9 @@ def measure_change(change: Change, method: str, options: dict[str, Any], repeats
 
 
 def measure_drift(change: Change, old: trimesh.Trimesh, new: trimesh.Trimesh) -> np.ndarray:
-    """Return how far untouched places of either mesh are from the other [m].
+    """Return the distances of unchanged places of either mesh from the other [m].
 
-    Untouched is what lies farther than two unit spacings of the old mesh from all that changed.
+    Unchanged means farther than two unit spacings of the old mesh from everything that changed.
     """
     spacing = float(np.sqrt(old.area / len(old.vertices) * 2 / np.sqrt(3)))
     found = []
@@ -111,7 +112,7 @@ def measure_drift(change: Change, old: trimesh.Trimesh, new: trimesh.Trimesh) ->
 
 
 def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Refine ten times in a row: a wall goes out and back by 5 cm, read anew each time."""
+    """Refine ten times in a row: a wall moves out and back by 5 cm, with new readings each time."""
     surfaces = [make_surface(Course(), widening=width) for width in (0.05, 0.0)]
     points = draw(surfaces[1], 60_000, 0)
     change = Change(surfaces[1], surfaces[0], points, points)
@@ -125,7 +126,7 @@ def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
     return {
         "before": first,
         "after": _measure(current, surfaces[1]),
-        "drift": _summarise(measure_drift(change, old.mesh, current.mesh)),
+        "drift": _summarize(measure_drift(change, old.mesh, current.mesh)),
         "units": len(current.mesh.vertices),
         "loops": topology.boundary_loops,
         "euler_number": topology.euler_number,
@@ -135,7 +136,7 @@ def measure_row(method: str, options: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _summarise(drift: np.ndarray) -> dict[str, float]:
+def _summarize(drift: np.ndarray) -> dict[str, float]:
     return {"mean": float(drift.mean()), "p99": float(np.quantile(drift, 0.99)), "max": float(drift.max())}
 
 
@@ -173,7 +174,7 @@ def _print_row(name: str, row: dict[str, Any]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.refine", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one pair of runs a scenario")
+    parser.add_argument("--quick", action="store_true", help="one pair of runs per scenario")
     parser.add_argument("--only", choices=SIZES, help="one size")
     options = parser.parse_args()
     run(options.quick, options.only)

@@ -1,10 +1,10 @@
-"""Where benchmarks write what they measured: each part with its day, commit, machine and versions.
+"""Writing and reading of results: each part with its day, commit, machine and versions.
 
     {"benchmark": name, "origins": {part: origin}, "results": {part: figures}}
 
-An origin holds `date`, `commit`, `dirty` (whether the code differed from the commit), `is_quick`, `machine` and
-`versions`; `commit` is None outside a checkout. Where `from_history` is true, the commit is not the one that was
-measured but the one that brought the figures: they are older than origins are.
+An origin contains `date`, `commit`, `dirty` (whether the code differed from the commit), `is_quick`, `machine` and
+`versions`; `commit` is None outside a checkout. If `from_history` is true, the commit is the one that added the
+figures, which were measured before origins were recorded.
 """
 
 import datetime
@@ -24,7 +24,7 @@ PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "tri
 
 
 REVISION = find_revision()
-"""Found when this is imported: what changes while a benchmark runs is not what it runs."""
+"""Found at import: later changes of the files do not affect a running benchmark."""
 
 
 def describe_machine() -> dict[str, str | int | None]:
@@ -45,19 +45,19 @@ def describe_machine() -> dict[str, str | int | None]:
 
 
 def describe_versions() -> dict[str, str]:
-    """Return the versions of the packages that decide speed and results."""
+    """Return the versions of the packages that influence speed and results."""
     return {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
 def load_records() -> dict[str, dict[str, Any]]:
-    """Return what every benchmark wrote last, by its name."""
+    """Return the last results of all benchmarks, by name."""
     return {path.stem: load_record(path.stem) for path in sorted(RESULTS.glob("*.json"))}
 
 
 def load_record(name: str) -> dict[str, Any]:
-    """Return what a benchmark wrote last; empty `origins` and `results` where it never did.
+    """Return the last results of a benchmark; empty `origins` and `results` if there are none.
 
-    Figures without an origin, from before there were any, do not count.
+    Figures without an origin are ignored.
     """
     path = RESULTS / f"{name}.json"
     record = json.loads(path.read_text()) if path.exists() else {"results": {}}
@@ -67,7 +67,7 @@ def load_record(name: str) -> dict[str, Any]:
 
 
 def describe_moment() -> dict[str, Any]:
-    """Return day and commit of a measurement that is made now."""
+    """Return day and commit of a measurement made now."""
     return {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "commit": REVISION.commit if REVISION else None,
@@ -80,7 +80,7 @@ def write_results(name: str, measured: dict[str, Any]) -> Path:
 
     Args:
         name: of the benchmark.
-        measured: part -> figures; the parts that are not named keep what they were, and when.
+        measured: part -> figures; other parts keep their figures and origins.
     """
     origin = {
         **describe_moment(),
@@ -96,6 +96,6 @@ def write_results(name: str, measured: dict[str, Any]) -> Path:
     }
     RESULTS.mkdir(parents=True, exist_ok=True)
     path = RESULTS / f"{name}.json"
-    with write_atomically(path) as beside:
-        beside.write_text(json.dumps(record, indent=2) + "\n")
+    with write_atomically(path) as temporary:
+        temporary.write_text(json.dumps(record, indent=2) + "\n")
     return path

@@ -27,13 +27,13 @@ from symbrion_gym.sensing.survey_world import SurveyWorld
 
 REAL_SCAN = Path(__file__).parents[2] / "shared" / "data" / "3dtk_scan000.3d"
 FAR = 0.03
-"""A point farther than this from the surface is counted as wrong [m]."""
+"""A point farther than this from the surface counts as an error [m]."""
 VOXEL = 0.015
 """Thinning for the coverage [m]."""
 
 
-def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
-    """Survey the arena and compare what comes of it with the truth, step by step."""
+def measure_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
+    """Survey the arena and compare the points with the true surface, step by step."""
     log = survey(surface, seed=seed)
     levelled = level_floor(log)
     points = preprocess(log)
@@ -74,13 +74,13 @@ def judge_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
 
 
 def find_distances(points: np.ndarray, surface: trimesh.Trimesh) -> np.ndarray:
-    """Distance of every point from the surface [m]."""
+    """Return the distance of every point from the surface [m]."""
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
     return np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[0])
 
 
 def find_in_box(log: ScanLog) -> np.ndarray:
-    """Which beams end in the arena's box, 0.3 m of height to spare, `[S, B]`."""
+    """Return which beams end in the arena's box, with a margin of 0.3 m in height, `[S, B]`."""
     assert log.box is not None
     ends, spare = log.grid(), np.array([0.0, 0.0, 0.3])
     with np.errstate(invalid="ignore"):
@@ -88,13 +88,13 @@ def find_in_box(log: ScanLog) -> np.ndarray:
 
 
 def find_shaking(log: ScanLog) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of the poses in roll (in the scan's plane) and in pitch (out of it), each `[S]` [deg]."""
+    """Return the errors of the poses in roll (in the scan's plane) and in pitch (out of it), each `[S]` [deg]."""
     assert log.truth is not None
     return find_lean_angles(np.linalg.inv(log.truth.robot_poses) @ log.poses @ np.linalg.inv(log.mount))
 
 
 def find_lean_angles(robot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Roll and pitch of the robot, without their signs, each `[S]` [deg]."""
+    """Return the absolute roll and pitch of the robot, each `[S]` [deg]."""
     roll = np.degrees(np.abs(np.arctan2(robot[:, 2, 1], robot[:, 2, 2])))
     return roll, np.degrees(np.abs(np.arcsin(np.clip(robot[:, 2, 0], -1, 1))))
 
@@ -114,7 +114,7 @@ def find_shifts(levelled: ScanLog) -> tuple[np.ndarray, np.ndarray]:
 
 
 def summarise(name: str, values: np.ndarray) -> dict[str, float]:
-    """Root mean square, 95th percentile and largest of them."""
+    """Return root mean square, 95th percentile and maximum of the values."""
     size = np.abs(values)
     return {
         f"{name}_rms": float(np.sqrt(np.mean(size**2))),
@@ -123,8 +123,8 @@ def summarise(name: str, values: np.ndarray) -> dict[str, float]:
     }
 
 
-def judge_real_scan(path: Path) -> dict[str, float]:
-    """Count the veils (steps over 10 cm the same way to both neighbours) that go, and the other beams that stay."""
+def measure_real_scan(path: Path) -> dict[str, float]:
+    """Count removed veils (steps over 10 cm in the same direction to both neighbors) and other removed beams."""
     log = load_scan_log(path)
     step = np.diff(log.ranges, axis=1)
     before, after = step[:, :-1], step[:, 1:]
@@ -140,7 +140,7 @@ def judge_real_scan(path: Path) -> dict[str, float]:
 
 
 def measure_speed(surface: trimesh.Trimesh, repeats: int) -> dict[str, float]:
-    """Time the pre-processing of a million beams and of a million points, and the casting of 100,000 beams."""
+    """Measure the time of preprocessing a million beams and a million points, and of casting 100,000 beams."""
     robot = SurveyRobot()
     log = survey(surface, path=[[-1, 1.6], [1, 3.6], [3, 1.6]], seed=0)
     rows = np.resize(np.arange(len(log.ranges)), 1 + 1_000_000 // log.ranges.shape[1])
@@ -168,7 +168,7 @@ def measure_speed(surface: trimesh.Trimesh, repeats: int) -> dict[str, float]:
 
 
 def measure(name: str, work: Callable[[], object], repeats: int) -> dict[str, float]:
-    """Return the median time by the clock and of the processor, which other work on the machine does not touch [s]."""
+    """Return the median wall time and processor time [s]; the latter does not depend on other processes."""
     clock, processor = [], []
     for _ in range(repeats):
         start = time.perf_counter(), time.process_time()
@@ -179,7 +179,7 @@ def measure(name: str, work: Callable[[], object], repeats: int) -> dict[str, fl
 
 
 def draw_real_scan(path: Path, picture: Path) -> None:
-    """Draw a raw scan from above, before and after, and what goes."""
+    """Draw a raw scan from above: before, after, and what is removed."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -189,31 +189,31 @@ def draw_real_scan(path: Path, picture: Path) -> None:
     kept = remove_mixed_pixels(log).is_valid
     ends = log.grid()
     figure, axes = plt.subplots(1, 3, figsize=(18, 9), sharex=True, sharey=True)
-    parts = {"before": log.is_valid, "after": kept, "gone": log.is_valid & ~kept}
+    parts = {"before": log.is_valid, "after": kept, "removed": log.is_valid & ~kept}
     for axis, (name, which) in zip(axes, parts.items(), strict=True):
         axis.scatter(ends[which][:, 1], ends[which][:, 0], s=0.3, c=ends[which][:, 2], vmin=-1, vmax=2, lw=0)
         axis.set(title=f"{name}: {which.sum()} beams", aspect="equal", xlim=(5, -5), ylim=(0, 12))
     figure.tight_layout()
-    with write_atomically(picture) as beside:
-        figure.savefig(beside, dpi=90)
+    with write_atomically(picture) as temporary:
+        figure.savefig(temporary, dpi=90)
     plt.close(figure)
 
 
 def run(quick: bool = False, pictures: Path | None = None) -> dict:
-    """Run it all; prints tables and writes results/scans.json."""
+    """Measure everything, print tables and write results/scans.json."""
     surface = Course().surface()
-    seeds = [judge_survey(seed, surface) for seed in range(1 if quick else 5)]
+    seeds = [measure_survey(seed, surface) for seed in range(1 if quick else 5)]
     print(f"{'survey of truth, by seed':26s}" + "".join(f"{seed:>12d}" for seed in range(len(seeds))))
     for name in seeds[0]:
         print(f"{name:26s}" + "".join(f"{row[name]:12.5g}" for row in seeds))
     results: dict = {"survey": seeds, "speed": measure_speed(surface, 1 if quick else 5)}
     if REAL_SCAN.exists():
-        results["real_scan"] = judge_real_scan(REAL_SCAN)
+        results["real_scan"] = measure_real_scan(REAL_SCAN)
         if pictures:
             pictures.mkdir(parents=True, exist_ok=True)
             draw_real_scan(REAL_SCAN, pictures / "real_scan.png")
     else:
-        print("the real scan of ../shared/data is not here: left out")
+        print("the real scan in ../shared/data is missing: left out")
     for part in ("speed", "real_scan"):
         for name, value in results.get(part, {}).items():
             print(f"{part:12s}{name:32s}{value:12.5g}")

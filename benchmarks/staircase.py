@@ -1,11 +1,11 @@
-"""From a real scan of a staircase to a snake on its steps: every stage measured against what is known.
+"""From a real scan of a staircase to a snake on its steps: every stage compared with known values.
 
 `python -m benchmarks.staircase [--quick] [--pictures FOLDER]`
 
-The scan has 3 to 6 lines on a riser and one or two on a tread, beams 1 degree apart. Three surfaces are judged:
-"points": the map grown over the bare points; "beams": over points filled in between neighbouring beams, in a
-frame squeezed across the stairs; "ground": the same with the hollows under the nosings filled, which is what
-convex solids can be made of. The arena is made of the ground's lower steps.
+The scan has 3 to 6 lines on a riser and one or two on a tread, beams 1 degree apart. Three surfaces are
+compared: "points": reconstructed from the raw points; "beams": from points interpolated between neighboring beams, in
+a frame compressed across the stairs; "ground": the same with the hollows under the nosings filled, as convex solids
+require. The arena is made of the lower steps of the ground.
 """
 
 import argparse
@@ -22,10 +22,10 @@ from benchmarks.material.stairs import (
     NUM_STEPS,
     RISE,
     TREAD,
+    compare_stairs,
     crop_stairs,
     fill_between_beams,
     fill_undercuts,
-    judge_stairs,
     order_beams,
     squeeze_stairs,
     stretch_stairs,
@@ -43,15 +43,15 @@ from symbrion_gym.arenas.making import make_arena
 
 SCAN = Path(__file__).parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 UNITS, SPACING, SQUEEZE = 1500, 0.03, 0.15
-"""Chosen by looking: units, spacing of filled-in points [m], and the factor on distances across the stairs."""
+"""Selected by inspection: units, spacing of interpolated points [m], and the factor on distances across the stairs."""
 ARENA_UNITS, ARENA_END = 800, 7.1
-"""The arena has six steps [m]; as fine as the whole."""
+"""Units and end of the arena with six steps [m], at the resolution of the whole staircase."""
 ACCURACY, MAX_PIECES = 0.003, 64
 LANE, START, GOAL = -1.0, 4.8, 6.95
-"""Where the snake drives, across and along the stairs [m]; the goal is its head's."""
+"""Position of the snake across the stairs, start and goal of its head along them [m]."""
 MODULES = 8
 CLEARANCE = 0.02
-"""A module whose centre is this much above a tread stands on it, or higher [m]: a track's radius."""
+"""A module counts as above a tread if its center is this much higher [m]: a track's radius."""
 PIT_CHAMPION = (
     -0.011702629175884882,
     -0.3957574763667217,
@@ -62,10 +62,10 @@ PIT_CHAMPION = (
     0.21524464613261396,
     -0.5344502937609202,
 )
-"""Evolved in the "gsrm" arena, to cross its pit."""
+"""Evolved in the "gsrm" arena to cross its pit."""
 STAIRS_CHAMPION = (0.011, 0.238, 0.031, -0.801, 0.253, 1.504, -0.011, -1.092)
-"""Evolved from `PIT_CHAMPION` on the scanned stairs, in the arena that `make_stairs_arena` makes, and adapted by random
-steps since its pieces became finer."""
+"""Evolved from `PIT_CHAMPION` on the scanned stairs, in the arena that `make_stairs_arena` makes, and then adapted by
+random steps to its finer pieces."""
 _GENES = (
     "bias",
     "head_bias",
@@ -79,15 +79,15 @@ _GENES = (
 
 
 class Drive(NamedTuple):
-    """What a snake did on the stairs; heights above the floor before them.
+    """The motion of a snake on the stairs; heights above the floor before them.
 
     Attributes:
-        head_height: highest place of the head's centre [m].
-        head_way: how far the head came, from the first riser [m].
-        rear_way: how far the rearmost module's centre came, from the first riser [m].
-        rear_height: highest place of its centre [m].
-        on_steps: most modules that were at one time past riser 1, 2, 3 ... and above its tread.
-        rolled_over: whether that ended it.
+        head_height: largest height of the head's center [m].
+        head_way: largest distance of the head from the first riser [m].
+        rear_way: largest distance of the rearmost module's center from the first riser [m].
+        rear_height: largest height of its center [m].
+        on_steps: largest number of modules at one time past riser 1, 2, 3 ... and above its tread.
+        rolled_over: whether the episode ended because a module rolled over.
         seconds: simulated [s].
     """
 
@@ -101,10 +101,10 @@ class Drive(NamedTuple):
 
 
 def run(quick: bool = False, pictures: str | None = None) -> dict[str, Any]:
-    """Measure and write it down.
+    """Measure and write the results.
 
     Args:
-        quick: leave out the surface of the bare points and the pit's champion.
+        quick: leave out the surface of the raw points and the champion of the pit.
         pictures: folder for pictures of the surface, the pieces and the snake.
     """
     if not SCAN.exists():
@@ -115,18 +115,18 @@ def run(quick: bool = False, pictures: str | None = None) -> dict[str, Any]:
     meshes = {} if quick else {"points": reconstruct(points, units=1200).mesh}
     meshes |= {"beams": grow_stairs(scan), "ground": grow_stairs(scan, is_filled=True)}
     results: dict[str, Any] = {"scan": describe_scan(points)}
-    results["surfaces"] = {name: judge(mesh, points) for name, mesh in meshes.items()}
+    results["surfaces"] = {name: compare(mesh, points) for name, mesh in meshes.items()}
     _print_surfaces(results)
     arena, surface = make_stairs_arena(scan)
     results["arena"] = arena.quality.as_dict() | {"way": arena.provenance["way"]}
-    results["arena_surface"] = judge(surface, points[find_way(points) < ARENA_END])
+    results["arena_surface"] = compare(surface, points[find_way(points) < ARENA_END])
     quality, lower = arena.quality, results["arena_surface"]
     print(
-        f"the arena's surface: {lower['told_apart']} of {lower['judged']} treads within 10 mm, worst "
-        f"{1e3 * lower['worst_height']:.1f} mm; hollows beneath nosings are filled, risers stand forward"
+        f"surface of the arena: {lower['told_apart']} of {lower['judged']} treads within 10 mm, worst "
+        f"{1e3 * lower['worst_height']:.1f} mm; hollows beneath nosings are filled, risers moved forward"
     )
     print(
-        f"arena: {quality.num_pieces} pieces, {1e3 * quality.mean:.1f} mm from the surface in the mean, "
+        f"arena: {quality.num_pieces} pieces, {1e3 * quality.mean:.1f} mm from the surface on average, "
         f"95 % within {1e3 * quality.p95:.1f} mm, all within {1e3 * quality.max:.1f} mm "
         f"({arena.provenance['way']})"
     )
@@ -147,7 +147,7 @@ def run(quick: bool = False, pictures: str | None = None) -> dict[str, Any]:
 def grow_stairs(
     scan: np.ndarray, is_filled: bool = False, end: float = 9.7, units: int = UNITS
 ) -> trimesh.Trimesh:
-    """Let a map grow over the stairs, up to `end` along them [m], with or without filled undercuts."""
+    """Reconstruct the stairs up to `end` along them [m], with or without filled undercuts."""
     beams = order_beams(scan)
     samples = fill_between_beams(fill_undercuts(beams) if is_filled else beams, SPACING, SQUEEZE)
     samples = samples[crop_stairs(samples) & (find_way(samples) < end)]
@@ -156,27 +156,27 @@ def grow_stairs(
 
 
 def make_stairs_arena(scan: np.ndarray) -> tuple[Arena, trimesh.Trimesh]:
-    """Make the arena of the lower steps; also return the surface it is made of."""
+    """Make the arena of the lower steps; also return its surface."""
     surface = grow_stairs(scan, is_filled=True, end=ARENA_END, units=ARENA_UNITS)
     return make_arena(surface, accuracy=ACCURACY, max_pieces=MAX_PIECES, name="staircase"), surface
 
 
 def find_way(points: np.ndarray) -> np.ndarray:
-    """Return how far along the stairs points lie [m]."""
+    """Return the positions of points along the stairs [m]."""
     return squeeze_stairs(points, 1.0)[..., 0]
 
 
 def describe_scan(points: np.ndarray) -> dict[str, Any]:
-    """Count the points of every tread, and name the treads that have too few to be judged."""
+    """Count the points of every tread."""
     along = find_way(points)
     starts = FIRST_RISER + TREAD * np.arange(NUM_STEPS)
     counts = [int(((along > start + 0.08) & (along < start + 0.27)).sum()) for start in starts]
     return {"points": len(points), "points_on_tread": counts}
 
 
-def judge(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
+def compare(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
     """Compare a surface with the scan and with regular stairs of the known rise and tread."""
-    result = judge_stairs(mesh, points)
+    result = compare_stairs(mesh, points)
     steps, scanned, heights, _ = np.array(result["treads"]).T
     for name, values in (("mesh", heights), ("scan", scanned)):
         off = values - RISE * steps
@@ -189,9 +189,9 @@ def judge(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
 
 
 def find_risers(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Return where the surface comes half up each riser, along the stairs, `[NUM_STEPS]` [m]; NaN where not.
+    """Return where the surface reaches half the height of each riser, `[NUM_STEPS]` along the stairs [m]; NaN if never.
 
-    The middle one of 25 lines up the stairs counts.
+    This is the median of 25 lines up the stairs.
     """
     elevation = Elevation(mesh)
     x = np.arange(FIRST_RISER - 0.3, FIRST_RISER + NUM_STEPS * TREAD, 0.005)
@@ -211,7 +211,7 @@ def find_risers(mesh: trimesh.Trimesh) -> np.ndarray:
 def drive(
     arena: Arena, genes: tuple[float, ...], render_mode: str | None = None, duration: float = 60.0
 ) -> tuple[Drive, np.ndarray | None]:
-    """Let a champion drive from the floor up the stairs; also return a picture from its highest moment."""
+    """Run a champion from the floor up the stairs; also return a picture at its largest height."""
     start, goal = (stretch_stairs(np.array([x, LANE, 0.0]), 1.0)[:2] for x in (START, GOAL))
     env = gym.make(
         "symbrion_gym/SnakeTerrain-v0",
@@ -266,7 +266,7 @@ def _describe_drive(arena: Arena, track: np.ndarray, info: dict[str, Any]) -> Dr
 
 
 def draw(mesh: trimesh.Trimesh, points: np.ndarray, arena: Arena, folder: Path) -> None:
-    """Draw the surface, the pieces, both cut along the snake's lane, and the snake at its highest."""
+    """Draw the surface, the pieces, a section of both along the snake's path, and the snake at its largest height."""
     import matplotlib
     from PIL import Image
 
@@ -289,8 +289,8 @@ def draw(mesh: trimesh.Trimesh, points: np.ndarray, arena: Arena, folder: Path) 
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
         axes.set_box_aspect(high - low)
         axes.view_init(elev=25, azim=-110)
-        with write_atomically(folder / f"staircase_{name}.png") as beside:
-            figure.savefig(beside, dpi=90, bbox_inches="tight")
+        with write_atomically(folder / f"staircase_{name}.png") as temporary:
+            figure.savefig(temporary, dpi=90, bbox_inches="tight")
         pyplot.close(figure)
     figure, axes = pyplot.subplots(figsize=(18, 8))
     x = np.arange(4.6, 9.6, 0.005)
@@ -301,29 +301,27 @@ def draw(mesh: trimesh.Trimesh, points: np.ndarray, arena: Arena, folder: Path) 
     segments = squeeze_stairs(np.asarray(trimesh.intersections.mesh_plane(mesh, normal, place[0])), 1.0)[
         ..., [0, 2]
     ]
-    axes.add_collection(LineCollection(list(segments), color="b", label="surface, on the snake's lane"))
+    axes.add_collection(LineCollection(list(segments), color="b", label="surface, on the snake's path"))
     heights = Elevation(*arena.pieces).height(place[:, 0], place[:, 1])
-    axes.plot(x, heights, "r", label="pieces, on the snake's lane")
+    axes.plot(x, heights, "r", label="pieces, on the snake's path")
     axes.set(xlim=(4.6, 9.7), xlabel="along the stairs [m]", ylabel="height [m]", aspect="equal")
     axes.legend()
-    with write_atomically(folder / "staircase_section.png") as beside:
-        figure.savefig(beside, dpi=70, bbox_inches="tight")
+    with write_atomically(folder / "staircase_section.png") as temporary:
+        figure.savefig(temporary, dpi=70, bbox_inches="tight")
     pyplot.close(figure)
     _, picture = drive(arena, STAIRS_CHAMPION, render_mode="rgb_array")
     if picture is not None:
-        with write_atomically(folder / "staircase_snake.png") as beside:
-            Image.fromarray(picture).save(beside)
+        with write_atomically(folder / "staircase_snake.png") as temporary:
+            Image.fromarray(picture).save(temporary)
 
 
 def _print_surfaces(results: dict[str, Any]) -> None:
     counts = results["scan"]["points_on_tread"]
     print(f"scan: {results['scan']['points']} points; on treads 1 to {NUM_STEPS}: {counts}")
-    judged = {int(row[0]) for row in results["surfaces"]["beams"]["treads"]}
-    left_out = [step for step in range(1, NUM_STEPS + 1) if step not in judged]
-    print(f"treads {left_out} have too few scan points (below 20) to tell their height: not judged;")
-    print(
-        "from step 7 up a column of beams has one point on a tread, or none: surfaces lean there like ramps"
-    )
+    compared = {int(row[0]) for row in results["surfaces"]["beams"]["treads"]}
+    left_out = [step for step in range(1, NUM_STEPS + 1) if step not in compared]
+    print(f"treads {left_out} have too few scan points (below 20) and are left out;")
+    print("from step 7 on a column of beams has at most one point on a tread: surfaces are ramps there")
     print(
         f"surface  parts  within 10 mm  worst mm  rise mm ({1e3 * RISE:.0f})  tread mm ({1e3 * TREAD:.0f})  cloud mm"
     )
@@ -342,7 +340,7 @@ def _print_surfaces(results: dict[str, Any]) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="From a real scan of a staircase to a snake on its steps.")
     parser.add_argument(
-        "--quick", action="store_true", help="the surface and the champion that matter, alone"
+        "--quick", action="store_true", help="only the main surfaces and the champion of the stairs"
     )
     parser.add_argument("--pictures", help="folder for pictures")
     arguments = parser.parse_args()

@@ -19,6 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
@@ -200,7 +201,7 @@ def _draw_module(
     c, s = np.cos(tilt), np.sin(tilt)
     corners = edge / 2 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) @ np.array([(c, s), (-s, c)])
     style = "-" if color == SNAKE else "--"
-    axis.add_patch(plt.Polygon(corners + np.array([x, z]), facecolor=fill, edgecolor=color, lw=1.2, ls=style))
+    axis.add_patch(Polygon(corners + np.array([x, z]), facecolor=fill, edgecolor=color, lw=1.2, ls=style))
 
 
 def draw_baselines(results: dict[str, Any]) -> None:
@@ -213,7 +214,7 @@ def draw_baselines(results: dict[str, Any]) -> None:
     for axis, (label, parts) in zip(axes, rows.items(), strict=True):
         pits = list(next(iter(parts.values()))["successes"])
         shares = [[100 * part["successes"][pit] / part["trials"] for pit in pits] for part in parts.values()]
-        picture = axis.imshow(shares, vmin=0, vmax=100, cmap="Oranges", aspect="auto")
+        axis.imshow(shares, vmin=0, vmax=100, cmap="Oranges", aspect="auto")
         for (row, column), share in np.ndenumerate(np.array(shares)):
             axis.text(column, row, f"{share:.0f}", ha="center", va="center", color="w" if share > 60 else "k")
         axis.set_yticks(range(len(parts)), list(parts))
@@ -222,7 +223,7 @@ def draw_baselines(results: dict[str, Any]) -> None:
         within = "friction 0.55 to 0.9" if label == "modules" else "8 modules"
         axis.set(ylabel=label, title=f"{within}, {trials} trials per cell")
     axes[-1].set_xlabel("width of the pit [cm]")
-    figure.colorbar(picture, ax=axes, label="successful trials [%]")
+    figure.colorbar(axes[-1].images[0], ax=axes, label="successful trials [%]")
     _save(figure, "baselines.png")
 
 

@@ -68,7 +68,7 @@ def test_what_was_never_measured_is_not_claimed() -> None:
     del records["scans"]["results"]["real_scan"]
     del records["environment"]
     table = make_table(records)
-    assert "Real scan: share of the other readings kept" not in table
+    assert "Real scan: share of all other readings that preprocessing keeps" not in table
     assert "## Environment" not in table
     assert "robot-seconds" not in fill_in(README.read_text(), records)
     assert make_table({}) == "Nothing was measured yet.\n"

@@ -81,7 +81,7 @@ def test_risers_of_regular_stairs_are_found() -> None:
 def test_real_scan_to_snake_on_the_steps(shared_data: Path) -> None:
     scan = load_points(shared_data / staircase.SCAN.name)
     points = scan[stairs.crop_stairs(scan)]
-    surface: dict[str, Any] = staircase.judge(staircase.grow_stairs(scan), points)
+    surface: dict[str, Any] = staircase.compare(staircase.grow_stairs(scan), points)
     assert surface["components"] == 1
     assert surface["reach"] > surface["highest"] - 0.1
     assert surface["judged"] >= 7

@@ -67,8 +67,9 @@ ARENA = (
         (Value("arena", "random_rays/within_0.1_mm"), Value("arena", "random_rays/both_hit")),
     ),
     Claim(
-        "30 random oscillating controllers, pit of 0.30 m: same outcome (crosses or fails) in the arena scanned with "
-        "GSRM, 2,200 units, as in the true one (in the true one shifted by 1 mm); the first test tried",
+        "30 random oscillating controllers (the first test tried), pit of 0.30 m: same outcome, crossing or failing, "
+        "in the arena reconstructed with GSRM (2,200 units) as in the true one; in parentheses: in the true one "
+        "shifted by 1 mm",
         "{0} of 30 ({1})",
         (
             Value("arena", "behaviour_of_waves/gsrm 2200/agree"),
@@ -78,8 +79,9 @@ ARENA = (
         is_headline=True,
     ),
     Claim(
-        "30 random posture controllers (hinge angles by position), pit of 0.30 m: same outcome in the arena scanned "
-        "with GSRM, 2,200 units, as in the true one (in the true one shifted by 1 mm); the second test tried",
+        "30 random posture controllers (hinge angles by position; the second test tried), pit of 0.30 m: same outcome "
+        "in the arena reconstructed with GSRM (2,200 units) as in the true one; in parentheses: in the true one "
+        "shifted by 1 mm",
         "{0} of 30 ({1})",
         (
             Value("arena", "behaviour/gsrm 2200/agree"),
@@ -90,21 +92,23 @@ ARENA = (
         is_headline=True,
     ),
     Claim(
-        "30 random oscillating controllers: same outcome in the growing grid's arena as in the true one",
+        "30 random oscillating controllers, pit of 0.30 m: same outcome in the arena reconstructed with the growing "
+        "grid as in the true one",
         "{0}",
         (Value("arena", "behaviour_of_waves/gg/agree"),),
         bar=">= 28",
     ),
     Claim(
-        "30 random posture controllers: same outcome in the growing grid's arena as in the true one",
+        "30 random posture controllers, pit of 0.30 m: same outcome in the arena reconstructed with the growing grid "
+        "as in the true one",
         "{0}",
         (Value("arena", "behaviour/gg/agree"),),
         bar=">= 28",
         set_after=True,
     ),
     Claim(
-        "30 random posture controllers: rank correlation of the progress in the scanned arena with that in the true "
-        "one, GSRM with 2,200 units, growing grid",
+        "30 random posture controllers, pit of 0.30 m: rank correlation of the progress in the reconstructed arena "
+        "with that in the true one, for GSRM (2,200 units), growing grid",
         "{0:.2f}, {1:.2f}",
         (
             Value("arena", "behaviour/gsrm 2200/rank_correlation"),

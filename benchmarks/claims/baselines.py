@@ -10,7 +10,7 @@ def _value(path: str) -> Value:
 BASELINES = (
     Claim(
         "Default course, 8 modules, start on the floor: successes in 200 trials without control (zero actions); in "
-        "200 of random genotypes of the controller `path` / `reactive` (50, four trials each)",
+        "200 trials of 50 random genotypes of the controller `path` / `reactive`",
         "{0}; {1} / {2}",
         tuple(_value(f"default_course/{who}") for who in ("zero", "random of path", "random of reactive")),
         bar="<= 10 of 200",

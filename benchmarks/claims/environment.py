@@ -82,17 +82,20 @@ ENVIRONMENT = (
         bar=">= 27 of 30",
     ),
     Claim(
-        "How many of these 30 controllers cross a pit of 0.30 m: on spheres / wheels / cylinders",
+        "30 random controllers, pit of 0.30 m: number that cross on tracks made of spheres / on wheels / on the "
+        "authors' cylinders",
         "{0} / {1} / {2}",
         _successes("0.30"),
     ),
     Claim(
-        "How many of these 30 controllers cross a pit of 0.35 m: on spheres / wheels / cylinders",
+        "30 random controllers, pit of 0.35 m: number that cross on tracks made of spheres / on wheels / on the "
+        "authors' cylinders",
         "{0} / {1} / {2}",
         _successes("0.35"),
     ),
     Claim(
-        "Successes that the audit (an independent second check) rejects, in episodes of random + evolved controllers",
+        "Audit (an independent second check) of all successes in episodes of random + evolved controllers: successes "
+        "rejected",
         "{0} in {1:,} + {2:,}",
         (
             Value("environment", "cheats/cheats"),

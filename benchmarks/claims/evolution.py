@@ -107,7 +107,8 @@ EVOLUTION = (
         set_after=True,
     ),
     Claim(
-        "Genotypes of shorter bodies that these runs tried without success",
+        "Evolution chooses the length of the body, 3 to 9 modules: genotypes of still shorter bodies tried without "
+        "success",
         "{0:,}",
         (Value("evolution", "body_length/runs/*/shorter_genotypes", "sum"),),
     ),

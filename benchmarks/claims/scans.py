@@ -36,7 +36,7 @@ SCANS = (
         is_headline=True,
     ),
     Claim(
-        "Simulated scans: share of the other readings that it keeps, worst of five surveys",
+        "Simulated scans: share of readings other than mixed pixels that preprocessing keeps, worst of five surveys",
         "{0:.1f} %",
         (_survey("others_kept", "min", PERCENT),),
         bar=">= 97 %",
@@ -56,7 +56,7 @@ SCANS = (
         bar="<= 10 mm",
     ),
     Claim(
-        "Simulated scans: largest error of its estimated heading",
+        "Simulated scans: largest error of the surveying robot's estimated heading",
         "{0:.2f}°",
         (_survey("localisation_max_deg", "max"),),
         bar="<= 0.5°",
@@ -69,7 +69,7 @@ SCANS = (
         bar=">= 90 %",
     ),
     Claim(
-        "Real scan: share of the other readings kept",
+        "Real scan: share of all other readings that preprocessing keeps",
         "{0:.1f} %",
         (Value("scans", "real_scan/others_kept", scale=PERCENT),),
         bar=">= 97 %",

@@ -1,1 +1,1 @@
-"""What the benchmarks measure on and against: clouds and the authors' own program."""
+"""Data and measurements used by the benchmarks: clouds, changes, controllers, the authors' own program."""

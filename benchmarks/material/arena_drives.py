@@ -1,4 +1,4 @@
-"""Whether a snake fares in an arena as it does in the truth, and what its steps cost."""
+"""Whether controllers have the same outcome in an arena as in the true one, and the time of physics steps."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 MODULES = 8
 Drive = Callable[[Arena, int], tuple[np.ndarray, np.ndarray]]
-"""From an arena and a number of controllers to who crossed and how far each came [m]."""
+"""From an arena and a number of controllers to which ones crossed and how far each came [m]."""
 
 
 def drive_postures(arena: Arena, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Let controllers of twelve random angles along the course drive; who crossed, and progress [m].
+    """Run controllers with twelve random angles along the course; return which ones crossed, and their progress [m].
 
-    Of these about half cross the pit of 0.30 m, under random friction, torque, start and heading.
+    About half of them cross the pit of 0.30 m, under random friction, torque, start and heading.
     """
     genotypes = np.clip(np.random.default_rng(2).normal(0.0, 0.2, (count, len(KNOTS))), -1.5, 1.5)
     envs = SnakePitVectorEnv(
@@ -34,18 +34,18 @@ def drive_postures(arena: Arena, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drive_waves(arena: Arena, num_controllers: int, duration: float = 40.0) -> tuple[np.ndarray, np.ndarray]:
-    """Let waves of random size, pace and phase drive; who crossed, and x reached [m].
+    """Run oscillating controllers of random size, frequency and phase; return which ones crossed, and x reached [m].
 
-    A wild lot: the truth moved by 1 mm changes the outcome of two to four of thirty.
+    They are sensitive: shifting the true arena by 1 mm changes the outcome of two to four of thirty.
     """
-    generator = np.random.default_rng(7)
+    rng = np.random.default_rng(7)
     shape = (num_controllers, MODULES - 1)
-    size = generator.uniform(0.0, 0.45, (num_controllers, 1)) * generator.uniform(0.3, 1.0, shape)
-    pace = generator.uniform(0.3, 1.5, (num_controllers, 1))
-    phase = generator.uniform(0, 2 * np.pi, (num_controllers, 1)) + np.arange(
-        MODULES - 1
-    ) * generator.uniform(-1.5, 1.5, (num_controllers, 1))
-    bias = generator.uniform(-0.1, 0.1, shape)
+    size = rng.uniform(0.0, 0.45, (num_controllers, 1)) * rng.uniform(0.3, 1.0, shape)
+    pace = rng.uniform(0.3, 1.5, (num_controllers, 1))
+    phase = rng.uniform(0, 2 * np.pi, (num_controllers, 1)) + np.arange(MODULES - 1) * rng.uniform(
+        -1.5, 1.5, (num_controllers, 1)
+    )
+    bias = rng.uniform(-0.1, 0.1, shape)
     envs = SnakePitVectorEnv(
         num_envs=num_controllers,
         arena=arena,
@@ -70,21 +70,21 @@ def drive_waves(arena: Arena, num_controllers: int, duration: float = 40.0) -> t
     return has_crossed, reached
 
 
-class Behaviour:
-    """The same controllers in arena after arena, against the truth."""
+class OutcomeComparison:
+    """Compares the outcomes of the same controllers in several arenas with those in the true one."""
 
     def __init__(self, truth: Arena, num_controllers: int, drive: Drive = drive_postures) -> None:
-        """Let them drive in the truth."""
+        """Run them in the true arena."""
         self._count, self._drive = num_controllers, drive
         self._crossed, self._reached = drive(truth, num_controllers)
 
     @property
     def reference(self) -> dict[str, float]:
-        """What they did in the truth."""
+        """The outcome in the true arena."""
         return {"crossed": int(self._crossed.sum()), "controllers": self._count}
 
     def compare(self, arena: Arena) -> dict[str, float]:
-        """Return how many agree on crossing or not, and the rank correlation of the distance."""
+        """Return how many outcomes are equal, and the rank correlation of the distance."""
         begin = time.process_time()
         also, there = self._drive(arena, self._count)
         return {

@@ -1,4 +1,4 @@
-"""Surfaces to build arenas of: scans of the course by the networks, other courses, the real staircase."""
+"""Surfaces from which arenas are made: scans of the course by the networks, other courses, the real staircase."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RESOLUTIONS = {
     "gg 1500": ("gg", 800),
     "gg": ("gg", 7000),
 }
-"""Network and units; "gg" has about 13,900 triangles, "gg 1500" as many as its name says."""
+"""Network and units; "gg" has about 13,900 triangles, "gg 1500" about 1,500."""
 MAIN = ("gsrm 800", "gsrm 2200", "gg")
 SLANTED_PIT = [(-3, 0), (-1.7, 0), (-0.7, 0.25), (-0.3, 0.25), (-0.1, 0), (0.15, 0), (0.3, 0.25), (0.7, 0.25)]
 SLANTED_PIT += [(1.7, 0), (3, 0)]
@@ -30,13 +30,13 @@ SLANTED_PIT += [(1.7, 0), (3, 0)]
 
 @cache
 def scan_course(pit: float, name: str) -> trimesh.Trimesh:
-    """Scan the course with a pit of this width [m] and map it by a network of `RESOLUTIONS`."""
+    """Scan the course with a pit of this width [m] and reconstruct it with a network of `RESOLUTIONS`."""
     method, units = RESOLUTIONS[name]
-    return reconstruct(_strew(Course(pit=pit).surface()), method, units=units).mesh
+    return reconstruct(_sample(Course(pit=pit).surface()), method, units=units).mesh
 
 
 def map_stairs() -> trimesh.Trimesh | None:
-    """Map the stairs of the real scan (see the data's README); None where it is absent."""
+    """Reconstruct the stairs of the real scan (see the README of the data); None if it is missing."""
     if not STAIRS.is_file():
         return None
     points = load_points(STAIRS)
@@ -45,12 +45,12 @@ def map_stairs() -> trimesh.Trimesh | None:
 
 
 def load_bunny() -> trimesh.Trimesh | None:
-    """Read the bunny as it is, holes and all; None where it is absent."""
+    """Read the bunny unchanged, with its holes; None if it is missing."""
     return load_surface(BUNNY) if BUNNY.is_file() else None
 
 
 def make_other_profiles() -> dict[str, np.ndarray]:
-    """Profiles that are not the course: a slanted pit, a hump, steps, hills."""
+    """Return other profiles: a slanted pit, a hump, steps, hills."""
     x = np.linspace(-0.5, 0.5, 60)
     hump = [(-2.5, 0), *zip(x, 0.1 * (1 + np.cos(2 * np.pi * x)), strict=True), (2.5, 0)]
     far = np.linspace(-3.0, 3.0, 240)
@@ -60,10 +60,10 @@ def make_other_profiles() -> dict[str, np.ndarray]:
 
 
 def turn(mesh: trimesh.Trimesh, yaw: float) -> trimesh.Trimesh:
-    """Return a copy turned about z [rad]."""
+    """Return a copy rotated about z [rad]."""
     return mesh.copy().apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
 
 
-def _strew(surface: trimesh.Trimesh, count: int = 60_000, noise: float = 0.005, seed: int = 0) -> np.ndarray:
+def _sample(surface: trimesh.Trimesh, count: int = 60_000, noise: float = 0.005, seed: int = 0) -> np.ndarray:
     points = np.asarray(trimesh.sample.sample_surface(surface, count, seed=seed)[0])
     return points + np.random.default_rng(seed).normal(scale=noise, size=(count, 3))

@@ -1,4 +1,4 @@
-"""Run the authors' own GSRM beside ours.
+"""Run the authors' own GSRM program.
 
 The program is danfis/gnn (7de66ee) with danfis/boruvka (c82148a), built with gcc outside this repository;
 give the path of its binary `gnn-gsrm`.
@@ -21,17 +21,17 @@ def run_c_gsrm(binary: Path, points: np.ndarray, units: int) -> tuple[float, tri
     Args:
         binary: path of `gnn-gsrm`.
         points: `[N, 3]`.
-        units: neurons wanted.
+        units: number of neurons.
 
     Returns:
-        Seconds by its own clock, from the first unit to the last face (no reading, no writing), and its mesh.
+        Seconds by its own clock, from the first unit to the last face (without reading and writing), and its mesh.
     """
     with tempfile.TemporaryDirectory() as folder:
         cloud, surface = Path(folder) / "cloud.xyz", Path(folder) / "surface.svt"
         np.savetxt(cloud, points, fmt="%.9g")
         command = [str(binary), "-v", "-v", "-v", "--max-nodes", str(units), "-o", str(surface), str(cloud)]
-        told = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-        clocks = _CLOCK.findall(told.replace("\r", "\n"))
+        output = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+        clocks = _CLOCK.findall(output.replace("\r", "\n"))
         return 60 * float(clocks[-1][0]) + float(clocks[-1][1]), read_svt(surface)
 
 

@@ -1,4 +1,4 @@
-"""A course that changes after it was scanned: what was, what is, and what a scanner reads of it."""
+"""A course that changes after it was scanned: the surfaces before and after, and the readings of both."""
 
 import itertools
 from collections.abc import Callable
@@ -16,9 +16,9 @@ from symbrion_gym.arenas.course import Course
 NUM_POINTS = 60_000
 NOISE = 0.005
 BOX = (-2.7, -2.3, -0.1, 0.3, 0.25)
-"""Where a box stands on the floor: x from, to, y from, to, and how high [m]."""
+"""A box on the floor: x from, to, y from, to, and height [m]."""
 SCANNERS = np.array([[x, y, 1.2] for x in (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0) for y in (-0.8, 0.8)])
-"""Places that the virtual scanner reads from [m]."""
+"""Positions of the virtual scanner [m]."""
 _CHANGED = 0.001
 
 
@@ -30,8 +30,8 @@ class Change:
         old: the surface when it was first scanned.
         new: the surface now.
         points: `[N, 3]` the first scan.
-        new_points: `[M, 3]` the readings of now.
-        origins: `[M, 3]` where each was made from, or None where that is not told.
+        new_points: `[M, 3]` the new readings.
+        origins: `[M, 3]` scanner position of each, or None if unknown.
     """
 
     old: trimesh.Trimesh
@@ -41,7 +41,7 @@ class Change:
     origins: np.ndarray | None = None
 
     def measure_remoteness(self, places: np.ndarray) -> np.ndarray:
-        """Return how far places are from all that changed, `[Q]` [m]; infinite where nothing did."""
+        """Return the distance of places from everything that changed, `[Q]` [m]; infinite if nothing did."""
         changed = np.concatenate([_find_changed(self.old, self.new), _find_changed(self.new, self.old)])
         if len(changed) == 0:
             return np.full(len(places), np.inf)
@@ -56,8 +56,8 @@ def make_surface(
 
     Args:
         course: the course.
-        box: what stands on its first floor.
-        end: x where it is cut off.
+        box: a box on its first floor.
+        end: x at which it is cut off.
         widening: by how much the far wall of the pit has moved away [m].
     """
     profile = course.profile()
@@ -79,24 +79,28 @@ def make_surface(
 
 
 def draw(
-    surface: trimesh.Trimesh, number: int, seed: int, is_chosen: Callable | None = None, noise: float = NOISE
+    surface: trimesh.Trimesh,
+    number: int,
+    seed: int,
+    is_selected: Callable | None = None,
+    noise: float = NOISE,
 ) -> np.ndarray:
-    """Return readings spread over the surface, of the part chosen by place: `[number, 3]`."""
+    """Return readings distributed over the surface, or over the selected part, `[number, 3]`."""
     rng = np.random.default_rng([seed, 1])
-    wanted = number if is_chosen is None else 16 * number
+    wanted = number if is_selected is None else 16 * number
     points = sample_area(np.asarray(surface.vertices), np.asarray(surface.faces), wanted, seed)
-    if is_chosen is not None:
-        points = points[is_chosen(points)]
+    if is_selected is not None:
+        points = points[is_selected(points)]
         points = points[np.sort(rng.permutation(len(points))[:number])]
     return points + rng.normal(0, noise, points.shape)
 
 
 def scan(
-    surface: trimesh.Trimesh, number: int, seed: int, is_chosen: Callable | None = None
+    surface: trimesh.Trimesh, number: int, seed: int, is_selected: Callable | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return readings `[M, 3]` of what the scanners see, spread over it, and where each was made from."""
+    """Return readings `[M, 3]` of the surface visible to the scanners, and the scanner position of each."""
     rng = np.random.default_rng([seed, 2])
-    places = draw(surface, 3 * number, seed, is_chosen, noise=0.0)
+    places = draw(surface, 3 * number, seed, is_selected, noise=0.0)
     origins = SCANNERS[rng.integers(len(SCANNERS), size=len(places))]
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces, dtype=np.int64)
     tree = igl.AABB()
@@ -107,7 +111,7 @@ def scan(
 
 
 def make_changes(seed: int = 0) -> dict[str, Change]:
-    """Return all scenarios; a tenth as many new readings as old ones, unless they say otherwise."""
+    """Return all scenarios; most have a tenth as many new readings as old ones."""
     plain, boxed = make_surface(Course()), make_surface(Course(), box=BOX)
     wider = make_surface(Course(), widening=0.05)
     shorter = make_surface(Course(), end=2.7)
@@ -140,7 +144,7 @@ def _near_box(margin: float) -> Callable:
 
 
 def _stand_on(floor: list, box: tuple[float, ...]) -> list:
-    """Return the quads of a level floor with a box on it: eight round the box, four sides, the top."""
+    """Return the quads of a level floor with a box on it: eight around the box, four sides, the top."""
     x0, x1, y0, y1, height = box
     low, high, z = floor[0][:2], floor[2][:2], floor[0][2]
     xs, ys = (low[0], x0, x1, high[0]), (low[1], y0, y1, high[1])
@@ -163,6 +167,6 @@ def _stand_on(floor: list, box: tuple[float, ...]) -> list:
 
 
 def _find_changed(one: trimesh.Trimesh, other: trimesh.Trimesh) -> np.ndarray:
-    """Return places of one surface that are not on the other."""
+    """Return points of one surface that are not on the other."""
     places = sample_area(np.asarray(one.vertices), np.asarray(one.faces), 100_000)
     return places[find_distances(places, np.asarray(other.vertices), np.asarray(other.faces)) > _CHANGED]

@@ -1,4 +1,4 @@
-"""Crossings judged twice: random and evolved controllers in many bodies, pits and arenas, round by round."""
+"""Audited crossings: random and evolved controllers in many bodies, pits and arenas, in rounds."""
 
 from collections import Counter
 from typing import Any
@@ -10,14 +10,14 @@ from symbrion_gym.environment.vector import SnakePitVectorEnv
 
 LANES = 40
 GENERATIONS = 5
-_SENSORS = ("hinge_angle", "pitch", "contact")
+_SENSORS = ("hinge_angle", "pitch", "contact", "track_odometry")
 _STUCK_TIME = 4.0
 
 
 def try_random(number: int) -> tuple[Counter[str], list[tuple[str, ...]]]:
-    """Run one round of random controllers, the same for the same number; return counts and faults found.
+    """Run one round of random controllers, reproducible by its number; return counts and faults found.
 
-    The spread of the genotypes differs from round to round, so that stiff bodies are among them.
+    The spread of the genotypes differs between rounds, so that stiff bodies are included.
     """
     rng = np.random.default_rng([1, number])
     options = _draw_options(rng, [0.20, 0.25, 0.30, 0.35, 0.40])
@@ -31,7 +31,7 @@ def try_random(number: int) -> tuple[Counter[str], list[tuple[str, ...]]]:
 
 
 def try_evolved(number: int) -> tuple[Counter[str], list[tuple[str, ...]]]:
-    """Run one short evolution, the same for the same number; the generations after the first count."""
+    """Run one short evolution, reproducible by its number; the generations after the first count."""
     rng = np.random.default_rng([2, number])
     envs = SnakePitVectorEnv(LANES, **_draw_options(rng, [0.25, 0.30, 0.33, 0.36, 0.40]))
     generations = evolve(envs, 1000 + number, GENERATIONS, str(rng.choice(LAWS)))

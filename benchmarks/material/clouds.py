@@ -12,19 +12,19 @@ from reconstruction.scans.formats import load_points
 from symbrion_gym.arenas.course import Course, StairsCourse
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
-"""Where the real scans lie; they are no part of this repository."""
+"""Folder of the real scans, which are not part of this repository."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points and what is known of their surface.
+    """Points, and what is known of their surface.
 
     Attributes:
         points: `[N, 3]` [m].
         truth: the true surface, or None for a real scan.
-        is_sheet: whether one sheet without holes can cover it, as the growing grid needs.
-        euler_number: of the truth, or None where unknown.
-        loops: boundary loops of the truth, or None where unknown.
+        is_sheet: whether one sheet without holes can cover it, which the growing grid requires.
+        euler_number: of the truth, or None if unknown.
+        loops: boundary loops of the truth, or None if unknown.
     """
 
     points: np.ndarray
@@ -35,12 +35,12 @@ class Cloud:
 
 
 def make_arena(num_points: int = 60_000, noise: float = 0.005, seed: int = 0) -> Cloud:
-    """Two ramps and a pit, evenly scanned: the cloud that the bars are stated for."""
+    """Make the cloud for which the targets are set: two ramps and a pit, evenly scanned."""
     return _draw(Course().surface(), num_points, noise, seed)
 
 
 def make_far_arena(seed: int = 1) -> Cloud:
-    """The arena from one place: density falls with the distance, 5 % outliers, 5 % of the points twice."""
+    """Make the arena scanned from one place: density falls with distance, 5 % outliers, 5 % duplicate points."""
     rng = np.random.default_rng(seed)
     cloud = _draw(Course().surface(), 200_000, 0.004, seed)
     distance = np.linalg.norm(cloud.points - [-2.0, 0.0, 1.0], axis=1)
@@ -51,12 +51,12 @@ def make_far_arena(seed: int = 1) -> Cloud:
 
 
 def make_steps(seed: int = 2) -> Cloud:
-    """Five low steps, 10 mm noise."""
+    """Make five low steps with 10 mm noise."""
     return _draw(StairsCourse(rise=0.12).surface(), 50_000, 0.010, seed)
 
 
 def make_hills(seed: int = 3) -> Cloud:
-    """Rolling ground a hundred metres across, 5 cm noise."""
+    """Make hills a hundred meters across with 5 cm noise."""
     size, number = 100.0, 120
     x, y = np.meshgrid(np.linspace(0, size, number), np.linspace(0, size, number), indexing="ij")
     z = 6 * np.sin(x / 15) * np.cos(y / 11) + 3 * np.sin(x / 7 + y / 9)
@@ -68,33 +68,33 @@ def make_hills(seed: int = 3) -> Cloud:
 
 
 def make_sphere(seed: int = 4) -> Cloud:
-    """A ball of 1 m radius, 3 mm noise."""
+    """Make a sphere of 1 m radius with 3 mm noise."""
     ball = trimesh.creation.icosphere(subdivisions=5)
     return _draw(ball, 40_000, 0.003, seed, is_sheet=False, euler_number=2, loops=0)
 
 
 def make_torus(seed: int = 5) -> Cloud:
-    """A ring a millimetre thick, without noise."""
+    """Make a torus 1 mm thick without noise."""
     ring = trimesh.creation.torus(2.0, 0.5, major_sections=96, minor_sections=48)
     ring.apply_scale(0.001)
     return _draw(ring, 40_000, 0.0, seed, is_sheet=False, euler_number=0, loops=0)
 
 
 def load_stairs() -> Cloud:
-    """The staircase of OctoMap's scan; see the data's README for the crop."""
+    """Load the staircase of OctoMap's scan; see the README of the data for the crop."""
     points = load_points(DATA / "octomap_stairs_scan.dat.bz2")
     is_near = (points > [0.4, -4.3, -np.inf]).all(axis=1) & (points < [9.6, 1.4, 2.0]).all(axis=1)
     return Cloud(points[is_near], None, euler_number=None, loops=None)
 
 
 def load_bunny() -> Cloud:
-    """The Stanford bunny's vertices; their surface is open below, five holes."""
+    """Load the vertices of the Stanford bunny, whose surface has five holes at the bottom."""
     mesh = trimesh.load_mesh(DATA / "stanford-bunny.obj", process=False)
     return Cloud(np.asarray(mesh.vertices), mesh, is_sheet=False, euler_number=None, loops=None)
 
 
 def load_room() -> Cloud:
-    """A furnished room, one tilting scan."""
+    """Load a furnished room, scanned by one tilting scanner."""
     points = load_points(DATA / "libpointmatcher_apartment_cloud_0.vtk")
     return Cloud(points, None, is_sheet=False, euler_number=None, loops=None)
 

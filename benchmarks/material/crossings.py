@@ -1,4 +1,4 @@
-"""Controllers for the benchmarks of the environment, and what became of them, judged twice."""
+"""Controllers for the benchmarks of the environment, and their outcomes, with an audit of each success."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from symbrion_gym.environment.vector import SnakePitVectorEnv
 from symbrion_gym.tasks.audit import Trajectory, audit
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
-"""Where the posture has its knots, along the course from the middle of the pit [m]."""
+"""Knots of the posture along the course, from the middle of the pit [m]."""
 LAWS = ("posture of places", "reactive", "travelling")
 """Kinds of controllers: ours, with 12 knots, and two of `evolution`."""
 Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -19,14 +19,14 @@ Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 class Crossing(NamedTuple):
-    """What became of one controller.
+    """The outcome of one controller.
 
     Attributes:
-        success: by the environment's own judge.
+        success: by the environment's own check.
         progress: [m].
         seconds: simulated.
-        faults: what the second judge found, where the first saw a success.
-        qpos: `[T, nq]` recorded, where wanted.
+        faults: found by the audit of a success.
+        qpos: `[T, nq]`, if recorded.
     """
 
     success: bool
@@ -37,7 +37,7 @@ class Crossing(NamedTuple):
 
 
 def follow_the_leader(head: np.ndarray, genotypes: np.ndarray, num_hinges: int) -> np.ndarray:
-    """Return actions `[P, h]`: each hinge takes the angle of the place it passes.
+    """Return actions `[P, h]`: each hinge takes the angle of its position along the course.
 
     Args:
         head: `[P]` x of the heads [m].
@@ -50,23 +50,23 @@ def follow_the_leader(head: np.ndarray, genotypes: np.ndarray, num_hinges: int) 
 
 
 def find_start(law: str, modules: int) -> np.ndarray:
-    """Return where a search for a controller begins."""
+    """Return the starting point of the search for a controller."""
     if law == LAWS[0]:
         return np.zeros(len(KNOTS))
     return np.array(make_controller(law, modules).initial)
 
 
 def make_act(envs: SnakePitVectorEnv, genotypes: np.ndarray, law: str = LAWS[0]) -> Act:
-    """Return how controllers act, one for each simulation."""
+    """Return the function that computes the actions of controllers, one per simulation."""
     hinges, structure = envs.world.num_hinges, envs.observation_structure
     if law == LAWS[0]:
         return lambda _, head: follow_the_leader(head, genotypes, hinges)
     controller = make_controller(law, envs.world.num_modules)
     state = controller.begin(envs.num_envs)
 
-    def act(observation: np.ndarray, head: np.ndarray) -> np.ndarray:
+    def act(observation: np.ndarray, _: np.ndarray) -> np.ndarray:
         nonlocal state
-        actions, state = controller.act(observation, genotypes, structure, state, head)
+        actions, state = controller.act(observation, genotypes, structure, state)
         return actions
 
     return act
@@ -79,7 +79,7 @@ def cross(
     keep: bool = False,
     law: str = LAWS[0],
 ) -> list[Crossing]:
-    """Let as many controllers as there are simulations try, each under its own conditions."""
+    """Run one controller in each simulation, each under its own conditions."""
     observation, info = envs.reset(seed=0, options=conditions)
     act = make_act(envs, genotypes, law)
     qpos, finished = envs.batch.bind("qpos"), np.zeros(envs.num_envs, dtype=bool)

@@ -1,4 +1,4 @@
-"""Laser scans in an arena: how long each way to cast them takes, and how right it is."""
+"""Laser scans in an arena: time and accuracy of several ray casters."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ NUM_POSES = 24
 _HEIGHT = 0.3
 _PITCH = np.radians(20.0)
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""From an origin `[3]` and directions `[R, 3]` to distances `[R]` [m], nan where nothing is hit."""
+"""From an origin `[3]` and directions `[R, 3]` to distances `[R]` [m], NaN where nothing is hit."""
 
 
 class Pose(NamedTuple):
-    """Where a scan is taken.
+    """The pose of the scanner.
 
     Attributes:
         origin: `[3]` [m].
@@ -35,7 +35,7 @@ class Pose(NamedTuple):
 
 
 def find_poses(arena: Arena) -> list[Pose]:
-    """Poses along the course, 0.3 m above ground, looking ahead and 20 degrees down."""
+    """Return poses along the course, 0.3 m above ground, looking ahead and 20 degrees down."""
     x = np.linspace(-2.8, 2.0, NUM_POSES)
     sine, cosine = np.sin(_PITCH), np.cos(_PITCH)
     down = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
@@ -43,7 +43,7 @@ def find_poses(arena: Arena) -> list[Pose]:
 
 
 def make_cast(arena: Arena, group: int) -> Cast:
-    """Cast on the geoms of one group by one `mj_multiRay`."""
+    """Return a ray caster for the geoms of one group, by `mj_multiRay`."""
     model = arena.spec().compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -62,7 +62,7 @@ def make_cast(arena: Arena, group: int) -> Cast:
 
 
 def make_embree_cast(surface: trimesh.Trimesh) -> Cast:
-    """Cast on a mesh by Intel's Embree."""
+    """Return a ray caster for a mesh, by Intel's Embree."""
     from trimesh.ray.ray_pyembree import RayMeshIntersector
 
     rays = RayMeshIntersector(surface)
@@ -82,11 +82,11 @@ def make_embree_cast(surface: trimesh.Trimesh) -> Cast:
 
 
 def measure_scans(arenas: dict[str, Arena], exact: str, quick: bool) -> dict[str, dict[str, Any]]:
-    """Time of a scan [µs] of every way, side by side, and its error against the exact surface [mm].
+    """Measure the time of a scan [µs] for every ray caster, side by side, and its error [mm].
 
     Args:
-        arenas: "hand-made", "hfield", "boxes" and the one that is scanned.
-        exact: name of the one that is scanned.
+        arenas: "hand-made", "hfield", "boxes" and the scanned one.
+        exact: name of the scanned one.
         quick: fewer rounds.
     """
     casts = {
@@ -127,7 +127,7 @@ def measure_scans(arenas: dict[str, Arena], exact: str, quick: bool) -> dict[str
 
 
 def _time_finder(arenas: dict[str, Arena], exact: str, rounds: int) -> dict[str, Any]:
-    """Time of `RangeFinder.read` [µs], on the exact surface and on the hand-made model."""
+    """Measure the time of `RangeFinder.read` [µs] on the exact surface and on the hand-made model."""
     laps: dict[str, list[float]] = {exact: [], "hand-made": []}
     finders = {}
     for name in laps:

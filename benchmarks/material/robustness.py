@@ -1,4 +1,4 @@
-"""Steps with random options and with actions that no one should send, many simulations at once."""
+"""Steps with random options and with invalid actions, many simulations at once."""
 
 from collections import Counter
 from typing import Any
@@ -15,8 +15,8 @@ _RAYS = ("ir", "laser")
 _CHEAP = tuple(name for name in SENSORS if name not in _RAYS)
 
 
-def torment(number: int) -> Counter[str]:
-    """Run one round, the same for the same number; return what was counted.
+def step_at_random(number: int) -> Counter[str]:
+    """Run one round, reproducible by its number; return the counts.
 
     Counts: "steps", "episodes", "diverged", "wrong shapes refused", "wrong shapes taken", "not finite"
     (observations, rewards and numbers of `info`), "out of bounds" (observations).

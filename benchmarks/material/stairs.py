@@ -1,4 +1,4 @@
-"""The scanned staircase: its beams in order, and a judge of a mesh of it, step by step."""
+"""The scanned staircase: its beams in order, and the comparison of a mesh with the scan, step by step."""
 
 from typing import Any
 
@@ -11,29 +11,29 @@ from reconstruction.surfaces.quality import count_topology, find_distances
 
 YAW = np.deg2rad(2.25)
 FIRST_RISER, TREAD, RISE, NUM_STEPS = 5.14, 0.34, 0.144, 12
-"""Along the stairs, in the scan's frame turned by `YAW` [m]; tread and rise by OctoMap's data."""
+"""Along the stairs, in the scan's frame rotated by `YAW` [m]; tread and rise from OctoMap's data."""
 SIDES = (-3.5, 1.2)
-"""Where both the steps and the scan are whole, across the stairs [m]."""
+"""Range across the stairs in which both the steps and the scan are complete [m]."""
 TOLERANCE = 0.010
-"""A tread is told apart where its height in the mesh is within this of the scan's [m]."""
+"""A tread is resolved if its height in the mesh is within this of the scan's [m]."""
 
 
 FLOOR = 3.4
-"""Where the crop begins: room for a snake before the first riser [m]."""
+"""Start of the crop: room for a snake before the first riser [m]."""
 CROP = (-3.6, 1.3)
 """Across the stairs, between the walls [m]."""
 HIGHEST = 2.0
-"""Above are walls and the ceiling [m]."""
+"""Above this are walls and the ceiling [m]."""
 MAX_GAP = 0.45
-"""Beams farther apart than a tread and a riser met different things [m]."""
+"""Beams farther apart than a tread and a riser hit different objects [m]."""
 _LEAN = 0.1
-"""Horizontal over vertical extent of a riser that hid beneath its nosing."""
+"""Horizontal over vertical extent of a riser hidden beneath its nosing."""
 _UNDERCUT = 0.1
-"""No nosing juts out farther [m]."""
+"""Largest overhang of a nosing [m]."""
 
 
 def order_beams(points: np.ndarray) -> np.ndarray:
-    """Return the scan as a grid `[sweep, beam, 3]`, NaN where nothing was hit; its file has sweep after sweep.
+    """Return the scan as a grid `[sweep, beam, 3]`, NaN where nothing was hit.
 
     The sweeps follow one another from high to low; a sweep's beams are 1 degree apart, to the left.
     """
@@ -47,15 +47,15 @@ def order_beams(points: np.ndarray) -> np.ndarray:
 
 
 def crop_stairs(points: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    """Tell which points `[..., 3]` lie on the stairs or the floor before them."""
+    """Return which points `[..., 3]` are on the stairs or the floor before them."""
     x, y, z = np.moveaxis(_turn(points), -1, 0)
     return (x > FLOOR - margin) & (y > CROP[0]) & (y < CROP[1]) & (z < HIGHEST + margin)
 
 
 def fill_undercuts(grid: np.ndarray) -> np.ndarray:
-    """Return the beams with risers that stand under the nosings, not behind them.
+    """Return the beams with risers moved under the nosings.
 
-    What lies beneath a nosing cannot be touched from above, and convex solids under a terrain cannot be hollow.
+    The space beneath a nosing cannot be touched from above, and convex solids under a terrain cannot be hollow.
     """
     turned = np.where(crop_stairs(grid, 0.3)[..., None], _turn(grid), np.nan)
     for column in np.moveaxis(turned, 1, 0):
@@ -71,10 +71,10 @@ def fill_undercuts(grid: np.ndarray) -> np.ndarray:
 
 
 def fill_between_beams(grid: np.ndarray, spacing: float, squeeze: float) -> np.ndarray:
-    """Return points `[N, 3]` on the patches between four beams that met the same surface.
+    """Return points `[N, 3]` on the patches between four beams that hit the same surface.
 
-    On the upper treads a column of beams has one or two points, on the risers four: what is between two beams is
-    taken as straight, so that samples lie evenly.
+    On the upper treads a column of beams has one or two points, on the risers four. Linear interpolation between beams
+    makes the samples even.
 
     Args:
         grid: `[sweep, beam, 3]` [m].
@@ -97,7 +97,7 @@ def fill_between_beams(grid: np.ndarray, spacing: float, squeeze: float) -> np.n
 
 
 def squeeze_stairs(points: np.ndarray, squeeze: float) -> np.ndarray:
-    """Return points in the stairs' own frame, nearer together across the stairs: units become long there."""
+    """Return points in the stairs' frame, compressed across the stairs so that units become long there."""
     return _turn(points) * [1.0, squeeze, 1.0]
 
 
@@ -106,12 +106,12 @@ def stretch_stairs(points: np.ndarray, squeeze: float) -> np.ndarray:
     return _turn_back(points / [1.0, squeeze, 1.0])
 
 
-def judge_stairs(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
-    """Compare the heights of the treads, and tell whether the stairs hang together.
+def compare_stairs(mesh: trimesh.Trimesh, points: np.ndarray) -> dict[str, Any]:
+    """Compare the heights of the treads, and check whether the stairs are connected.
 
     Returns:
-        `treads`: number, height in scan and mesh [m] and points of every step that has enough points to be
-        `judged`; `told_apart`: how many of them are within 10 mm; `rise`: mean step in the mesh [m]; `reach`:
+        `treads`: number, height in scan and mesh [m] and points of every step with enough points; `judged`: their
+        number; `told_apart`: how many of them are resolved, within 10 mm; `rise`: mean step in the mesh [m]; `reach`:
         how high the component of the floor goes, and `highest`, the scan [m]; `cloud_to_mesh` mean [m];
         topology counts.
     """

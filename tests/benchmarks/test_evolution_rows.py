@@ -8,7 +8,7 @@ import pytest
 from benchmarks import evolution_judging as judging
 from benchmarks.champions_table import make_champions_table
 from benchmarks.evolution_runs import Results
-from benchmarks.evolution_summary import find_gaps, holds, summarise
+from benchmarks.evolution_summary import find_gaps, is_robust, summarize
 from evolution.search.validation import Champion
 
 MOMENT = {"date": "2026-11-21", "commit": "0123456789", "dirty": False}
@@ -27,8 +27,8 @@ ROWS = [make_row(0, 20, True), make_row(1, 17, True), make_row(2, 19, False), ma
 
 
 def test_only_confirmed_champions_hold() -> None:
-    assert [holds(row) for row in ROWS] == [True, False, False, False]
-    found = summarise(ROWS)
+    assert [is_robust(row) for row in ROWS] == [True, False, False, False]
+    found = summarize(ROWS)
     assert (found["champions_that_hold"], found["of"]) == (1, 4)
     assert (found["confirmed"], found["unconfirmed"], found["unconfirmed_that_hold"]) == (2, 2, 1)
     assert found["median_held_in_truth"] == 18.5
@@ -43,7 +43,7 @@ def test_unconfirmed_champions_do_not_cancel_the_gap() -> None:
 
 
 def test_the_table_has_columns_for_both() -> None:
-    figures = {**summarise(ROWS), "runs": ROWS}
+    figures = {**summarize(ROWS), "runs": ROWS}
     origins = {"champions": MOMENT | {"is_quick": False}}
     records = {"evolution": {"origins": origins, "results": {"champions": figures, "gap": {}}}}
     line = make_champions_table(records, None).splitlines()[-1]
@@ -126,18 +126,18 @@ def test_judged_again_by_new_seeds(seeds: list[int]) -> None:
             "gap": {},
         }
     )
-    told: list[str] = []
-    judging.judge_again(results, ("champions", "models"), told.append)
+    messages: list[str] = []
+    judging.judge_again(results, ("champions", "models"), messages.append)
     again, left = results.find_runs("champions")
     assert again["judging_seed"] != row["judging_seed"]
     assert [past["judging_seed"] for past in again["judged_before"]] == [row["judging_seed"]]
     assert again["origin"] == row["origin"], "it was not evolved again"
     assert left == old
-    assert any("seed 1" in text and "not kept" in text for text in told)
+    assert any("seed 1" in text and "not stored" in text for text in messages)
     assert results.find_runs("models/gsrm 2200") == [again], "the same run has one judgement"
     assert results.find_runs("abyss") == [row]
     assert results.content["champions"]["judged_by_drawn_seeds"] == 1
     assert results.find_judging_seeds() == {row["judging_seed"], again["judging_seed"]}
-    judging.judge_again(results, (), told.append)
+    judging.judge_again(results, (), messages.append)
     assert len(results.find_runs("champions")[0]["judged_before"]) == 2
     assert len(set(seeds)) == len(seeds)
