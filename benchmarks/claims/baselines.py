@@ -10,9 +10,13 @@ def _value(path: str) -> Value:
 BASELINES = (
     Claim(
         "Default course, 8 modules, start on the floor: successes in 200 trials without control (zero actions); in "
-        "200 trials of 50 random genotypes of the controller `path` / `reactive`",
-        "{0}; {1} / {2}",
-        tuple(_value(f"default_course/{who}") for who in ("zero", "random of path", "random of reactive")),
+        "200 trials of 50 random genotypes of the controller `path` / `reactive`; in 200 episodes with a random action "
+        "at every step",
+        "{0}; {1} / {2}; {3}",
+        (
+            *(_value(f"default_course/{who}") for who in ("zero", "random of path", "random of reactive")),
+            _value("random_actions/successes"),
+        ),
         bar="<= 10 of 200",
         is_headline=True,
     ),
