@@ -256,7 +256,7 @@ def _find_arenas() -> list[str]:
 
 
 def _record_controls(env: SnakePitEnv, action: np.ndarray, ticks: int) -> list[np.ndarray]:
-    """Return what the servos are told from the start on, tick by tick, `[nu]` each."""
+    """Return the commands of the servos from the start on, tick by tick, `[nu]` each."""
     env.reset(seed=0)
     controls = []
     for _ in range(ticks):

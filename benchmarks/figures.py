@@ -35,7 +35,7 @@ class Value:
         path: keys of `results` from the top, with `/` between them; `*` means every entry there. After ` | ` an
             older path may follow; the first one that exists is used.
         reduce: how several entries are combined: only, min, max, median, mean, sum, count.
-        scale: factor into the unit of the claim (1000: from metres to millimetres).
+        scale: factor into the unit of the claim (1000: from meters to millimeters).
         offset: added after that (-100: from 112 % of something to 12 % more than it).
         pattern: for an entry that is text, a regular expression whose first group is the number.
     """

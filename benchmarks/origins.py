@@ -26,7 +26,7 @@ Origin = dict[str, Any]
 
 
 def find_runs(results: dict[str, Any], part: str) -> list[dict[str, Any]]:
-    """Return the runs of evolution that a part holds, or is computed from."""
+    """Return the runs of evolution that a part contains, or is computed from."""
     figures = results.get(part)
     if not isinstance(figures, dict):
         return []

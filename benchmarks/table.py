@@ -74,8 +74,8 @@ def main() -> None:
 
 def is_up_to_date(path: Path, text: str, ages: Ages | None) -> bool:
     """Return whether a file contains a text; without the whole history the marks of age are ignored."""
-    held = path.read_text() if path.exists() else ""
-    return held == text if ages else strip_ages(held) == strip_ages(text)
+    present = path.read_text() if path.exists() else ""
+    return present == text if ages else strip_ages(present) == strip_ages(text)
 
 
 def make_table(records: Records, is_lenient: bool = False, ages: Ages | None = None) -> str:

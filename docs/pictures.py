@@ -178,7 +178,7 @@ def _draw_check(axis: Any, course: sg.Course, scout: Any) -> None:
     axis.text(x + 0.012, z + 0.085, "3. up axis less than 60° from the vertical", color=SNAKE)
     _draw_module(axis, far - 0.09, height - 0.09, scout.size[0], SNAKE, np.radians(62.0))
     axis.text(far - 0.16, height - 0.16, "not yet past the edge", ha="right", color=SNAKE)
-    axis.text(far + 0.04, height - 0.06, "Success: 1, 2 and 3 hold for every module during 0.3 s.")
+    axis.text(far + 0.04, height - 0.06, "Success: 1, 2 and 3 are true for every module during 0.3 s.")
     axis.set(
         xlim=(far - 0.45, far + 0.75),
         ylim=(0.0, height + 0.2),
