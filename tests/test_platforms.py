@@ -111,7 +111,7 @@ def test_a_window_that_needs_another_interpreter_is_left_out(
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     pictures = SceneRenderer(model, mujoco.MjData(model), 64, 48, 1.0, 0.0)
     pictures.follow(np.zeros((1, 3)))
-    assert pictures.draw("human") is pictures.draw("human") is None
+    assert pictures.render("human") is pictures.render("human") is None
     assert caplog.text.count("mjpython") == 1
     pictures.close()
 

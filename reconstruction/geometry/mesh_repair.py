@@ -55,6 +55,8 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
         raise ReconstructionError(
             f"a face names vertex {faces.max()}, but there are {len(vertices)} vertices"
         )
+    if vertices.shape[1:] != (3,):
+        raise ReconstructionError(f"vertices have three coordinates, not {vertices.shape[-1]}")
     is_finite = np.asarray(np.all(np.isfinite(vertices), axis=1))
     faces = faces[is_finite[faces].all(axis=1)]
     _refuse_odd_sizes(vertices[faces.ravel()])

@@ -73,4 +73,4 @@ def sum_by_owner(
 ) -> Float[np.ndarray, "number K"]:
     """Return the sum of the rows of every owner, of `number` owners."""
     columns = [np.bincount(owner, rows[:, k], minlength=number) for k in range(rows.shape[1])]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1).astype(np.float64, copy=False)  # integers where there are no rows

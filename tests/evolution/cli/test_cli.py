@@ -164,7 +164,9 @@ def test_evolve_then_resume_then_replay(tmp_path: Path, capsys: pytest.CaptureFi
     start = ["evolve", "--arena", "truth", "--modules", "3", "--population", "4", "--trials", "1", "--json"]
     assert run([*start, "--generations", "2", "--folder", str(folder)]) == 0
     assert json.loads(capsys.readouterr().out)["generations"] == 2
-    assert "holds" in refuse([*start, "--generations", "2", "--folder", str(folder)], 1, capsys)
+    assert "contains this run already" in refuse(
+        [*start, "--generations", "2", "--folder", str(folder)], 1, capsys
+    )
     assert run(["resume", str(folder), "--generations", "3", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["generations"] == 3
     assert run(["replay", str(folder), "--trials", "2", "--json"]) == 0

@@ -7,7 +7,7 @@ import pytest
 
 from evolution.search.provenance import find_revision
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def git(folder: Path, *words: str) -> str:

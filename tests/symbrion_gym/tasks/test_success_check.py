@@ -315,7 +315,7 @@ def test_a_way_without_a_pit_has_no_abyss():
     assert not check.is_abyss
     position, rotation = lay(tail=0.3, height=0.0)
     assert not check.has_touched_pit(position, rotation)
-    assert check.find_limits() == (check.farthest_aside, check.lowest)
+    assert check.find_limits() == (check.max_lateral, check.lowest)
 
 
 def make_wall(x: float, height: float, length: float = 0.0) -> np.ndarray:

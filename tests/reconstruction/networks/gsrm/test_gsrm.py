@@ -17,7 +17,7 @@ from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.surfaces.quality import Topology, count_topology, find_distances
 
 keep_compiled_programs()
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 SPHERE = trimesh.creation.icosphere(4)
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=64, minor_sections=32)
 
