@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import trimesh
 
+from reconstruction.geometry.decimation import simplify
 from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym.contact.coacd_search import decompose_solid
 from symbrion_gym.contact.contact import Contact, select_best
 from symbrion_gym.contact.job import ContactJob
+from symbrion_gym.contact.kinds import make_prisms
 from symbrion_gym.contact.planes import Planes, find_planes
 from symbrion_gym.contact.primitives import find_uncovered, make_boxes
 from symbrion_gym.contact.seams import mend_pieces
@@ -32,7 +34,7 @@ def follow_terrain(job: ContactJob, top: trimesh.Trimesh) -> Contact:
         top: open terrain, normals up.
 
     Raises:
-        ArenaError: there is no plane in it, and coacd found nothing.
+        ReconstructionError: no face with an area is left of it.
     """
     options, tuning = job.options, job.tuning
     ground = Elevation(top)
@@ -51,10 +53,18 @@ def follow_terrain(job: ContactJob, top: trimesh.Trimesh) -> Contact:
         solid = simplify_solid(close_downwards(top, options.thickness), tuning.shapes)
         return select_best([best, decompose_solid(job, solid, "terrain")], options.max_pieces)
     except ArenaError as error:
-        if not best.pieces:
-            raise
         _logger.info("coacd gave nothing better: %s", error)
-        return best
+        return best if best.pieces else _make_coarse_prisms(job, top, str(error))
+
+
+def _make_coarse_prisms(job: ContactJob, top: trimesh.Trimesh, reason: str) -> Contact:
+    """Return a prism for each triangle of the terrain, simplified to as many as pieces are allowed.
+
+    There is always time for this; the quality says how coarse it is.
+    """
+    _logger.warning("neither slabs nor coacd gave pieces in time (%s); a coarse surface is used", reason)
+    coarse = trimesh.Trimesh(*simplify(top.vertices, top.faces, job.options.max_pieces), process=False)
+    return job.measure(make_prisms(coarse), {"way": "coarse prisms", "why": reason})
 
 
 def _make_slabs(

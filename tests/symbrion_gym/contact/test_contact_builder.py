@@ -77,3 +77,13 @@ def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
     monkeypatch.setattr(terrain, "turn_into_boxes", shift)
     contact = make_contact(mesh, ContactOptions())
     assert contact.quality.mean < 0.003
+
+
+def test_a_terrain_has_contact_even_where_nothing_else_gave_any(mesh, monkeypatch):
+    monkeypatch.setattr(terrain, "make_slabs", lambda *_arguments: ([], []))
+    monkeypatch.setattr(terrain, "decompose_solid", fail)
+    contact = make_contact(mesh, ContactOptions(max_pieces=64))
+    assert contact.notes["way"] == "coarse prisms"
+    assert contact.notes["why"] == "coacd is not well today"
+    assert 0 < len(contact.pieces) <= 80
+    assert contact.quality.mean < 0.05
