@@ -1,6 +1,6 @@
 """Fit a finished mesh to its samples by least squares: crests get sharp, the rim comes out to the data.
 
-A self-organising map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
+A self-organizing map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
 the rim inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
 vertices until the triangles, not the vertices, lie on the samples.
 """

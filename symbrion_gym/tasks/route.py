@@ -29,8 +29,8 @@ class RouteMargins:
     """Distances between the ends of a route and ramp, pit and rim.
 
     Attributes:
-        before_foot: distance between the head at the start and the foot of the ramp or step [m].
-        before_pit: distance between the head and the pit at the start "pit" [m].
+        before_foot: distance between the front of the head at the start and the foot of the ramp or step [m].
+        before_pit: distance between the front of the head and the pit at the start "pit" [m].
         before_rim: distance between the tail at the start and the rim of a surface without a course [m].
         goal_to_rim: distance between the goal and the rim of such a surface [m].
         below: distance below the lowest ground at which a module counts as fallen off [m].
