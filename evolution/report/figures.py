@@ -69,7 +69,7 @@ def draw_surface(
 
     Args:
         mesh: the surface.
-        points: of the cloud [m]; every n-th point is drawn over the mesh.
+        points: points of the cloud [m]; every n-th point is drawn over the mesh.
         bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
     """
     figure = Figure(figsize=(12, 8), dpi=DPI)

@@ -176,7 +176,7 @@ def select_champion(
     """Return the entry of the champion, None before the first generation.
 
     Args:
-        record: of the run.
+        record: record of the run.
         is_in_stage: for each generation, whether it counts.
         sufficient_rate: among bodies of at least this expected success rate, prefer the shortest; None: the most
             reliable one, whatever its length.

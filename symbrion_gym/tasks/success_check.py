@@ -87,7 +87,7 @@ class OrganismState(NamedTuple):
         rates: velocities of its coordinates.
         positions: x, y and z of the modules [m].
         up: z components of their up axes.
-        torque: of the hinges [N m].
+        torque: torque of the hinges [N m].
         hinge_rate: [rad/s].
     """
 
@@ -102,15 +102,15 @@ class Measures(NamedTuple):
     """What is measured of one simulation at a tick.
 
     Attributes:
-        head: how far along the route the head is [m].
-        mean: mean of how far the modules are [m].
+        head: position of the head along the route [m].
+        mean: mean position of the modules along the route [m].
         is_across: whether all of them are beyond the finish.
-        progress: mean of how far they are, none counted farther than the finish [m].
+        progress: mean of these positions, each counted up to the finish [m].
         lateral: largest distance of a module from the middle of the route [m].
         lowest: height of the lowest module [m].
         uprightness: smallest z component of the modules' up axes.
         power: sum over the hinges of the absolute power [W].
-        is_sound: whether the numbers are still physics.
+        is_sound: whether the simulation is numerically stable.
     """
 
     head: float
@@ -132,14 +132,14 @@ class SuccessCheck:
 
     Attributes:
         criteria: limits of a success.
-        finish: how far along the route the goal is [m].
-        start: where the robot assumes to start, from the middle of the pit on its map, where there is one [m].
+        finish: position of the finish along the route [m].
+        start: start on the robot's map, from the middle of the pit, if there is one [m].
         is_along_x: whether the route runs along x, in the middle.
-        share: of one module in a mean.
-        hold_ticks: for how many ticks the organism must have arrived.
+        share: weight of one module in a mean.
+        hold_ticks: number of ticks for which the organism must stay beyond the finish.
         is_abyss: whether the floor of the pit ends an episode.
         max_lateral: largest distance from the middle of the route that is still in the arena [m].
-        lowest: smallest height that is [m].
+        lowest: smallest height that is still in the arena [m].
     """
 
     def __init__(
