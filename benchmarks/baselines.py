@@ -59,7 +59,7 @@ def count_crossings(
 
 
 def count_random_crossings(trials: int, modules: int = 8) -> int:
-    """Return how many of so many episodes of the default environment, in truth, succeed by random actions.
+    """Return how many of `trials` episodes of the default environment succeed with random actions in the true arena.
 
     Each action is drawn from the whole action space at every step, independently of the others.
     """

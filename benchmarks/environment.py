@@ -122,7 +122,7 @@ def measure_timestep(quick: bool) -> dict:
 
 
 def measure_speed(quick: bool) -> dict:
-    """Measure robot-seconds per second of one thread, and the overhead over the physics steps.
+    """Measure the real-time factor of one thread, and the overhead over the physics steps.
 
     The processor time of each tick is measured in many rounds, side by side. The median of each tick over the rounds
     is used (and the fastest), so that an interruption affects only one tick.

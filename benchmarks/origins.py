@@ -11,9 +11,10 @@ SET_AFTER, KNOWN_SEED = " †", " ‡"
 LEGEND = """How to read the rows:
 
 - *Target*: what was set as the goal before the first measurement, and whether it is met.
-- *Measured*: day and commit. "At" a commit: the code of that commit was measured. "In" a commit: that commit added the
-  result, and the commit of the measured code was not recorded yet.
-- **old**: the measured code has changed since then (comments and docstrings do not count).
+- *Measured*: the day, and a commit. A *code commit* contains the code that was measured. A *result commit* added the
+  result; when it was measured, the commit of the code was not recorded yet.
+- **old**: the measured code has changed since then, so the figure is that of the commit given, not of the present code
+  (changes of comments and docstrings do not count).
 - † The target, or the way of measuring, was set after a first result was known.
 - ‡ The champions were judged with fixed seeds that are part of the code. All others were judged with seeds drawn at
   random for the row.
@@ -84,9 +85,10 @@ def _describe_moments(origins: Sequence[Origin]) -> str:
     commits = list(dict.fromkeys(origin["commit"][:7] for origin in origins if origin["commit"]))
     if not commits:
         return span
-    word = "in" if any(origin.get("from_history") for origin in origins) else "at"
+    kind = "result" if any(origin.get("from_history") for origin in origins) else "code"
     more = f" and {len(commits) - 2} more" if len(commits) > 2 else ""
-    return f"{span} {word} {', '.join(commits[:2])}{more}"
+    noun = "commits" if len(commits) > 1 else "commit"
+    return f"{span}, {kind} {noun} {', '.join(commits[:2])}{more}"
 
 
 def _mark_age(pairs: Sequence[tuple[Origin, tuple[str, ...]]], ages: Ages | None) -> str:

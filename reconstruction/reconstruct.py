@@ -144,7 +144,7 @@ class Reconstruction:
         Args:
             new_points: `[N, 3]` readings made since [m], in the frame and unit of the first; or a scan log, which
                 is levelled, filtered and smoothed, and knows its origins itself.
-            seed: of the order of the signals.
+            seed: seed of the order of the signals.
             progress: called with each step and the fraction done.
             origins: `[N, 3]` sensor position of each reading, or `[3]` one for all [m]: surface that their rays pass
                 through is removed. Without them a part is removed where it is not read again but all around it is.

@@ -11,7 +11,7 @@ def check_positive(config: object, names: Iterable[str], error: type[Exception])
 
     Args:
         config: whose fields are checked.
-        names: of the fields.
+        names: names of the fields.
         error: class of the error that is raised.
 
     Raises:

@@ -42,7 +42,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
 
     Args:
         folder: where the arenas' folders go.
-        seed: of the survey and the networks.
+        seed: seed of the survey and the networks.
         progress: called with what is being done and the share done.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The rules of the house: imports point one way, public names exist, files stay readable."""
+"""The structure of the code: imports point one way, public names exist, files stay short."""
 
 import ast
 import importlib
@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-WINGS = ("evolution", "symbrion_gym", "reconstruction")  # importer before imported
-FILES = [path for wing in WINGS for path in sorted((ROOT / wing).rglob("*.py"))]
-AROUND = ("benchmarks", "examples", "tests", "docs", "tools")  # what the wings never import
-SOURCES = FILES + [path for folder in AROUND for path in sorted((ROOT / folder).rglob("*.py"))]
+TOP_PACKAGES = ("evolution", "symbrion_gym", "reconstruction")  # importer before imported
+FILES = [path for package in TOP_PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+OTHER_FOLDERS = ("benchmarks", "examples", "tests", "docs", "tools")  # the packages never import them
+SOURCES = FILES + [path for folder in OTHER_FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 PACKAGES = [".".join(path.relative_to(ROOT).parent.parts) for path in FILES if path.name == "__init__.py"]
 
 
@@ -20,7 +20,7 @@ def _find_imports(source: str, package: tuple[str, ...]) -> set[str]:
 
     Args:
         source: Python code.
-        package: the package it stands in, from which relative imports count.
+        package: the package that contains it, to which relative imports refer.
     """
     names = set()
     for node in ast.walk(ast.parse(source)):
@@ -38,16 +38,16 @@ def _find_file_imports(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_imports_point_one_way(path: Path) -> None:
-    own = WINGS.index(path.relative_to(ROOT).parts[0])
-    backwards = {name for name in _find_file_imports(path) if name.split(".")[0] in WINGS[:own]}
-    assert not backwards, f"{path.relative_to(ROOT)} imports against the road: {sorted(backwards)}"
+    own = TOP_PACKAGES.index(path.relative_to(ROOT).parts[0])
+    backwards = {name for name in _find_file_imports(path) if name.split(".")[0] in TOP_PACKAGES[:own]}
+    assert not backwards, f"{path.relative_to(ROOT)} imports a later package: {sorted(backwards)}"
 
 
-@pytest.mark.parametrize("wing", ["reconstruction", "evolution"])
-def test_only_the_middle_wing_knows_mujoco(wing: str) -> None:
+@pytest.mark.parametrize("package", ["reconstruction", "evolution"])
+def test_only_symbrion_gym_imports_mujoco(package: str) -> None:
     users = [
         str(path.relative_to(ROOT))
-        for path in sorted((ROOT / wing).rglob("*.py"))
+        for path in sorted((ROOT / package).rglob("*.py"))
         if any(name.split(".")[0] == "mujoco" for name in _find_file_imports(path))
     ]
     assert not users
@@ -55,7 +55,7 @@ def test_only_the_middle_wing_knows_mujoco(wing: str) -> None:
 
 def test_import_reader_sees_relative_and_nested_imports() -> None:
     source = "def f():\n    from .b import c\n    from .. import d\n    import evolution.e\n"
-    assert _find_imports(source, ("wing", "room")) == {"wing.room.b", "wing", "evolution.e"}
+    assert _find_imports(source, ("package", "folder")) == {"package.folder.b", "package", "evolution.e"}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -74,21 +74,21 @@ def test_every_public_name_exists_once(package: str) -> None:
     assert not undocumented
 
 
-@pytest.mark.parametrize("package", WINGS)
-def test_each_wing_says_what_is_public(package: str) -> None:
+@pytest.mark.parametrize("package", TOP_PACKAGES)
+def test_each_package_lists_its_public_names(package: str) -> None:
     assert importlib.import_module(package).__all__
 
 
-def test_wings_stand_without_what_lies_around_them() -> None:
-    leaning = [
+def test_packages_import_nothing_from_other_folders() -> None:
+    dependent = [
         str(path.relative_to(ROOT))
         for path in FILES
-        if any(name.split(".")[0] in AROUND for name in _find_file_imports(path))
+        if any(name.split(".")[0] in OTHER_FOLDERS for name in _find_file_imports(path))
     ]
-    assert not leaning
+    assert not dependent
 
 
-def test_files_stay_readable() -> None:
+def test_files_are_short() -> None:
     long = {str(p.relative_to(ROOT)): n for p in SOURCES if (n := len(p.read_text().splitlines())) > 400}
     assert not long, f"split by concept: {long}"
 
@@ -99,6 +99,6 @@ def test_modules_are_named_after_their_subject() -> None:
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_each_module_says_what_it_is_about(path: Path) -> None:
+def test_each_module_has_a_docstring(path: Path) -> None:
     source = path.read_text()
     assert not source.strip() or ast.get_docstring(ast.parse(source)), "a module begins with a docstring"

@@ -12,6 +12,7 @@ from reconstruction.scans.formats import _READERS
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.contact.kinds import CONTACT_KINDS
 from symbrion_gym.registration import ENVIRONMENTS
+from symbrion_gym.tasks.success_check import SuccessCriteria
 
 ROOT = Path(__file__).parents[1]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
@@ -61,6 +62,21 @@ def test_named_arenas_are_documented(name: str) -> None:
 def test_every_kind_of_point_file_is_documented(ending: str) -> None:
     for page in ("docs/own-scan.md", "docs/packages/reconstruction.md"):
         assert ending in (ROOT / page).read_text(), page
+
+
+def test_criteria_of_success_have_the_documented_numbers() -> None:
+    text = " ".join((ROOT / "docs/environment.md").read_text().split())
+    criteria = SuccessCriteria()
+    low, high = (100 * height for height in criteria.ground_band)
+    for words in (
+        f"at every tick for {criteria.hold_time:g} s",
+        f"a cube of {200 * criteria.corner:g} cm",
+        f"z component of its up axis above {criteria.upright:g}",
+        f"{low:g} to {high:g} cm above the ground",
+        f"at most {100 * criteria.speed_slack:g} cm ahead",
+        f"z component of its up axis below {criteria.rolled_over:g}",
+    ):
+        assert words in text, words
 
 
 def test_ready_made_arenas_are_documented() -> None:

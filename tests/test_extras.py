@@ -1,4 +1,4 @@
-"""The core does without the extras, and what needs one says which, in one line and before any work."""
+"""The core works without the extras; what needs one names it in one line, before any work."""
 
 import os
 import re
@@ -18,10 +18,10 @@ from reconstruction.extras import EXTRAS, MissingExtraError, require_extras
 
 ROOT = Path(__file__).parents[1]
 MODULES = [module for modules in EXTRAS.values() for module in modules]
-CORE_ROAD = f"""
+CORE_PIPELINE = f"""
 import gymnasium as gym, numpy as np, sys
 from importlib.util import find_spec
-assert not [name for name in {MODULES} if name in sys.modules or find_spec(name)], "this is not the core alone"
+assert not [name for name in {MODULES} if name in sys.modules or find_spec(name)], "more than the core is installed"
 import evolution as ev, reconstruction as rc, symbrion_gym as sg
 env = gym.make("symbrion_gym/SnakePit-v0", arena="gsrm", modules=3)
 env.reset(seed=0)
@@ -35,7 +35,7 @@ run = ev.evolve(
     ev.EvolutionConfig(arena="truth", modules=3, generations=1, population_size=4, trials=1, workers=1, folder="run")
 )
 assert len(run.history) == 1
-print("the road needs the core alone")
+print("the pipeline needs only the core")
 """
 HIDE = f"""
 import sys
@@ -60,7 +60,7 @@ def without_extras(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def _normalise(requirement: str) -> str:
+def _normalize(requirement: str) -> str:
     match = re.match(r"[A-Za-z0-9._-]+", requirement)
     assert match
     return re.sub(r"[-_.]+", "-", match[0]).lower()
@@ -70,9 +70,9 @@ def _normalise(requirement: str) -> str:
 def test_extras_bring_what_the_code_asks_for(extra: str) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     known = packages_distributions()
-    brought = {_normalise(line) for line in project["optional-dependencies"][extra]}
-    assert {_normalise(known.get(module, [module])[0]) for module in EXTRAS[extra]} == brought
-    assert not brought & {_normalise(line) for line in project["dependencies"]}
+    brought = {_normalize(line) for line in project["optional-dependencies"][extra]}
+    assert {_normalize(known.get(module, [module])[0]) for module in EXTRAS[extra]} == brought
+    assert not brought & {_normalize(line) for line in project["dependencies"]}
     assert extra in project["optional-dependencies"]["all"][0]
 
 
@@ -118,7 +118,7 @@ def test_a_library_call_says_which_extra_it_lacks() -> None:
         sg.survey("truth")
 
 
-def run_road(python: Path | str, program: str, folder: Path, **variables: str) -> None:
+def run_pipeline(python: Path | str, program: str, folder: Path, **variables: str) -> None:
     """Run a program in a folder and fail with its errors where it fails."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "SYMBRION_CACHE": str(folder / "cache"), **variables}
     done = subprocess.run(
@@ -130,16 +130,16 @@ def run_road(python: Path | str, program: str, folder: Path, **variables: str) -
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
-    assert "the core alone" in done.stdout
+    assert "only the core" in done.stdout
 
 
 @pytest.mark.slow
-def test_the_road_runs_with_the_extras_hidden(tmp_path: Path) -> None:
-    run_road(sys.executable, HIDE + CORE_ROAD, tmp_path, PYTHONPATH=str(ROOT))
+def test_the_pipeline_runs_with_the_extras_hidden(tmp_path: Path) -> None:
+    run_pipeline(sys.executable, HIDE + CORE_PIPELINE, tmp_path, PYTHONPATH=str(ROOT))
 
 
 @pytest.mark.slow
-def test_the_road_runs_after_pip_install_alone(tmp_path: Path) -> None:
+def test_the_pipeline_runs_after_pip_install_only(tmp_path: Path) -> None:
     """A fresh environment with `pip install .` and nothing else; needs a package index."""
     venv.create(tmp_path / "venv", with_pip=True)
     python = tmp_path / "venv" / "bin" / "python"
@@ -153,4 +153,4 @@ def test_the_road_runs_after_pip_install_alone(tmp_path: Path) -> None:
     if re.search(r"connection|resolution|timed out", done.stderr, re.IGNORECASE):
         pytest.skip("no package index can be reached")
     assert done.returncode == 0, done.stderr[-3000:]
-    run_road(python, CORE_ROAD, tmp_path, PYTHONPATH="")
+    run_pipeline(python, CORE_PIPELINE, tmp_path, PYTHONPATH="")

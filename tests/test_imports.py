@@ -1,4 +1,4 @@
-"""Heavy packages load only where they are needed: importing the packages, help and refusals do without them."""
+"""Heavy libraries are imported only where they are needed: imports of the packages, help and errors do without them."""
 
 import ast
 import os
@@ -12,11 +12,11 @@ import pytest
 from reconstruction.lazy import export_lazily
 
 ROOT = Path(__file__).parents[1]
-WINGS = ("reconstruction", "symbrion_gym", "evolution")
+PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
 OPTIONAL = {"matplotlib", "plotly", "imageio", "jinja2", "markupsafe", "PIL", "small_gicp", "pypcd4"}
 LIBRARIES = {"coacd", "cma", "fast_simplification", "igl", "jax", "manifold3d"}
 BASE = {"mujoco", "scipy", "trimesh"}
-DRESSING = {"rich", "tyro"}
+COMMAND_LINE = {"rich", "tyro"}
 ARENA = "import gymnasium, symbrion_gym; gymnasium.make('symbrion_gym/SnakePit-v0', arena='gsrm', modules=3)"
 
 
@@ -41,9 +41,9 @@ def run_command(*words: str) -> str:
     return f"import sys; from evolution.__main__ import main; sys.argv[1:] = {list(words)!r}; main()"
 
 
-@pytest.mark.parametrize("wing", WINGS)
-def test_importing_a_package_loads_nothing_heavy(wing: str) -> None:
-    assert not find_loaded(f"import {wing}") & (OPTIONAL | LIBRARIES | BASE | DRESSING)
+@pytest.mark.parametrize("package", PACKAGES)
+def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
+    assert not find_loaded(f"import {package}") & (OPTIONAL | LIBRARIES | BASE | COMMAND_LINE)
 
 
 @pytest.mark.parametrize(
@@ -64,12 +64,12 @@ def test_help_and_refusals_load_nothing_heavy(words: tuple[str, ...], code: int)
 def test_environment_with_a_ready_made_arena_loads_no_network_and_no_plots() -> None:
     loaded = find_loaded(ARENA)
     assert not loaded & (
-        (OPTIONAL | LIBRARIES | DRESSING) - {"manifold3d", "PIL"}
+        (OPTIONAL | LIBRARIES | COMMAND_LINE) - {"manifold3d", "PIL"}
     )  # trimesh looks for these two
     assert loaded >= BASE
 
 
-@pytest.mark.parametrize("package", [*WINGS, "evolution.report"])
+@pytest.mark.parametrize("package", [*PACKAGES, "evolution.report"])
 def test_lazy_names_are_those_that_are_listed(package: str) -> None:
     module = import_module(package)
     load, list_names = export_lazily(package)
@@ -79,7 +79,7 @@ def test_lazy_names_are_those_that_are_listed(package: str) -> None:
         load("nonsense")
 
 
-@pytest.mark.parametrize("package", [*WINGS, "evolution.report"])
+@pytest.mark.parametrize("package", [*PACKAGES, "evolution.report"])
 def test_no_lazy_name_is_a_module_of_its_package(package: str) -> None:
     folder = ROOT.joinpath(*package.split("."))
     modules = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()}

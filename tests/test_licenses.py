@@ -1,4 +1,4 @@
-"""No copyleft licence comes into the core or into an extra of users, whatever part of the metadata tells of it."""
+"""No copyleft license comes into the core or into an extra of users, whatever part of the metadata tells of it."""
 
 import re
 import shutil
@@ -31,7 +31,7 @@ dev = ["project[extra]", "tester"]
 
 
 def install(folder: Path, name: str, *lines: str, files: dict[str, str] | None = None) -> None:
-    """Write the metadata of an installed distribution, with licence files beside them."""
+    """Write the metadata of an installed distribution, with license files beside them."""
     info = folder / f"{name}-1.0.dist-info"
     (info / "licenses").mkdir(parents=True, exist_ok=True)
     (info / "METADATA").write_text(
@@ -102,8 +102,8 @@ def test_tools_of_developers_are_listed_and_not_checked(project: Path) -> None:
     ("lines", "fault"),
     [
         ([MPL_CLASSIFIER], "weak copyleft"),
-        (["License: see the file"], "unknown licence"),
-        ([], "unknown licence"),
+        (["License: see the file"], "unknown license"),
+        ([], "unknown license"),
     ],
 )
 def test_weak_copyleft_and_unknown_need_a_reason(project: Path, lines: list[str], fault: str) -> None:
@@ -121,7 +121,7 @@ def test_weak_copyleft_and_unknown_need_a_reason(project: Path, lines: list[str]
     )
 
 
-def test_copyleft_parts_are_seen_by_their_licence_file(project: Path) -> None:
+def test_copyleft_parts_are_seen_by_their_license_file(project: Path) -> None:
     install(project, "direct", "License: MIT", files={"LICENSE.GPL": "GNU GENERAL PUBLIC LICENSE\nVersion 3"})
     assert find_faults(project)["direct"].startswith("weak copyleft")
 
@@ -147,7 +147,7 @@ def test_core_that_is_not_installed_fails(project: Path) -> None:
         ("Copyright (c) 2015, someone", Kind.UNKNOWN),
     ],
 )
-def test_kinds_of_licences(statement: str, kind: Kind) -> None:
+def test_kinds_of_licenses(statement: str, kind: Kind) -> None:
     assert classify(statement) == kind
 
 

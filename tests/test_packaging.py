@@ -1,4 +1,4 @@
-"""An installed wheel works from another folder: packages, assets and the command are all in it."""
+"""An installed wheel works from another folder: it contains packages, assets and the command."""
 
 import ast
 import os
@@ -59,7 +59,7 @@ def test_wheel_holds_packages_and_assets_alone(wheel: Path) -> None:
     assert "evolution/report/page.html.j2" in names
 
 
-def _normalise(requirement: str) -> str:
+def _normalize(requirement: str) -> str:
     """Return the name of a distribution as the index compares it."""
     match = re.match(r"[A-Za-z0-9._-]+", requirement)
     assert match, requirement
@@ -67,9 +67,9 @@ def _normalise(requirement: str) -> str:
 
 
 def _find_foreign_imports() -> Iterator[tuple[str, str]]:
-    """Yield (file, package) of what the wings import from elsewhere."""
+    """Yield (file, package) of what the packages import from elsewhere."""
     own = ("reconstruction", "symbrion_gym", "evolution")
-    for path in (path for wing in own for path in sorted((ROOT / wing).rglob("*.py"))):
+    for path in (path for package in own for path in sorted((ROOT / package).rglob("*.py"))):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -81,12 +81,12 @@ def _find_foreign_imports() -> Iterator[tuple[str, str]]:
 def test_what_is_imported_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = [one for group in project["optional-dependencies"].values() for one in group]
-    declared = {_normalise(one) for one in (*project["dependencies"], *extras)}
+    declared = {_normalize(one) for one in (*project["dependencies"], *extras)}
     known = packages_distributions()
     missing = [
         (file, root)
         for file, root in _find_foreign_imports()
-        if not {_normalise(one) for one in known.get(root, [root])} & declared
+        if not {_normalize(one) for one in known.get(root, [root])} & declared
     ]
     assert not missing, "name it in pyproject.toml"
 
@@ -97,13 +97,13 @@ def test_constraints_pin_what_is_declared() -> None:
     assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[^/@ ]+", line) for line in lines), (
         "versions alone, no addresses"
     )
-    pinned = {_normalise(line) for line in lines}
+    pinned = {_normalize(line) for line in lines}
     groups = ("cli", "scan", "report", "embree", "docs", "mutants", "dev")
     wanted = [
         *project["dependencies"],
         *(one for name in groups for one in project["optional-dependencies"][name]),
     ]
-    assert {_normalise(one) for one in wanted} - {"symbrion-gym"} <= pinned
+    assert {_normalize(one) for one in wanted} - {"symbrion-gym"} <= pinned
 
 
 def test_ready_made_arenas_are_small() -> None:

@@ -70,7 +70,7 @@ def test_what_was_never_measured_is_not_claimed() -> None:
     table = make_table(records)
     assert "Real scan: share of all other readings that preprocessing keeps" not in table
     assert "## Environment" not in table
-    assert "robot-seconds" not in fill_in(README.read_text(), records)
+    assert "Real-time factor" not in fill_in(README.read_text(), records)
     assert make_table({}) == "Nothing was measured yet.\n"
     del records["scans"]["results"]["speed"]["preprocess_peak_mb"]
     with pytest.raises(ClaimError, match="peak memory"):

@@ -1,4 +1,4 @@
-"""List the licence of every dependency, and fail on a copyleft one.
+"""List the license of every dependency, and fail on a copyleft one.
 
     python -m tools.licenses
 
@@ -8,7 +8,7 @@ License, classifiers) the strictest counts:
 
 - permissive: passes;
 - strong copyleft (GPL, AGPL, SSPL, EUPL, ...): fails, always;
-- weak copyleft (LGPL, MPL, EPL, ...), parts under a copyleft licence (by the licence files that the package ships)
+- weak copyleft (LGPL, MPL, EPL, ...), parts under a copyleft license (by the license files that the package ships)
   and unknown: fail until `tools/licenses.toml` has the statement and a reason for accepting it.
 """
 
@@ -40,7 +40,7 @@ STRONG = re.compile(
 
 
 class Kind(IntEnum):
-    """Obligations of a licence, from the least to the most."""
+    """Obligations of a license, from the least to the most."""
 
     PERMISSIVE = 0
     UNKNOWN = 1
@@ -56,7 +56,7 @@ class Row:
         name: of the distribution.
         version: installed; empty where it is not.
         groups: core and extras that depend on it.
-        statements: of its metadata on its licence.
+        statements: of its metadata on its license.
         fault: why it is not acceptable, empty where it is.
     """
 
@@ -68,7 +68,7 @@ class Row:
 
 
 def classify(statement: str) -> Kind:
-    """Return the kind of a licence name or of an SPDX expression (AND: all hold, OR: the user chooses)."""
+    """Return the kind of a license name or of an SPDX expression (AND: all hold, OR: the user chooses)."""
     if statement.startswith(PART):
         return Kind.WEAK
     words = [
@@ -112,7 +112,7 @@ def _classify_name(name: str) -> Kind:
 
 
 def find_statements(distribution: Distribution) -> tuple[str, ...]:
-    """Return the statements of the metadata on the licence; of a whole text, its first line."""
+    """Return the statements of the metadata on the license; of a whole text, its first line."""
     metadata = distribution.metadata
     fields = (
         metadata.get("License-Expression") or "",
@@ -126,7 +126,7 @@ def find_statements(distribution: Distribution) -> tuple[str, ...]:
 
 
 def find_copyleft_files(distribution: Distribution) -> list[str]:
-    """Return the names of the licence files next to the metadata that begin like a strong copyleft licence."""
+    """Return the names of the license files next to the metadata that begin like a strong copyleft license."""
     files = [
         path
         for path in distribution.files or ()
@@ -146,7 +146,7 @@ def find_fault(name: str, statements: tuple[str, ...], reviewed: Mapping[str, Ma
     is_reviewed = entry.get("statement") == " | ".join(statements) and entry.get("reason")
     if kind == Kind.PERMISSIVE or is_reviewed:
         return ""
-    what = "weak copyleft" if kind == Kind.WEAK else "unknown licence"
+    what = "weak copyleft" if kind == Kind.WEAK else "unknown license"
     return f"{what}: replace it, or accept it in tools/licenses.toml"
 
 
@@ -187,7 +187,7 @@ def check_licenses(
     Args:
         root: folder with `pyproject.toml`.
         path: folders of installed distributions; `sys.path` unless given.
-        reviewed: distribution -> its statement on its licence, and the reason for accepting it.
+        reviewed: distribution -> its statement on its license, and the reason for accepting it.
     """
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     installed = {str(canonicalize_name(d.name)): d for d in distributions(path=path or sys.path)}
@@ -212,17 +212,17 @@ def _make_row(name: str, by: tuple[str, ...], found: Distribution | None, review
 
 
 def main() -> None:
-    """Print every dependency with its licence; exit with 1 where one is not acceptable."""
+    """Print every dependency with its license; exit with 1 where one is not acceptable."""
     rows = check_licenses()
     for row in rows:
         statement = " | ".join(row.statements) or ("not installed" if not row.version else "no statement")
         print(f"{row.name:24} {row.version:12} {statement[:60]:60} {', '.join(row.groups)}")
     faults = [f"{row.name} ({' | '.join(row.statements)[:60]}): {row.fault}" for row in rows if row.fault]
     if faults:
-        sys.exit("licences:\n" + "\n".join(f"  {fault}" for fault in faults))
+        sys.exit("licenses:\n" + "\n".join(f"  {fault}" for fault in faults))
     absent = sum(not row.version for row in rows)
     print(
-        f"licences: {len(rows)} dependencies, {absent} of them not installed; no strong copyleft in core and extras"
+        f"licenses: {len(rows)} dependencies, {absent} of them not installed; no strong copyleft in core and extras"
     )
 
 

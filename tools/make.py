@@ -53,7 +53,7 @@ TARGETS = {
     ),
     "test-slow": Target("the slow tests", (("-m", "pytest", "-m", "slow"),)),
     "check": Target(
-        "style, types, licences of the dependencies",
+        "style, types, licenses of the dependencies",
         (
             ("-m", "ruff", "check", "."),
             ("-m", "ruff", "format", "--check", "."),

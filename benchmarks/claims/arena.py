@@ -67,9 +67,9 @@ ARENA = (
         (Value("arena", "random_rays/within_0.1_mm"), Value("arena", "random_rays/both_hit")),
     ),
     Claim(
-        "30 random oscillating controllers (the first test tried), pit of 0.30 m: same outcome, crossing or failing, "
-        "in the arena reconstructed with GSRM (2,200 units) as in the true one; in parentheses: in the true one "
-        "shifted by 1 mm",
+        "30 random open-loop oscillators (the kind of controller tried first), pit of 0.30 m: same outcome, crossing "
+        "or failing, in the arena reconstructed with GSRM (2,200 units) as in the true one; in parentheses, how "
+        "sensitive the test is: same outcome in the true arena raised by 1 mm",
         "{0} of 30 ({1})",
         (
             Value("arena", "behaviour_of_waves/gsrm 2200/agree"),
@@ -79,9 +79,9 @@ ARENA = (
         is_headline=True,
     ),
     Claim(
-        "30 random posture controllers (hinge angles by position; the second test tried), pit of 0.30 m: same outcome "
-        "in the arena reconstructed with GSRM (2,200 units) as in the true one; in parentheses: in the true one "
-        "shifted by 1 mm",
+        "30 random position-indexed postures (hinge angles by position on the course; tried second, after the "
+        "oscillators), pit of 0.30 m: same outcome in the arena reconstructed with GSRM (2,200 units) as in the true "
+        "one; in parentheses: in the true arena raised by 1 mm",
         "{0} of 30 ({1})",
         (
             Value("arena", "behaviour/gsrm 2200/agree"),
@@ -92,23 +92,23 @@ ARENA = (
         is_headline=True,
     ),
     Claim(
-        "30 random oscillating controllers, pit of 0.30 m: same outcome in the arena reconstructed with the growing "
+        "30 random open-loop oscillators, pit of 0.30 m: same outcome in the arena reconstructed with the growing "
         "grid as in the true one",
         "{0}",
         (Value("arena", "behaviour_of_waves/gg/agree"),),
         bar=">= 28",
     ),
     Claim(
-        "30 random posture controllers, pit of 0.30 m: same outcome in the arena reconstructed with the growing grid "
-        "as in the true one",
+        "30 random position-indexed postures, pit of 0.30 m: same outcome in the arena reconstructed with the growing "
+        "grid as in the true one",
         "{0}",
         (Value("arena", "behaviour/gg/agree"),),
         bar=">= 28",
         set_after=True,
     ),
     Claim(
-        "30 random posture controllers, pit of 0.30 m: rank correlation of the progress in the reconstructed arena "
-        "with that in the true one, for GSRM (2,200 units), growing grid",
+        "30 random position-indexed postures, pit of 0.30 m: rank correlation of the progress in the reconstructed "
+        "arena with that in the true one, for GSRM (2,200 units), growing grid",
         "{0:.2f}, {1:.2f}",
         (
             Value("arena", "behaviour/gsrm 2200/rank_correlation"),
@@ -118,9 +118,9 @@ ARENA = (
         set_after=True,
     ),
     Claim(
-        "Sled pulled over the seams between pieces of the arenas gsrm, gg: largest jump above its height at the same "
-        "place in the true arena, without 5 cm around the walls of the pit (wheel on gsrm; sled on the exact "
-        "triangles)",
+        "Sharp-edged block (a sled) pulled over the seams between pieces of the arenas gsrm, gg: largest jump above "
+        "its height at the same place in the true arena, without 5 cm around the walls of the pit (wheel on gsrm; sled "
+        "on the exact triangles)",
         "{0:.1f} mm, {1:.1f} mm ({2:.1f} mm; {3:.1f} mm)",
         (
             Value("arena", "sled/ready-made gsrm/kick_mm"),
@@ -132,8 +132,8 @@ ARENA = (
         set_after=True,
     ),
     Claim(
-        "Sled pulled over the seams between pieces of the arenas gsrm, gg: largest loss of speed (wheel on gsrm; sled "
-        "in the true arena shifted by 1 mm; sled on the exact triangles)",
+        "Sharp-edged block (a sled) pulled over the seams between pieces of the arenas gsrm, gg: largest loss of speed "
+        "(wheel on gsrm; sled in the true arena shifted by 1 mm along the course; sled on the exact triangles)",
         "{0:.1f} %, {1:.1f} % ({2:.1f} %; {3:.1f} %; {4:.0f} %)",
         (
             Value("arena", "sled/ready-made gsrm/speed_loss", scale=PERCENT),

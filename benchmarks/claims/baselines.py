@@ -1,4 +1,4 @@
-"""Success of zero actions and of random genotypes."""
+"""Success of zero actions, of random actions and of random genotypes."""
 
 from benchmarks.figures import Claim, Value
 
@@ -9,15 +9,15 @@ def _value(path: str) -> Value:
 
 BASELINES = (
     Claim(
-        "Default course, 8 modules, start on the floor: successes in 200 trials without control (zero actions); in "
-        "200 trials of 50 random genotypes of the controller `path` / `reactive`; in 200 episodes with a random action "
-        "at every step",
+        "Default course, 8 modules, start on the floor: successes in 200 trials with zero actions; in 200 trials of 50 "
+        "random genotypes (parameters of a controller, kept for the whole trial) of the controller `path` / "
+        "`reactive`; in 200 episodes with random actions (drawn again at every step)",
         "{0}; {1} / {2}; {3}",
         (
             *(_value(f"default_course/{who}") for who in ("zero", "random of path", "random of reactive")),
             _value("random_actions/successes"),
         ),
-        bar="<= 10 of 200",
+        bar="<= 10 of 200 with zero actions",
         is_headline=True,
     ),
     Claim(

@@ -22,7 +22,7 @@ def _successes(pit: str) -> tuple[Value, ...]:
 
 ENVIRONMENT = (
     Claim(
-        "Simulation speed, snake of 8 modules, one thread: simulated robot-seconds per second of processor time in "
+        "Real-time factor of the whole snake of 8 modules (simulated time divided by processor time), one thread, in "
         "the arenas truth / gsrm / gg",
         "{0:.0f} / {1:.0f} / {2:.0f}",
         (_speed("truth"), _speed("gsrm"), _speed("gg")),

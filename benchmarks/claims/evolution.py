@@ -70,8 +70,9 @@ EVOLUTION = (
         bar_index=1,
     ),
     Claim(
-        "Optimism of validation: successes of 20 in validation less those in the final test with a newly drawn seed, "
-        "mean over confirmed champions (their number); over unconfirmed ones (their number)",
+        "Selection bias of validation: successes in validation, converted to 20 trials, minus successes in 20 final "
+        "trials with a newly drawn seed; mean over confirmed champions (their number); over unconfirmed ones (their "
+        "number)",
         "{0} ({1}); {2} ({3})",
         tuple(
             Value("evolution", f"gap/{key}")

@@ -17,9 +17,10 @@ LIMITS = (
     ),
     Claim(
         "speed loss over seams",
-        "A sled pulled over the seams between contact pieces loses up to {0:.1f} % (arena gsrm) and {1:.1f} % (gg) of "
-        "its speed at one place (target: 5 %). A wheel on gsrm loses {2:.1f} %; the sled on the exact triangles of "
-        "the scan loses {3:.0f} %.",
+        "An arena consists of convex contact pieces, and a sharp edge can catch where two of them meet (a seam). A "
+        "test pulls a sharp-edged block (a sled) over all seams: at the worst place it loses {0:.1f} % (arena gsrm) "
+        "and {1:.1f} % (gg) of its speed (target: 5 %). A wheel on gsrm loses {2:.1f} %; the sled on the exact "
+        "triangles of the scan loses {3:.0f} %.",
         (
             Value("arena", "sled/ready-made gsrm/speed_loss", scale=PERCENT),
             Value("arena", "sled/ready-made gg/speed_loss", scale=PERCENT),
@@ -29,9 +30,9 @@ LIMITS = (
     ),
     Claim(
         "tilt out of the scan plane",
-        "Leveling measures the robot's tilt in the plane of the scan only. Of the tilt out of this plane, {0:.2f}° of "
-        "{1:.2f}° (root mean square) remain, an error of {2:.1f} mm on the arena's surface (95th percentile). Neither "
-        "scanner can measure more.",
+        "A vertical scan shows the robot's tilt within the plane of the scan only. The tilt across this plane is "
+        "estimated from the sway of the horizontal scanner, with an error: of {1:.2f}° (root mean square), {0:.2f}° "
+        "remain. This displaces 95 % of the points on the arena's surface by at most {2:.1f} mm (worst survey).",
         (
             Value("scans", "survey/*/across_after_deg_rms", "max"),
             Value("scans", "survey/*/across_before_deg_rms", "max"),

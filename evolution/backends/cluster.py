@@ -36,8 +36,8 @@ class RayBackend(WorkerPool[Handle]):
     Args:
         simulate: a function of a module.
         workers: number of actors, one CPU each.
-        address: of a running cluster ("auto" finds it); None starts one on this machine.
-        config: how jobs are distributed and how long workers may take.
+        address: address of a running cluster ("auto" finds it); None starts one on this machine.
+        config: parameters of the distribution of jobs, and time limits of workers.
 
     Raises:
         RunError: Ray is not installed, or no cluster answers.

@@ -46,7 +46,7 @@ class Reply(NamedTuple, Generic[Worker]):
     """The reply of a worker.
 
     Attributes:
-        worker: who replies.
+        worker: worker that replies.
         outcomes: one for each of its jobs; None if it died.
     """
 
@@ -59,10 +59,10 @@ class WorkerPool(ABC, Generic[Worker]):
 
     Args:
         workers: number of workers.
-        config: how jobs are distributed and how long workers may take.
+        config: parameters of the distribution of jobs, and time limits of workers.
 
     Attributes:
-        num_deaths: how many workers have died so far.
+        num_deaths: number of workers that have died so far.
     """
 
     def __init__(self, workers: int, config: PoolConfig | None = None) -> None:

@@ -52,7 +52,7 @@ class ProcessBackend(WorkerPool[_Worker]):
     Args:
         simulate: a function of a module.
         workers: number of processes.
-        config: how jobs are distributed and how long workers may take.
+        config: parameters of the distribution of jobs, and time limits of workers.
 
     Raises:
         RunError: a worker cannot start.

@@ -54,11 +54,11 @@ class Trial(NamedTuple):
 
     Attributes:
         job: index of the job it belongs to.
-        number: of the trial in its job.
-        genotype: of the controller.
-        stretch: of the arena.
+        number: number of the trial in its job.
+        genotype: genotype of the controller.
+        stretch: factor on the length of the arena.
         conditions: reset options.
-        seed: of the environment's own noise.
+        seed: seed of the environment's own noise.
     """
 
     job: int
@@ -90,8 +90,8 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
 
     Args:
         jobs: genotypes and their trials.
-        threads: of `mujoco.batch`; they change nothing but the time.
-        config: how trials are simulated.
+        threads: number of threads of `mujoco.batch`; they change nothing but the time.
+        config: parameters of the simulation of trials.
 
     Raises:
         RunError: the environment cannot be made.

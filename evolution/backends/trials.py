@@ -89,8 +89,8 @@ class Trials:
         controller: name of the law that reads the genotype.
         start: "pit" (close before it) or "floor".
         count: number of trials, each under other conditions.
-        seed: of the conditions; equal seeds mean equal conditions.
-        randomization: what the conditions are sampled from.
+        seed: seed of the conditions; equal seeds mean equal conditions.
+        randomization: ranges from which the conditions are sampled.
         environment: further options of the environment, as sorted pairs.
     """
 
@@ -116,7 +116,7 @@ class Outcome:
     """The result of a genotype's trials.
 
     Attributes:
-        progress: of the whole body, mean over trials [m].
+        progress: progress of the whole body, mean over trials [m].
         effort: mean over trials.
         succeeded: for each trial, whether the strict success check passed.
         seconds: simulated, summed over trials [s].

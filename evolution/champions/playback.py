@@ -33,7 +33,7 @@ class Recording:
 
     Attributes:
         success: whether the strict success check passed.
-        progress: of the whole body [m].
+        progress: progress of the whole body [m].
         seconds: simulated [s].
         positions: centers of the modules, head first, at every tick [m].
         rotations: module -> world, at every tick.
@@ -64,10 +64,10 @@ def judge(
     """Try a champion in randomized trials: start, yaw, friction and torque differ.
 
     Args:
-        champion: genotype, controller and body.
+        champion: champion to try, with genotype, controller and body.
         arena: a name, folder or `Arena`.
         trials: number of trials.
-        seed: of the conditions.
+        seed: seed of the conditions.
         start: "floor" or "pit".
         randomization: ranges of the conditions; by default the arena is not stretched.
         workers: number of threads.
@@ -108,13 +108,13 @@ def play(
     """Play one trial under nominal conditions and record it.
 
     Args:
-        champion: genotype, controller and body.
+        champion: champion to try, with genotype, controller and body.
         arena: a name, folder or `Arena`.
-        seed: of the environment.
+        seed: seed of the environment.
         start: "floor" or "pit".
         film: also render; where there is no OpenGL, a warning is logged and there are no frames.
         window: show it in MuJoCo's viewer instead; where there is no display, a warning is logged.
-        speed: of film and window, relative to the robot.
+        speed: speed of film and window, relative to the robot.
         fps: frames a second.
         size: width and height of a frame [pixel].
 

@@ -15,7 +15,7 @@ class ChampionPolicy:
     """A policy that acts like the champion of a run; `predict` has the signature of stable-baselines3.
 
     Args:
-        champion: of a run, or the path of one (folder or `champion.json`).
+        champion: champion of a run, or the path of one (folder or `champion.json`).
         structure: `observation_structure` of the environment in which it acts.
 
     Raises:
@@ -49,7 +49,7 @@ class ChampionPolicy:
         """Return the actions and the state to pass to the next call.
 
         Args:
-            observation: of one environment, or one row for each of several.
+            observation: observation of one environment, or one row for each of several.
             state: as returned by the previous call; None at the start.
             episode_start: True where an episode has just begun.
             deterministic: ignored, nothing is random; part of the signature.

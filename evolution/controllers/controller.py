@@ -96,7 +96,7 @@ class State(NamedTuple):
     """The memory of controllers between ticks.
 
     Attributes:
-        ticks_since_contact: of each module; 0 while it touches something.
+        ticks_since_contact: number of ticks since the last contact of each module; 0 while it touches something.
     """
 
     ticks_since_contact: Int[np.ndarray, "P n"]
@@ -107,11 +107,11 @@ class Controller:
     """A law, and the genotypes it reads.
 
     Attributes:
-        name: of the law.
+        name: name of the law.
         modules: length of the longest body it is for.
         parameters: name of each gene.
         law: the function.
-        initial: where a search with a hint begins.
+        initial: genotype at which a search with a hint begins.
         bound: largest absolute value of a gene.
         sensors: the parts of an observation that the law reads.
         config: parameters that are not evolved.
@@ -152,7 +152,7 @@ class Controller:
         Args:
             observation: one row for each controller.
             genotype: one row for each controller, or one genotype for all.
-            structure: where each quantity lies in an observation.
+            structure: slice of each quantity in an observation.
             state: as returned by `begin` or the previous call.
         """
         count = len(observation)

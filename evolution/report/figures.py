@@ -26,7 +26,7 @@ SURFACE_COLOR = "#c9d6e4"
 SECTION_HALF_WIDTH = 0.03
 """Points up to this distance from a section are drawn on it [m]."""
 MAX_SPLIT_FACES = 300
-"""A mesh with at most so many faces is drawn in small parts: large triangles cannot be sorted by depth."""
+"""Largest number of faces of a mesh that is drawn in small parts: large triangles cannot be sorted by depth."""
 
 
 def draw_cloud(
@@ -69,7 +69,7 @@ def draw_surface(
 
     Args:
         mesh: the surface.
-        points: of the cloud [m]; every n-th point is drawn over the mesh.
+        points: points of the cloud [m]; every n-th point is drawn over the mesh.
         bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
     """
     figure = Figure(figsize=(12, 8), dpi=DPI)

@@ -81,7 +81,7 @@ class Scene:
 
         Args:
             name: label of the switch.
-            positions: of the modules, head first [m].
+            positions: positions of the modules, head first [m].
             snapshots: number of times at which the whole body is shown.
             is_shown: whether it is visible at first.
         """

@@ -54,7 +54,7 @@ class Space:
         names: one for each gene.
         lower: smallest value of each gene.
         upper: largest value of each gene.
-        initial: where the search begins.
+        initial: genotype at which the search begins.
         spread: width of the first sample relative to sigma, per gene.
         integers: indices of the genes that are integers.
     """
@@ -79,9 +79,9 @@ class Strategy:
         space: bounds and start of the genes.
         sigma: first step size, in units of `space.spread`.
         population_size: genotypes of a generation; doubled at a restart.
-        seed: of everything that is drawn.
+        seed: seed of all random numbers.
         handle_noise: measure how re-evaluation changes ranks, and ask for more trials when it does.
-        config: of restarts and noise handling.
+        config: parameters of restarts and noise handling.
     """
 
     def __init__(

@@ -58,36 +58,38 @@ class EvolutionConfig:
     """A run of evolution. The run folder stores every field.
 
     Attributes:
-        arena: name or folder, of a run without stages.
-        modules: length of the snake.
-        seed: of everything that is drawn.
-        generations: largest number.
-        folder: of the run; None keeps it in memory only.
-        workers: threads, processes or actors.
+        arena: name or folder of the arena of a run without stages.
+        modules: number of modules of the snake.
+        seed: seed of all random numbers of the run.
+        generations: largest number of generations.
+        folder: run folder; None keeps the run in memory only.
+        workers: number of threads, processes or actors.
         backend: "batch", "processes" or "ray"; the results are equal.
-        address: of an existing Ray cluster; None starts a local one.
-        controller: "path", "reactive", "travelling", "posture" or "network".
-        origin: where the search begins, "zero" (no knowledge) or "hint" (the controller's own, set by hand; then a
-            sigma of 0.15 fits better).
-        population_size: genotypes per generation; doubles at a restart.
-        sigma: first step size.
-        trials: of each genotype, under the same conditions within a generation; as many as there are stretches.
-        start: where the trials begin, "pit" (close before it) or "floor".
+        address: address of an existing Ray cluster; None starts a local one.
+        controller: name of the controller: "path", "reactive", "travelling", "posture" or "network".
+        origin: genotype at which the search begins, "zero" (no knowledge) or "hint" (set by hand for the controller;
+            then a sigma of 0.15 fits better).
+        population_size: number of genotypes per generation; doubles each time CMA-ES has converged and restarts, but
+            not at the restarts of `restart_after`.
+        sigma: initial step size of CMA-ES.
+        trials: number of trials of each genotype, under the same conditions within a generation; by default as many
+            as `Randomization` has stretches of the arena.
+        start: start of the trials, "pit" (close before the pit) or "floor".
         stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
         stage_sigma: the step size is raised to this when a stage begins or bodies become shorter, and set to this
             when the search restarts around the fittest genotype.
-        body_lengths: shortest and longest body, for an integer gene; None keeps `modules`. Once a body
-            succeeds reliably, the search continues with shorter ones.
+        body_lengths: smallest and largest number of modules, if evolution selects it by an additional integer gene;
+            None keeps `modules`. Once a body succeeds reliably, the search continues with shorter ones.
         restart_after: number of generations without more successful trials than in the best generation before, after
             which the search restarts: where it began, or, with `body_lengths` or `stages`, around the fittest genotype
             of the stage, to keep what was learned before. None means never.
-        handle_noise: more trials when re-evaluation changes the order of the genotypes.
-        stop_when_solved: end when a champion is confirmed.
-        randomization: what the conditions of a trial are sampled from.
-        scoring: how an outcome becomes a fitness.
-        validation: how candidates for the champion are tried.
-        environment: further options of the environment, such as pit or abyss.
-        cmaes: how CMA-ES restarts where it has converged, and handles noise.
+        handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
+        stop_when_solved: whether the run ends when a champion is confirmed.
+        randomization: ranges from which the conditions of the trials are sampled.
+        scoring: weights with which an outcome becomes a fitness.
+        validation: rules by which candidates for the champion are validated.
+        environment: further options of the environment, such as pit, goal or abyss.
+        cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
     """
 
     arena: str = "gsrm"

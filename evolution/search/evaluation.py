@@ -44,9 +44,9 @@ def make_backend(
     Args:
         name: "batch", "processes" or "ray".
         workers: threads, processes or actors.
-        address: of an existing Ray cluster; None starts a local one.
+        address: address of an existing Ray cluster; None starts a local one.
         simulate: the function that tries jobs; None means physics.
-        pool: how processes or actors get their jobs, and how long they may take.
+        pool: parameters of the distribution of jobs to processes or actors, and their time limits.
 
     Raises:
         RunError: unknown name, workers below 1, or Ray is not installed.
@@ -70,8 +70,8 @@ class Evaluation(NamedTuple):
     """Fitness of genotypes, and the outcomes of their trials.
 
     Attributes:
-        fitness: higher is better.
-        outcomes: one for each genotype.
+        fitness: fitness of each genotype; higher is better.
+        outcomes: outcome of each genotype.
     """
 
     fitness: Float[np.ndarray, " P"]
@@ -98,15 +98,15 @@ def evaluate(
     """Try genotypes under the same randomized conditions.
 
     Args:
-        genotypes: one per row, or a single one.
+        genotypes: one genotype per row, or a single one.
         arena: name, folder, or an `Arena` (backend "batch").
         modules: number of modules.
-        seed: of the conditions.
-        trials: of each genotype.
-        controller: the law that reads the genotypes.
+        seed: seed of the conditions.
+        trials: number of trials of each genotype.
+        controller: name of the controller that reads the genotypes.
         start: "pit" or "floor".
         randomization: ranges of the conditions.
-        scoring: how an outcome becomes a fitness.
+        scoring: weights with which an outcome becomes a fitness.
         backend: "batch", "processes" or "ray"; the results are equal.
         workers: threads, processes or actors.
         simulate: the function that tries jobs; None means physics.

@@ -42,7 +42,7 @@ def evolve(
     """Run evolution from its beginning.
 
     Args:
-        config: what to search for; `config.folder` must not contain a run yet.
+        config: configuration of the run; `config.folder` must not contain a run yet.
         simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each generation.
         progress: called with the progress of the run.
@@ -69,7 +69,7 @@ def resume(
     """Continue a run as if it had never stopped.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
         simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each new generation.
         progress: called with the progress of the run.

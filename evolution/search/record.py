@@ -50,13 +50,14 @@ class Entry(NamedTuple):
     """One evaluation of a genotype.
 
     Attributes:
-        generation: in which it was tried.
+        generation: generation in which it was tried.
         kind: SAMPLE, REEVALUATION or VALIDATION.
-        index: of the genotype in its generation; one more than the last stands for the mean of the search distribution.
+        index: index of the genotype in its generation; one more than the last stands for the mean of the search
+            distribution.
         modules: length of its body.
         genotype: controller genes, then the length of the body where it evolves.
         fitness: higher is better.
-        outcome: of its trials.
+        outcome: outcome of its trials.
     """
 
     generation: int
@@ -132,7 +133,7 @@ class Record:
         """Return the content of the file.
 
         Args:
-            digest: of the configuration of the run.
+            digest: digest of the configuration of the run.
         """
         buffer = io.BytesIO()
         arrays = {f"entry_{name}": column for name, column in self.columns().items()}

@@ -23,7 +23,7 @@ class RestartingSearch:
     """A strategy, when it restarts, and how long bodies may still be.
 
     Args:
-        config: of the run.
+        config: configuration of the run.
     """
 
     def __init__(self, config: EvolutionConfig) -> None:

@@ -43,12 +43,12 @@ class Run:
     """The state of a run.
 
     Attributes:
-        config: of the run.
+        config: configuration of the run.
         record: every genotype and its outcome.
         champion: its best validated genotype; None before the first generation.
         stage_champions: one for each stage that has begun.
         is_solved: whether a champion was confirmed.
-        folder: of the run; None if it is in memory only.
+        folder: folder of the run; None if it is in memory only.
     """
 
     config: EvolutionConfig
@@ -68,7 +68,7 @@ class RunFolder:
     """Reader and writer of the folder of a run.
 
     Args:
-        path: of the folder.
+        path: path of the folder.
     """
 
     def __init__(self, path: str | Path) -> None:

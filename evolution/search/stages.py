@@ -27,11 +27,11 @@ class Stage:
     Attributes:
         arena: name or folder.
         generations: largest number; None means no limit.
-        promotion: what ends the stage early: "success" (enough genotypes succeed), "stagnation" (the best
+        promotion: condition that ends the stage early: "success" (enough genotypes succeed), "stagnation" (the best
             no longer improves), "either", or "budget" (nothing).
         success_share: share of a generation's genotypes that must succeed in all their trials.
         patience: generations without improvement that count as stagnation.
-        trials: of each genotype in this stage; None means as many as in the run. One is enough in a
+        trials: number of trials of each genotype in this stage; None means as many as in the run. One is enough in a
             coarse arena, which only shows where to search.
     """
 

@@ -41,7 +41,7 @@ from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.environment.config import STARTS
 
 MAX_ROUNDS = 100
-"""Of the validation trials of a candidate."""
+"""Largest number of rounds of validation trials of a candidate."""
 FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
 """Former name -> present name of fields of `Validation`."""
 
@@ -49,18 +49,18 @@ FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "s
 @accept_former_fields(**FORMER_VALIDATION_NAMES)
 @dataclass(frozen=True)
 class Validation:
-    """How candidates are tried.
+    """Rules by which candidates for the champion are validated.
 
     Attributes:
-        candidates: largest number of genotypes of a generation, those of highest fitness.
+        candidates: largest number of genotypes of a generation that become candidates, those of highest fitness.
         mean_share: share of a generation's genotypes that must succeed for the mean of the search distribution to be
             a candidate, too; above 1 it never is.
-        rounds: number of new trials in each round.
+        rounds: number of fresh trials in each round.
         continue_share: share of successes so far that is needed for the next round.
         solved_share: share of successes after all rounds that ends the run; of the champions confirmed with 0.95 one
             succeeded in only 17 of 20 trials in the true arena.
-        start: where the new trials begin; "floor" as in the final test, because a champion that
-            succeeds from close before the pit may fail from there.
+        start: start of the fresh trials; "floor" as in the final test, because a champion that succeeds from close
+            before the pit may fail from there.
         success_threshold: expected success rate from which the length of a body is sufficient: a shorter body is
             then preferred to a more reliable one. 0.93 is exceeded by 46 of 48 successes, not by 45.
     """
@@ -103,16 +103,16 @@ class Champion:
     """The result of a run: its best validated genotype.
 
     Attributes:
-        genotype: one number for each gene of the controller.
-        names: of the genes.
-        controller: the law that reads them.
-        modules: length of the body.
-        arena: in which it was selected.
-        environment: further options of the environment there.
-        generation: in which it was sampled.
-        fitness: there, from few trials.
-        successes: among its validation trials.
-        trials: number of validation trials; 0 if no genotype became a candidate.
+        genotype: values of the genes of the controller.
+        names: names of the genes.
+        controller: name of the controller that reads the genotype.
+        modules: number of modules of the body.
+        arena: arena in which the champion was selected.
+        environment: further options of the environment in which it was selected.
+        generation: generation in which it was sampled.
+        fitness: fitness in that generation, from few trials.
+        successes: number of its validation trials that succeeded.
+        trials: number of its validation trials; 0 if no genotype became a candidate.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
@@ -176,7 +176,7 @@ def select_champion(
     """Return the entry of the champion, None before the first generation.
 
     Args:
-        record: of the run.
+        record: record of the run.
         is_in_stage: for each generation, whether it counts.
         sufficient_rate: among bodies of at least this expected success rate, prefer the shortest; None: the most
             reliable one, whatever its length.

@@ -44,7 +44,7 @@ class BoundedFile:
     """A binary file, unpacked on the way, whose size is known and within the limit.
 
     Attributes:
-        stream: of the unpacked bytes.
+        stream: stream of the unpacked bytes.
         suffix: lower case, without that of the packing.
         max_bytes: the limit.
         size: bytes in the stream.
@@ -144,7 +144,7 @@ def read_npz(
 
     Args:
         source: a path, or a stream that can seek.
-        names: of the arrays wanted; all unless given.
+        names: names of the arrays wanted; all unless given.
         max_bytes: the most that they may take together.
 
     Raises:

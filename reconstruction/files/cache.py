@@ -21,7 +21,7 @@ def find_cache_folder(name: str) -> Path:
     a folder in the system's temporary directory, if only this user can write to it.
 
     Args:
-        name: of the folder; one for each kind of content.
+        name: name of the folder; one for each kind of content.
     """
     wanted = Path(os.environ.get(CACHE_VARIABLE) or platformdirs.user_cache_path("symbrion-gym")) / name
     try:

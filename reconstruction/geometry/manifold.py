@@ -141,7 +141,7 @@ def find_minor_fans(
 
     Args:
         faces: at most two at an edge.
-        hinges: of the faces.
+        hinges: hinges of the faces.
         quality: decides between fans of one size, the larger the better.
         is_suspect: the vertices to check.
     """

@@ -1,6 +1,6 @@
 """Poses: where a frame is and how it is turned. One set of conventions for all packages.
 
-- Frames are right-handed: x ahead, y left, z up. Lengths in metres, angles in radians.
+- Frames are right-handed: x ahead, y left, z up. Lengths in meters, angles in radians.
 - A pose is a homogeneous matrix `[4, 4]` that takes coordinates of the inner frame (sensor) to the outer (robot).
 - R = Rz(yaw) Ry(pitch) Rx(roll); a positive pitch lowers what is ahead.
 - Quaternions have w first, as MuJoCo has them.

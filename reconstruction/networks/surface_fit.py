@@ -1,6 +1,6 @@
 """Fit a finished mesh to its samples by least squares: crests get sharp, the rim comes out to the data.
 
-A self-organising map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
+A self-organizing map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
 the rim inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
 vertices until the triangles, not the vertices, lie on the samples.
 """
@@ -197,12 +197,12 @@ def sum_moments(
 
     Args:
         vertices: positions in mean edges, as all lengths here.
-        ring: of `make_ring`.
+        ring: result of `make_ring`.
         samples: positions, N a multiple of `chunk`.
         winners: the vertex whose faces are tried.
-        weights: of the samples; 0 for padding.
+        weights: weights of the samples; 0 for padding.
         config: reach and treatment of outliers.
-        order: of `sort_by_degree`: chunks whose fans have few faces take less time; None: in the order given.
+        order: result of `sort_by_degree`: chunks whose fans have few faces take less time; None: in the order given.
         chunk: how many samples at once.
     """
     is_face = ring[..., 0] >= 0

@@ -22,7 +22,7 @@ class LocalizationConfig:
     """How the robot is localized (`localize`).
 
     Attributes:
-        matching: of the horizontal scans.
+        matching: parameters of the matching of the horizontal scans.
         odometry: how far it is trusted.
         leveling: finds the tilt across the robot, which moves the horizontal scanner.
         vibration: standard deviation of the robot's pitch as it drives [rad]; 0.74 degrees is a tracked robot on
@@ -64,7 +64,7 @@ def localize(
     Args:
         log: with horizontal scans.
         progress: called with the current step.
-        config: of matching, odometry and leveling.
+        config: configuration of matching, odometry and leveling.
 
     Raises:
         ScanError: the log has no horizontal scans.
@@ -131,7 +131,7 @@ def match_scans(
         scans: the horizontal scans.
         sway: displacement of the scanner in the robot that leveling found [m].
         progress: called with the current step.
-        config: of matching and odometry.
+        config: configuration of matching and odometry.
     """
     config = config or LocalizationConfig()
     planar = match_to_map(scans, sway, config.matching, progress)
@@ -157,7 +157,7 @@ def find_pitch(
     Args:
         matched: x, y, yaw as the scans were matched.
         planar: the same, fused with the odometry.
-        height: of the horizontal scanner above the ground [m]; below 0.1 m the pitch is 0.
+        height: height of the horizontal scanner above the ground [m]; below 0.1 m the pitch is 0.
         config: the vibration and the error of matching.
     """
     config = config or LocalizationConfig()

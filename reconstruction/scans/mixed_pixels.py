@@ -96,7 +96,7 @@ def find_mixed_beams(
 
     Args:
         ranges: [m], nan: no return.
-        angles: of the beams [rad]; where they are far apart, `step` grows (`find_step`).
+        angles: angles of the beams [rad]; where they are far apart, `step` grows (`find_step`).
         config: the thresholds.
     """
     config = config or MixedPixelsConfig()
@@ -142,7 +142,7 @@ def find_step(angles: Float[np.ndarray, " B"], config: MixedPixelsConfig | None 
     """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`.
 
     Args:
-        angles: of the beams [rad].
+        angles: angles of the beams [rad].
         config: the step and its spacing; 10 cm for half a degree unless given.
     """
     config = config or MixedPixelsConfig()

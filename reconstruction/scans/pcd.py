@@ -25,9 +25,9 @@ class _Header(NamedTuple):
         num_points: `POINTS`.
         num_columns: values of one point.
         num_bytes: bytes of one point.
-        columns: of x, y, z among the values.
-        offsets: of x, y, z in a point [bytes].
-        types: of x, y, z.
+        columns: columns of x, y, z among the values.
+        offsets: offsets of x, y, z in a point [bytes].
+        types: types of x, y, z.
         data: ascii, binary or binary_compressed.
     """
 

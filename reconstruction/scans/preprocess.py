@@ -33,9 +33,9 @@ class PreprocessConfig:
     """The steps of `preprocess`.
 
     Attributes:
-        leveling: of the floor.
+        leveling: parameters of the leveling of the floor.
         mixed_pixels: which readings of a log count as mixed.
-        smoothing: of the ranges.
+        smoothing: parameters of the smoothing of the ranges.
         sparse_readings: which points of a log are isolated. Its mixed pixels are found in its scans already, so
             these are points alone in their cell, and few.
         sparse_points: which points of a cloud without scans are isolated.
@@ -72,7 +72,7 @@ def preprocess(
         across_jumps: average over edges as well, as the paper does; replaces `config.smoothing.across_jumps`.
         cropped: keep only the points in the log's box, where it has one.
         progress: called with the current step.
-        config: of the steps.
+        config: configuration of the steps.
 
     Raises:
         ScanError: the points have another shape, or are no numbers.

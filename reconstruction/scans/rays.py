@@ -16,7 +16,7 @@ def read_rays(
 
     Args:
         log: the scans; only the points in its box are kept, where it has one.
-        config: of the steps.
+        config: configuration of the steps.
     """
     config = config or PreprocessConfig()
     log = remove_mixed_pixels(level_floor(log, config=config.leveling), config=config)

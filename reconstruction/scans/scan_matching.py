@@ -65,7 +65,7 @@ class ScanMatchingConfig:
         guess_distance: standard deviation of the position a match starts from [m]; it holds where walls in view
             leave a direction open.
         guess_angle: the same of its yaw [rad].
-        max_iterations: of a match.
+        max_iterations: largest number of iterations of a match.
         translation_tolerance: a match has converged where it moves by less [m] and
         rotation_tolerance: turns by less [rad].
     """
@@ -131,7 +131,7 @@ def match_to_map(
     Args:
         scans: the horizontal scans.
         sway: displacement of the scanner in the robot that leveling found [m].
-        config: of the map and of a match.
+        config: configuration of the map and of a match.
         progress: called with the current step.
 
     Raises:

@@ -56,7 +56,7 @@ def flip_edges(
 
     Args:
         vertices: [m].
-        faces: of an oriented two-manifold; the result is one too, of the same topology.
+        faces: faces of an oriented two-manifold; the result is one too, of the same topology.
         config: which edges are flipped.
     """
     config = config or FlipConfig()
@@ -124,8 +124,8 @@ def _rate_flips(
 
     Args:
         vertices: [m].
-        faces: of an oriented two-manifold.
-        normals: of the faces.
+        faces: faces of an oriented two-manifold.
+        normals: normals of the faces.
         across: the face behind every side, -1 where none.
         candidates: the edges, P of them.
         config: how much must be saved.

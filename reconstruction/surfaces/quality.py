@@ -21,7 +21,7 @@ SLIVER_ANGLE = np.deg2rad(10)
 
 @dataclass(frozen=True)
 class Distances:
-    """Distances from many points to one surface, in metres.
+    """Distances from many points to one surface, in meters.
 
     Attributes:
         mean: arithmetic mean.
@@ -70,7 +70,7 @@ class Topology:
 
 @dataclass(frozen=True)
 class Quality:
-    """Everything measured of one mesh; distances in metres, None where there was nothing to measure against.
+    """Everything measured of one mesh; distances in meters, None where there was nothing to measure against.
 
     Attributes:
         topology: counts.

@@ -66,7 +66,7 @@ def find_tangled(
 
     Args:
         vertices: [m].
-        faces: of an oriented two-manifold.
+        faces: faces of an oriented two-manifold.
         is_suspect: these, and those at sharp edges, are tested for intersections with others.
         sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
     """
@@ -91,7 +91,7 @@ def unfold_faces(
 
     Args:
         vertices: [m].
-        faces: of an oriented two-manifold.
+        faces: faces of an oriented two-manifold.
         config: how vertices are moved.
     """
     config = config or UnfoldConfig()

@@ -37,9 +37,9 @@ class ArenaDescription:
     """The content of `arena.json`.
 
     Attributes:
-        format: of the folder.
-        name: of the arena.
-        kind: of contact geometry.
+        format: format of the folder.
+        name: name of the arena.
+        kind: kind of contact geometry.
         friction: sliding friction of the ground.
         num_pieces: number of contact pieces in the folder.
         quality: as `ArenaQuality.as_dict` returned it.

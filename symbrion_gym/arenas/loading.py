@@ -23,7 +23,7 @@ def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **
             with one of these names is `./gsrm`.
         course: other sizes, for the arenas made in code; which of the scans, by its pit, for those that come with
             the package; what was scanned, for a mesh file.
-        options: of `make_arena`, for a mesh file.
+        options: options of `make_arena`, for a mesh file.
 
     Raises:
         ArenaError: there is no such arena.

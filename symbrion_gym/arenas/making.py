@@ -51,7 +51,7 @@ def make_arena(
         name: what to call it; the file's name unless given.
         friction: sliding friction; the course's, or 0.7, unless given.
         thickness: how far pieces reach below the lowest ground [m].
-        seed: of coacd's search.
+        seed: seed of coacd's search.
         time_limit: building ends by then, with what there is or an error [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
         tuning: everything else that shapes the pieces.

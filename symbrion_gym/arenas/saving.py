@@ -52,7 +52,7 @@ def save_arena(
 
     Args:
         folder: new, empty, or that of a former arena.
-        name: of the arena.
+        name: name of the arena.
         geometry: its shapes.
         friction: sliding friction of the ground.
         about: the content of `arena.json`, without its format and the names of files.

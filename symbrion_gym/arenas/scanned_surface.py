@@ -36,7 +36,7 @@ def make_scanned_surface(
         width: extent along y [m].
         num_vertices: about how many vertices.
         noise: standard deviation of the vertices' places, in every direction [m].
-        seed: of points and noise.
+        seed: seed of points and noise.
         is_grid: a jittered grid, as a growing grid makes; else points spread evenly, as a GSRM makes.
     """
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ def make_arena_spec(
     are what the arenas were measured with.
 
     Args:
-        name: of the arena.
+        name: name of the arena.
         geometry: its shapes.
         friction: sliding friction of the ground.
         use_files: name meshes as in a saved arena's folder; else the spec compiles without any file.

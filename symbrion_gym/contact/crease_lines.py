@@ -29,7 +29,7 @@ class CreaseConfig:
         min_wall: length of such a line, in median edges, at least.
         crease_reach: a crease lies this close to the edges where its planes touch, in median edges.
         step_reach: likewise, the points of a step.
-        rounds: of robust line fits.
+        rounds: number of rounds of robust line fits.
     """
 
     same_wall_deg: float = 5.0

@@ -43,7 +43,7 @@ def decompose(
     Args:
         solid: closed mesh.
         threshold: concavity left, relative to half the longest extent.
-        seed: of coacd's search.
+        seed: seed of coacd's search.
         time_limit: the process is stopped after this time, by the clock [s]; any number above 0.
         processor_limit: likewise after this processor time, which other work does not change [s]; Windows has no
             such limit.

@@ -61,7 +61,7 @@ def make_height_field(
     Args:
         mesh: the terrain.
         ground: its heights.
-        spacing: of the grid, about [m].
+        spacing: spacing of the grid, about [m].
         max_cells: the grid is wider where it would have more: every model holds a copy of it.
 
     Raises:
@@ -83,7 +83,7 @@ def make_prisms(mesh: trimesh.Trimesh, depth: float = 0.10) -> list[trimesh.Trim
 
     Args:
         mesh: any surface.
-        depth: of a prism [m].
+        depth: depth of a prism [m].
     """
     faces = np.array([[0, 1, 2], [3, 5, 4], [0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5], [2, 5, 0], [0, 5, 3]])
     corners, normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)

@@ -28,8 +28,8 @@ class SearchConfig:
     Attributes:
         thresholds: concavities left, relative to half the longest extent, tried from coarse to fine.
         last_threshold: tried on a simplified, remeshed body where the others failed.
-        iterations: of its tree search.
-        depth: of that tree.
+        iterations: number of iterations of its tree search.
+        depth: depth of that tree.
         nodes: children of a node.
         resolution: points on which a cut is rated.
         remeshing: resolution of its remeshing, where that is needed.
@@ -149,7 +149,7 @@ class ContactOptions:
         max_pieces: no more convex pieces than these.
         kind: one of `CONTACT_KINDS`.
         thickness: how far pieces reach below the lowest ground, or inwards from an overhang [m].
-        seed: of coacd's search.
+        seed: seed of coacd's search.
         time_limit: building ends by then, with what there is or an error [s].
         tuning: everything else.
 

@@ -30,7 +30,7 @@ class PrimitiveConfig:
         lift: a box may lift the ground by this many times the accuracy, ...
         lifted: ... and by more at this share of its points: at its rim.
         check_points: points a side of the grid on which that is looked at.
-        spacing: of the grid on which slabs are compared with boxes [m].
+        spacing: spacing of the grid on which slabs are compared with boxes [m].
         min_open: a slab is kept for this much of its top that no box reaches [m²].
     """
 

@@ -37,9 +37,9 @@ class SlabFitConfig:
         enough: fitting ends where the mean distance is below this share of the accuracy that is wanted.
         max_gap: a point counts as no farther than this from its cap [m]: walls must not bend the ground.
         outlier: distance from which on a point loses weight in the fit of a plane [m].
-        plane_rounds: of the robust fit of a plane.
+        plane_rounds: number of rounds of the robust fit of a plane.
         cap_counts: numbers of planes tried in one cap.
-        cap_rounds: of assigning points to planes, and fitting each to its points.
+        cap_rounds: number of rounds of assigning points to planes, and fitting each to its points.
         cap_points: points that a plane of a cap needs to stay.
         cap_start_points: points for each plane that a cap is started with.
         cap_gain: more planes must leave less than this share of the error.

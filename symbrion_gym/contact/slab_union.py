@@ -32,7 +32,7 @@ class UnionConfig:
 
     Attributes:
         overlap: slabs are stretched by this in plan before they are united: neighbors then share more than a face.
-        threshold: of coacd: concavity left, relative to half the longest extent.
+        threshold: threshold of coacd: concavity left, relative to half the longest extent.
         iterations: of coacd's tree search; 150, its own default, takes twice as long for the same pieces.
         num_points: points of the ground that are compared.
         max_move: walls may move by this [m].
@@ -105,8 +105,8 @@ def decompose_slabs(
     Args:
         slabs: convex solids.
         planes: those of the surface that the slabs follow.
-        areas: of the faces of that surface [m²].
-        seed: of coacd's search.
+        areas: areas of the faces of that surface [m²].
+        seed: seed of coacd's search.
         time_limit: coacd is stopped after this time [s].
         processor_limit: likewise, after this processor time [s].
         config: how they are united and decomposed.

@@ -36,7 +36,7 @@ class ShapeConfig:
         side_rise: faces whose normal rises less, and that reach the lowest level, are the sides of a block.
         top_rise: faces whose normal rises less look down: they are no part of the top.
         max_fans: area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open.
-        num_faces: of a solid that is simplified for coacd.
+        num_faces: number of faces of a solid that is simplified for coacd.
         volume_error: share of its volume by which a simplified solid may differ.
     """
 

@@ -39,7 +39,7 @@ class TerrainErrorMetric:
             surface: as for `measure_arena`, like the others.
             ground: its heights.
             region: where to look.
-            spacing: of the grid [m].
+            spacing: spacing of the grid [m].
             margin: around walls [m].
         """
         low, high = (region or surface).bounds[:, :2]
@@ -103,7 +103,7 @@ def measure_arena(
         pieces: contact pieces.
         surface: what they should be: the mesh they were made of, or the truth.
         region: a mesh that bounds where to look, if not the whole surface.
-        spacing: of the grid; wider where the surface is large (at most 400,000 lines) [m].
+        spacing: spacing of the grid; wider where the surface is large (at most 400,000 lines) [m].
         margin: distance around walls (a rise of more than 2 per 1) that is left out [m].
         seconds: to be noted in the result.
     """

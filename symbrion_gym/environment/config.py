@@ -75,14 +75,14 @@ class SnakePitConfig:
         arena: a name, a folder, a mesh file or an `Arena`.
         modules: length of the snake, or an `Organism`.
         pit: width of the pit of the named courses [m]; None for `default_pit`.
-        default_pit: the same, of an id in the registry; None for the arena's own.
-        stretch: factor on all lengths along x: what a scan may be wrong by.
+        default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
+        stretch: factor on all lengths along x, to simulate errors of a scan.
         friction: sliding friction of tracks and bodies on everything; None for the arena's own.
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
         hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
         sensors: parts of the observation, in order, of `SENSORS`.
         start: "floor": before the ramp or step; "pit": before the pit; or (x, y) [m].
-        goal: (x, y) to be reached by the head [m]; None for the far side of the course or the pit.
+        goal: (x, y) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
         abyss: whether touching the floor of the pit ends the episode.
         track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
@@ -90,15 +90,15 @@ class SnakePitConfig:
         timestep: physics step [s].
         frame_skip: physics steps in a control tick.
         duration: an episode is truncated after this [s].
-        stuck_time: and after this without progress [s].
+        stuck_time: time without progress after which it is truncated as well [s].
         forward_weight: reward per meter of progress.
         success_bonus: reward of a success.
         effort_weight: cost per joule of the hinges' work.
-        timers: whether `info` holds what MuJoCo's timers measured.
+        timers: whether `info` contains the times of MuJoCo's timers.
         randomize: reset options for every episode: name -> a number, or a pair (low, high) to draw from.
-        stuck_progress: progress that counts as moving on [m].
-        criteria: what a success must fulfill; None for the defaults of `SuccessCriteria`.
-        margins: distances that the route keeps; None for the defaults of `RouteMargins`.
+        stuck_progress: smallest progress that counts as such, for `stuck_time` [m].
+        criteria: limits of a success; None for the defaults of `SuccessCriteria`.
+        margins: distances of the route from ramp, pit and rim; None for the defaults of `RouteMargins`.
         pit_search: what counts as a pit of a surface without a course; None for the defaults of `PitSearch`.
         sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
 

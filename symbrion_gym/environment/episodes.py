@@ -43,9 +43,9 @@ class Start(NamedTuple):
     """The start of an episode in one simulation.
 
     Attributes:
-        row: which simulation.
+        row: index of the simulation.
         track_speed: [m/s].
-        check: of success, where the simulation is in another world than before.
+        check: success check, if the simulation is in another world than before.
     """
 
     row: int
@@ -63,7 +63,7 @@ class Episode:
         start_progress: progress at the start [m].
         progress: progress at the last tick [m].
         best: progress at which the organism last moved on [m].
-        best_tick: when that was.
+        best_tick: tick at which that was.
         ticks: since the start.
         held: ticks for which the organism has arrived.
     """
@@ -83,9 +83,9 @@ class Episodes:
 
     Attributes:
         target: `[N, h]` commanded angles of the servos [rad].
-        action: `[N, A]` the last action as it was used.
-        num_tracks: how many numbers of an action are track speeds.
-        check: of success, in the world that the simulations begin in.
+        action: `[N, A]` the last action, after clipping.
+        num_tracks: number of track speeds in an action.
+        check: success check in the world in which the simulations begin.
     """
 
     def __init__(self, world: World, num: int) -> None:
@@ -124,7 +124,7 @@ class Episodes:
         """Start episodes from the present physics.
 
         Args:
-            physics: of all simulations.
+            physics: state of all simulations.
             starts: which simulations begin, and what differs between them.
         """
         hinges = self.world.num_hinges
@@ -146,11 +146,11 @@ class Episodes:
     ) -> tuple[Float[np.ndarray, "N h"], Float[np.ndarray, "N tracks"]]:
         """Take actions: move the servos' targets at their speed.
 
-        A number that is not one leaves what it commands as it was; the others are clipped to ±1.
+        NaN keeps the previous command of that entry; other values are clipped to ±1.
 
         Args:
-            actions: of all simulations.
-            active: which simulations are stepped; None for all.
+            actions: actions of all simulations.
+            active: whether each simulation is stepped; None for all.
 
         Returns:
             Targets [rad] and track speeds, one per simulation or one per module [m/s].

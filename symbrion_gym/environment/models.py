@@ -35,8 +35,8 @@ class SharedModel:
     """One model for all simulations; `mujoco.batch` holds what differs.
 
     Args:
-        batch: of the simulations.
-        world: in which they all live.
+        batch: batch of the simulations.
+        world: world of all simulations.
     """
 
     def __init__(self, batch: Batch, world: World) -> None:
@@ -61,8 +61,8 @@ class IndividualModels:
     Models that are not in use wait in a pool, so that there are few more of them than simulations.
 
     Args:
-        batch: of the simulations.
-        worlds: in which they may live.
+        batch: batch of the simulations.
+        worlds: worlds in which they may be.
 
     Raises:
         LayoutError: the worlds differ in more than lengths, so that one batch cannot hold them.

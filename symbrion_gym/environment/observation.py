@@ -63,8 +63,8 @@ class Observer:
     """Reads observations of N simulations.
 
     Args:
-        world: in which they live.
-        action: the last action as it was used, kept up to date by the caller.
+        world: world of the simulations.
+        action: the last action, after clipping, kept up to date by the caller.
         target: commanded angles of the servos [rad], likewise.
 
     Attributes:
@@ -73,9 +73,9 @@ class Observer:
         low: `[size]` smallest values.
         high: `[size]` largest values.
         has_odometry: whether the observation contains it.
-        odometry: `[N, 1]` way of the head since the start [m], to be kept up to date.
+        odometry: `[N, 1]` distance traveled by the head since the start [m], kept up to date by the caller.
         has_track_odometry: whether the observation contains it.
-        track_odometry: `[N, 1]` position of the head by its tracks [m], to be kept up to date.
+        track_odometry: `[N, 1]` position of the head by its tracks [m], kept up to date by the caller.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 

@@ -18,9 +18,9 @@ class ModelFields(Protocol):
     """A model, or one simulation's part of a batch's model fields.
 
     Attributes:
-        geom_friction: of the geoms.
-        actuator_forcerange: of the actuators [N m].
-        geom_surfacevel: of the geoms, linear [m/s] and angular [rad/s].
+        geom_friction: friction coefficients of the geoms.
+        actuator_forcerange: smallest and largest torque of the actuators [N m].
+        geom_surfacevel: surface velocity of the geoms, linear [m/s] and angular [rad/s].
     """
 
     geom_friction: Float[np.ndarray, "ngeom 3"]
@@ -34,10 +34,10 @@ class Domain(NamedTuple):
     Attributes:
         friction: sliding friction of the robot on everything.
         torque_scale: factor on the largest hinge torque.
-        start_offset: the start moved along the route [m].
-        start_lateral: and to its left [m].
-        yaw: the organism turned about its head [rad].
-        track_speed: [m/s].
+        start_offset: displacement of the start along the route [m].
+        start_lateral: displacement of the start to the left [m].
+        yaw: rotation of the organism about its head [rad].
+        track_speed: surface speed of the tracks [m/s].
     """
 
     friction: float

@@ -83,11 +83,11 @@ class SceneRenderer:
         Args:
             model: what is drawn.
             data: its state.
-            width: of an image [pixel].
-            height: of an image [pixel].
-            length: of the organism [m]; sets how far away the camera stays.
-            heading: of the route [rad]; the camera stands to its right.
-            config: of the camera; None for the defaults.
+            width: width of an image [pixel].
+            height: height of an image [pixel].
+            length: length of the organism [m]; sets how far away the camera stays.
+            heading: heading of the route [rad]; the camera stands to its right.
+            config: configuration of the camera; None for the defaults.
         """
         config = config or CameraConfig()
         self._lag = config.lag

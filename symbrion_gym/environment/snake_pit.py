@@ -23,26 +23,26 @@ from symbrion_gym.sensing.timing import timing
 class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     """An organism of docked Scouts has to cross a pit, climb stairs or a ramp, or reach a place on scanned ground.
 
-    Two ramps, a plateau with a pit between them, and a snake of modules with tracks that always run (paper,
-    section III). The search is for what the hinges do. This text is the specification.
+    By default: two ramps, a plateau with a pit between them, and a snake of modules whose tracks always run (paper,
+    section III). The actions move the hinges. This text is the specification.
 
     ## Action
 
-    `Box(-1, 1, (A,))`. A tick lasts `timestep * frame_skip`, 20 ms. Numbers beyond ±1 are clipped; not a
-    number leaves what it commands as it was; another shape is a `ValueError`.
+    `Box(-1, 1, (A,))`. A control step (tick) lasts `timestep * frame_skip`, 20 ms. Values beyond ±1 are clipped;
+    NaN keeps the previous command of that entry; another shape is a `ValueError`.
 
     | index    | meaning                                                        | -1 ... 1             |
     |----------|----------------------------------------------------------------|----------------------|
-    | i        | target of hinge i, between modules i and i + 1 from the head; positive lifts what is ahead | ±90° |
+    | i        | target of hinge i, between modules i and i + 1 from the head; positive lifts the part ahead | ±90° |
     | n - 1 ...| track speeds, with `track_control`: "body" 1, "modules" n      | ± `track_speed`      |
 
-    The servo's target moves towards the wanted angle at 0.8 rad/s; its torque is limited.
+    The servo's target moves towards the commanded angle at 0.8 rad/s; its torque is limited to `hinge_torque`.
 
     ## Observation
 
-    `Box`, float64. `observation_structure` maps names to slices; `sensors` chooses parts and their order.
+    `Box`, float64. `observation_structure` maps names to slices; `sensors` selects parts and their order.
     Positions of modules are those of the last physics step (5 ms) before the end of the tick; infrared and
-    laser are read once a tick. n modules from the head to the tail, h = n - 1 hinges.
+    laser are read once per tick. n is the number of modules, listed from head to tail; h = n - 1 hinges.
 
     | part              | size   | meaning                                                    | range      |
     |-------------------|--------|------------------------------------------------------------|------------|
@@ -50,38 +50,41 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `hinge_rate`      | h      | [rad/s]                                                    | ±20        |
     | `pitch`           | n      | nose up is positive [rad]                                  | ±π/2       |
     | `roll`            | n      | left side up is positive [rad]                             | ±π         |
-    | `acceleration`    | 6n     | front x y z, rear x y z of each module, gravity in it [m/s²] | ±39.24   |
+    | `acceleration`    | 6n     | front x y z, rear x y z of each module, including gravity [m/s²] | ±39.24 |
     | `ir`              | 2 a free side | distance [m] of front, back, left, right of each module | 0 ... 0.2 |
     | `contact`         | n      | sum of the normal forces on a module [N]                   | 0 ... 50   |
-    | `previous_action` | A      | as it was used                                             | ±1         |
+    | `previous_action` | A      | the previous action, after clipping                        | ±1         |
     | `hinge_target`*   | h      | commanded angle of the servo [rad]                         | ±π/2       |
     | `dock_force`*     | 3h     | force between neighbors [N]                                | ±500       |
-    | `odometry`*       | 1      | exact way of the head along the route since the start [m]  | ±100       |
-    | `track_odometry`* | 1      | place of the head by dead reckoning, from the middle of the pit [m] | ±100 |
-    | `laser`*          | 19     | range of the head's upright fan, -60° to 30° [m]           | 0 ... 4    |
+    | `odometry`*       | 1      | ground-truth distance traveled by the head along the route [m] | ±100   |
+    | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
+    | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
 
-    * only where asked for.
+    * optional: part of the observation only if `sensors` names it.
 
-    `odometry` is what an external localization would measure. `track_odometry` is what the robot knows by itself: it
-    begins at the start as the map has it (without a pit, from the origin of the map) and adds what the head's
-    tracks run in a tick, times the cosine of its pitch. It knows neither slip nor `start_offset`, `yaw` and
-    `stretch`.
+    `odometry` is what an external localization would measure. `track_odometry` is the robot's own estimate: it begins
+    with the start position on the map (without a pit, relative to the origin of the map), and in every tick adds the
+    distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
+    and `stretch`.
 
     ## Reward
 
     | term in `info`   | value                                                                         |
     |------------------|-------------------------------------------------------------------------------|
-    | `reward_forward` | `forward_weight` x progress [m]: mean of how far the modules are, none beyond the finish |
+    | `reward_forward` | `forward_weight` x change of progress [m] |
     | `reward_success` | `success_bonus` once, on success                                              |
     | `reward_effort`  | -`effort_weight` x work of the hinges [J]                                     |
 
+    Progress is the mean position of the modules along the route, each counted up to the finish.
+
     ## Episode
 
-    Success: every module lies beyond the finish (a whole module beyond the far edge of the pit), at ground
-    height and upright (z of its up axis above 0.5) for 0.3 s, and the organism came no faster than its tracks.
-    Terminated: on success; `rolled_over`, a module's up axis below -0.3; `fell` off the side; `touched_pit`,
-    with `abyss`; `diverged`, physics gone wrong, with a finite reward. Truncated: after `duration`, or
-    `stuck`, no more than `stuck_progress` in `stuck_time`. Modules collide with each other, all but neighbors.
+    Success: for 0.3 s, every module is past the finish (completely beyond the far edge of the pit), at ground height
+    (center 2 to 7.5 cm above the ground) and upright (z of its up axis above 0.5), and the body was not faster than
+    its tracks (5 cm tolerance). Terminated: on success; `rolled_over`: z of a module's up axis below -0.3; `fell`: off
+    the side of the arena; `touched_pit`: with `abyss`; `diverged`: the simulation is numerically unstable (the reward
+    is finite). Truncated: after `duration`, or `stuck`: progress of at most `stuck_progress` within `stuck_time`.
+    Modules collide with each other, except adjacent ones.
 
     ## Options
 
@@ -91,49 +94,50 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
-    | `stretch`             | 1.0       | all lengths along x times this: what a scan may be wrong by     |
-    | `friction`            | None      | of tracks and bodies on everything; the arena's own by default  |
-    | `track_speed`         | 0.10      | [m/s]                                                           |
-    | `hinge_torque`        | 4.5       | [N m]                                                           |
+    | `stretch`             | 1.0       | factor on all lengths along x: simulates errors of a scan       |
+    | `friction`            | None      | sliding friction of the robot on everything; None: the arena's  |
+    | `track_speed`         | 0.10      | surface speed of the tracks [m/s]                               |
+    | `hinge_torque`        | 4.5       | largest torque of a hinge [N m]                                 |
     | `sensors`             | see above | parts of the observation                                        |
-    | `start`               | "floor"   | "floor": before the ramp; "pit": 0.2 m before it; or (x, y) [m] |
-    | `goal`                | None      | (x, y) to be reached by the head [m]                            |
+    | `start`               | "floor"   | "floor": before the ramp; "pit": 0.2 m before the pit; or (x, y) [m] |
+    | `goal`                | None      | (x, y) that the head has to reach [m]; None: far side of course or pit |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
-    | `abyss`               | False     | the floor of the pit ends the episode: only a bridge counts     |
+    | `abyss`               | False     | touching the floor of the pit ends the episode                  |
     | `track_control`       | "constant"| "body", "modules": track speeds are part of the action          |
-    | `tracks`              | "spheres" | "wheels", "cylinders": with joints, slower, to compare          |
+    | `tracks`              | "spheres" | "wheels", "cylinders": with joints, slower, for comparison      |
     | `timestep`            | 0.005     | physics step [s]                                                |
-    | `frame_skip`          | 4         | physics steps in a tick                                         |
-    | `duration`            | 90        | [s]                                                             |
-    | `stuck_time`          | 15        | [s]                                                             |
-    | `forward_weight`      | 1         | per meter                                                       |
-    | `success_bonus`       | 1         |                                                                 |
-    | `effort_weight`       | 0.002     | per joule                                                       |
-    | `timers`              | False     | `info` holds `physics_us`, `collision_us`, `raycast_us`         |
-    | `randomize`           | {}        | reset options for every episode                                 |
-    | `stuck_progress`      | 0.02      | progress that counts as moving on [m]                           |
-    | `criteria`            | None      | a `SuccessCriteria`: what a success must fulfill                |
-    | `margins`             | None      | a `RouteMargins`: distances that the route keeps                |
-    | `pit_search`          | None      | a `PitSearch`: what counts as a pit of a scanned surface        |
+    | `frame_skip`          | 4         | physics steps per tick                                          |
+    | `duration`            | 90        | longest episode [s]                                             |
+    | `stuck_time`          | 15        | an episode without progress for this long is truncated [s]      |
+    | `forward_weight`      | 1         | reward per meter of progress                                    |
+    | `success_bonus`       | 1         | reward of a success                                             |
+    | `effort_weight`       | 0.002     | penalty per joule of work of the hinges                         |
+    | `timers`              | False     | `info` contains `physics_us`, `collision_us`, `raycast_us`      |
+    | `randomize`           | {}        | reset options that apply to every episode                       |
+    | `stuck_progress`      | 0.02      | smallest progress that counts, for `stuck` [m]                  |
+    | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
+    | `margins`             | None      | a `RouteMargins`: distances from ramp, pit and rim              |
+    | `pit_search`          | None      | a `PitSearch`: how a pit is found in a scanned surface          |
     | `sensor_noise`        | None      | a `SensorNoise`: standard deviations at `noise` 1               |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 
-    Sphere tracks and wheels with joints are the same shape and cross alike. The authors' cylinders are smaller
-    and carry less far: of 30 random controllers of 6 modules, three cross a pit of 0.35 m on spheres and on
-    wheels, none on cylinders; at 0.30 m three, two and two. What only just crosses here may not there.
+    Sphere tracks and wheels with joints have the same shape and give similar results. The authors' cylinders are
+    smaller and bridge less: of 30 random controllers of 6 modules, three cross a pit of 0.35 m on spheres and on
+    wheels, none on cylinders; at 0.30 m three, two and two.
 
-    Reset options, each a number or a pair (low, high) to draw from: `friction`, `torque_scale` (factor on the
-    hinge torque), `start_offset` (along the route [m]), `start_lateral` (to its left [m]), `yaw` (about the
-    head [rad]), `track_speed` [m/s]. `info` of a reset holds what was drawn.
+    Reset options, each a number or a pair (low, high) to sample from uniformly: `friction`, `torque_scale` (factor on
+    the hinge torque), `start_offset` (displacement of the start along the route [m]), `start_lateral` (the same to the
+    left [m]), `yaw` (rotation about the head [rad]), `track_speed` [m/s]. `info` of a reset contains the values used.
 
-    `info` further holds `x_position` (of the head along the route; x on courses [m]), `progress` [m], `time`
-    [s], `lowest_module` (height [m]), `least_upright` (z of the up axis of the module that leans most), and
-    the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`, `stuck`.
+    `info` also contains `x_position` (position of the head along the route, which is x on courses [m]), `progress`
+    since the start [m], `time` [s], `lowest_module` (height of the lowest module [m]), `least_upright` (z of the up
+    axis of the module that leans most), and the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`,
+    `stuck`.
 
     Raises:
         OptionError: an option is unknown or out of range (a `ValueError`); the message says what is allowed.
-        ArenaError: there is no such arena, or it has no such start.
-        OrganismError: an impossible organism.
+        ArenaError: there is no such arena, or it does not have the start or goal.
+        OrganismError: the organism is impossible, for example because modules overlap.
 
     References:
         Russo et al. (2013), IEEE/ASME Trans. Mechatronics 18(6): the Scout.
@@ -183,11 +187,11 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Lay the organism down at the start.
+        """Place the organism at the start and begin an episode.
 
         Args:
-            seed: of everything random from here on.
-            options: what differs in this episode; see the class.
+            seed: seed of all random numbers of the environment from now on.
+            options: reset options of this episode; see the class.
 
         Raises:
             OptionError: an unknown option or a value out of range.
@@ -212,7 +216,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         return self._add_noise(observation)[0], info
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Move the targets of the hinges and let a tick pass.
+        """Apply an action and simulate one tick.
 
         Raises:
             ValueError: an action of another shape.
@@ -238,7 +242,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         return observation[0], reward, terminated, truncated, {**info, **measured} if measured else info
 
     def _advance(self) -> dict[str, float]:
-        """Step the physics of a tick; return what MuJoCo's timers measured, where it was asked for."""
+        """Step the physics of a tick; return the times of MuJoCo's timers if the option `timers` is set."""
         if not self.config.timers:
             mujoco.mj_step(self.model, self.data, nstep=self.config.frame_skip)
             return {}
@@ -259,7 +263,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         return self._renderer.render(self.render_mode)
 
     def close(self) -> None:
-        """Free what images and windows need."""
+        """Release renderer and window."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -30,7 +30,7 @@ class Ticks(NamedTuple):
     """How a tick ended in every simulation; nothing in those that stood still.
 
     Attributes:
-        reward: of the tick.
+        reward: reward of the tick.
         terminated: whether the episode ended by what happened.
         truncated: whether it ended by its time.
     """
@@ -84,7 +84,7 @@ class VectorizedEpisodes(Episodes):
         """Return how the tick ended whose physics has just been stepped, and its rewards.
 
         Args:
-            physics: of all simulations.
+            physics: state of all simulations.
             active: whether a simulation is one of those that were stepped.
         """
         if physics is not self._array_source or not self._is_live:

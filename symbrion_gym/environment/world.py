@@ -47,8 +47,8 @@ class Physics(NamedTuple):
         qvel: their velocities.
         position: centers of the modules [m], one physics step behind qpos.
         rotation: their rotation matrices, row by row, likewise.
-        sensordata: of MuJoCo's sensors, likewise.
-        actuator_force: of the hinges [N m], then of the wheels, likewise.
+        sensordata: readings of MuJoCo's sensors, likewise.
+        actuator_force: forces of the hinges [N m], then of the wheels, likewise.
     """
 
     qpos: Float[np.ndarray, "N nq"]
@@ -64,8 +64,8 @@ class World:
 
     Attributes:
         config: the options.
-        arena: where.
-        organism: who.
+        arena: arena of the simulation.
+        organism: organism in it.
         route: the way to go.
         map_route: the way as the map has it, without `stretch`.
         model: the compiled model; change a copy, as simulations share it.
@@ -75,7 +75,7 @@ class World:
         hinge_qpos: addresses of the hinges in qpos, `[h]`.
         hinge_dof: addresses of the hinges in qvel, `[h]`.
         is_sliced: whether `modules` is a slice, so that a view stays live.
-        wheel_radius: of what drives [m].
+        wheel_radius: radius of the driven wheels or spheres [m].
         robot_geoms: ids of the geoms of the robot that touch.
         hinge_servos: ids of the hinges' actuators, `[h]`.
         wheel_servos: ids of the wheels' actuators, module by module; none with sphere tracks.
@@ -184,7 +184,7 @@ class World:
 
         Args:
             control: written in place.
-            target: of the hinges [rad].
+            target: target of the hinges [rad].
             track_speed: one per simulation or one per module [m/s]; only wheels with joints read it here.
         """
         control[:, self._servos] = target
@@ -213,7 +213,7 @@ class World:
 
         Args:
             offset: the start moved along the route [m].
-            lateral: and to its left [m].
+            lateral: displacement of the start to its left [m].
             yaw: the organism turned about its head [rad].
 
         Raises:

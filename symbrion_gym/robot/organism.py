@@ -51,7 +51,7 @@ class Organism:
     The main hinge of a module works where its front dock is used; a free arm is folded up, out of the way.
 
     Attributes:
-        num_modules: how many.
+        num_modules: number of modules.
         dockings: the joined docks, one fewer than modules.
         scout: constants of the modules.
     """

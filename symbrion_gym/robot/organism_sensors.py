@@ -17,7 +17,7 @@ def add_sensors(spec: mujoco.MjSpec, organism: Organism, parts: tuple[str, ...],
     Args:
         spec: a model with the organism in it.
         organism: who senses.
-        parts: of `MEASURED`; others are skipped.
+        parts: names of `MEASURED`; others are skipped.
         interval: time between two readings of the infrared units and the laser [s].
     """
     modules, scout = range(organism.num_modules), organism.scout

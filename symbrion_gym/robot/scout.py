@@ -134,7 +134,7 @@ def add_hinge(
     Args:
         spec: the model under construction.
         body: the moving side.
-        name: of joint and actuator.
+        name: name of joint and actuator.
         pose: the module in the frame of the body.
         config: constants.
         lifts: whether the body is the side of the arm (else that of the chassis).

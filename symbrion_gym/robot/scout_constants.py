@@ -39,7 +39,7 @@ class ScoutConfig:
         hinge_damping: [N m s/rad] [E].
         track_speed: surface speed of the tracks [m/s] [E: 0.06-0.15].
         track_radius: radius of a road wheel, a sphere, of a track [m] [E; S: cylinders of 11 mm].
-        wheel_mass: of a driven wheel, where tracks have joints [kg] [E].
+        wheel_mass: mass of a driven wheel, where tracks have joints [kg] [E].
         wheel_armature: inertia of its motor and gear [kg m²] [E].
         wheel_gain: torque of its servo per error of its rate [N m s/rad] [E]: stiff, so that wheels keep their speed.
         friction: sliding friction of the tracks on the ground [E].
@@ -49,8 +49,8 @@ class ScoutConfig:
         ir_range: range of an infrared proximity unit [m] [E].
         ir_spacing: distance between the two infrared units of a side [m] [E].
         laser_range: range of the forward laser [m] [E].
-        laser_beams: number of beams of the laser's upright fan [E].
-        laser_angles: lowest and highest beam of the laser's upright fan, above the horizontal [rad] [E].
+        laser_beams: number of beams of the laser's vertical scan [E].
+        laser_angles: angles of its lowest and highest beam above the horizontal [rad] [E].
         tracks: "spheres" (surface velocity, no joint), "wheels" (four driven wheels), "cylinders" (the
             authors' twelve small cylinders, driven).
     """

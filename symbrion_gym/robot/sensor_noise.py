@@ -20,11 +20,11 @@ class SensorNoise:
         pitch: [rad].
         roll: [rad].
         acceleration: [m/s²].
-        ir: of a distance [m].
-        contact: of a force [N].
+        ir: standard deviation of a distance [m].
+        contact: standard deviation of a force [N].
         odometry: [m]; the paper's robot was localized within 1 cm.
-        track_odometry: of each reading [m]; slip comes from the physics.
-        laser: of a distance [m].
+        track_odometry: standard deviation of each reading [m]; slip comes from the physics.
+        laser: standard deviation of a distance [m].
 
     Raises:
         OptionError: a number is negative.

@@ -72,10 +72,10 @@ def add_tracks(
 
     Args:
         spec: the model under construction.
-        frame: of the module, in its body.
+        frame: frame of the module, in its body.
         body: what carries the module.
         prefix: put before every name.
-        pose: of the module in the frame of the body.
+        pose: pose of the module in the frame of the body.
         config: constants.
     """
     if config.tracks != "spheres":

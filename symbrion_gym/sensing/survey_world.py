@@ -34,14 +34,14 @@ class SurveyRoom:
     Attributes:
         gap: between the arena's bounding box and the ground around it [m].
         margin: between the path and the walls [m].
-        height: of the walls [m]; above the horizontal scanner.
+        height: height of the walls [m]; above the horizontal scanner.
         pilaster_width: smallest and largest, along the wall [m].
         pilaster_depth: smallest and largest, off the wall [m].
         pilaster_spacing: smallest and largest distance from one to the next [m]; uneven, so that no two views
             are alike.
         first_pilaster: smallest and largest distance of the first from the corner [m].
         last_pilaster: distance of the last from the other corner, at least [m].
-        seed: of the pilasters; another room for another seed.
+        seed: seed of the pilasters; another room for another seed.
 
     Raises:
         SurveyError: a number is out of range.
@@ -87,8 +87,8 @@ class SurveyWorld:
         """Build the room around an arena.
 
         Args:
-            surface: of the arena.
-            waypoints: of the path [m].
+            surface: surface of the arena.
+            waypoints: waypoints of the path [m].
             room: None for the default.
         """
         room = room or SurveyRoom()

@@ -35,8 +35,8 @@ class Timing:
     Attributes:
         num_steps: physics steps, of all simulations together.
         physics_us: mean duration of a step, collisions and sensors included [µs].
-        collision_us: of its collision detection [µs].
-        raycast_us: of what remains of a step besides position, velocity, actuation and constraint [µs]: the
+        collision_us: time of its collision detection [µs].
+        raycast_us: time of the rest of a step besides position, velocity, actuation and constraint [µs]: the
             sensors, nearly all of it the rays of infrared units and laser.
         overhead_us: cost of the timers in a step [µs], where it was asked for.
     """

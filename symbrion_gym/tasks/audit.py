@@ -85,8 +85,8 @@ class _Motion(NamedTuple):
 
     Attributes:
         time: [s].
-        centers: of the modules [m].
-        rotations: of the modules.
+        centers: centers of the modules [m].
+        rotations: rotations of the modules.
     """
 
     time: Float[np.ndarray, " T"]
@@ -139,12 +139,12 @@ def audit(
 
     Args:
         trajectory: the episode, to its end.
-        height: of the ground.
+        height: height of the ground.
         far_edge: x of the edge that every module must have behind it [m].
-        track_speed: of the organism [m/s].
-        half_width: of the course [m].
+        track_speed: track speed of the organism [m/s].
+        half_width: half the width of the course [m].
         scout: constants of the modules; None for the defaults.
-        limits: what an honest crossing keeps to; None for the defaults.
+        limits: limits of an honest crossing; None for the defaults.
     """
     scout, limits = scout or ScoutConfig(), limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():

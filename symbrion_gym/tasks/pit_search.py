@@ -55,7 +55,7 @@ def find_pit(
         arena: what was scanned.
         start: (x, y) where the way begins [m].
         direction: unit vector of the way.
-        length: of the way [m].
+        length: length of the way [m].
         search: what counts as a pit; None for the defaults.
 
     Returns:

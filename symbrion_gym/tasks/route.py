@@ -26,14 +26,14 @@ _SAME_PLACE = 1e-3
 
 @dataclass(frozen=True)
 class RouteMargins:
-    """Distances that a route keeps.
+    """Distances between the ends of a route and ramp, pit and rim.
 
     Attributes:
-        before_foot: room before the foot of a ramp or step at the start [m].
-        before_pit: room before the pit at the start "pit" [m].
-        before_rim: room behind the tail at the start on a surface without a course [m].
-        goal_to_rim: room ahead of the goal on such a surface [m].
-        below: a module this far below the lowest ground has fallen off [m].
+        before_foot: distance between the front of the head at the start and the foot of the ramp or step [m].
+        before_pit: distance between the front of the head and the pit at the start "pit" [m].
+        before_rim: distance between the tail at the start and the rim of a surface without a course [m].
+        goal_to_rim: distance between the goal and the rim of such a surface [m].
+        below: distance below the lowest ground at which a module counts as fallen off [m].
 
     Raises:
         OptionError: a distance is negative.
@@ -54,13 +54,13 @@ class Route:
     """A straight way through an arena; s is measured along it, from the origin of the world.
 
     Attributes:
-        heading: direction of the way about z [rad].
+        heading: direction of the way, as rotation about z [rad].
         start: s of the center of the head at the start [m].
         lateral: offset of the way to the left of the origin [m].
-        finish: s that every module's center must pass [m].
-        half_width: a module farther than this from the way has fallen off the side [m].
-        lowest: a module below this has fallen off [m].
-        pit: s of the near and far edge and height of the floor of the pit [m], where there is one.
+        finish: s that the center of every module must pass [m].
+        half_width: distance to the side of the way beyond which a module has fallen off [m].
+        lowest: height below which a module has fallen off [m].
+        pit: s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit.
     """
 
     heading: float
@@ -97,11 +97,11 @@ def find_route(
     pit, the finish lies beyond that.
 
     Args:
-        arena: where.
-        organism: who; its length and reach decide where it starts and has arrived.
+        arena: arena to cross.
+        organism: organism that crosses it; its length and reach determine start and finish.
         start: "floor", before the ramp; "pit", before the pit; or (x, y) [m].
         goal: (x, y) to be reached by the head [m].
-        margins: distances to keep; None for the defaults.
+        margins: distances from ramp, pit and rim; None for the defaults.
         pit_search: what counts as a pit of a surface without a course; None for the defaults.
 
     Raises:

@@ -38,18 +38,19 @@ _LARGEST_REACH = 1.5
 
 @dataclass(frozen=True)
 class SuccessCriteria:
-    """What a success must fulfil, and what ends an episode.
+    """Limits of a success, and of what ends an episode.
 
     Wider limits admit what a person would not call a crossing; `symbrion_gym.tasks.audit` finds such cases.
 
     Attributes:
-        hold_time: how long the organism must have arrived [s]: one that flies past or tips back does not count.
+        hold_time: time for which the organism must stay beyond the finish [s]: one that flies past or tips back does
+            not count.
         upright: smallest z component of the up axis of an upright module: leaning by 60 degrees.
         rolled_over: below this z component of its up axis a module has rolled over; below 0, so that one on its
             side on the way may still right itself.
         ground_band: height of a module's center above the ground that counts as standing on it [m]: half a module's
             height is 0.0525, one stacked on another is above 0.1.
-        speed_slack: what an organism may be ahead of its tracks' path, for falling forwards [m].
+        speed_slack: distance that an organism may be ahead of the path of its tracks, for falling forwards [m].
         corner: half the edge of the cube in a module that must be beyond the far edge however it is turned [m].
         touch_band: a module this close to the floor of the pit touches it [m].
         max_rate: a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing
@@ -86,7 +87,7 @@ class OrganismState(NamedTuple):
         rates: velocities of its coordinates.
         positions: x, y and z of the modules [m].
         up: z components of their up axes.
-        torque: of the hinges [N m].
+        torque: torque of the hinges [N m].
         hinge_rate: [rad/s].
     """
 
@@ -101,15 +102,15 @@ class Measures(NamedTuple):
     """What is measured of one simulation at a tick.
 
     Attributes:
-        head: how far along the route the head is [m].
-        mean: mean of how far the modules are [m].
+        head: position of the head along the route [m].
+        mean: mean position of the modules along the route [m].
         is_across: whether all of them are beyond the finish.
-        progress: mean of how far they are, none counted farther than the finish [m].
+        progress: mean of these positions, each counted up to the finish [m].
         lateral: largest distance of a module from the middle of the route [m].
         lowest: height of the lowest module [m].
         uprightness: smallest z component of the modules' up axes.
         power: sum over the hinges of the absolute power [W].
-        is_sound: whether the numbers are still physics.
+        is_sound: whether the simulation is numerically stable.
     """
 
     head: float
@@ -130,15 +131,15 @@ class SuccessCheck:
     """Measures simulations and finds what ends an episode; it has no state.
 
     Attributes:
-        criteria: what a success must fulfil.
-        finish: how far along the route the goal is [m].
-        start: where the robot assumes to start, from the middle of the pit on its map, where there is one [m].
+        criteria: limits of a success.
+        finish: position of the finish along the route [m].
+        start: start on the robot's map, from the middle of the pit, if there is one [m].
         is_along_x: whether the route runs along x, in the middle.
-        share: of one module in a mean.
-        hold_ticks: for how many ticks the organism must have arrived.
+        share: weight of one module in a mean.
+        hold_ticks: number of ticks for which the organism must stay beyond the finish.
         is_abyss: whether the floor of the pit ends an episode.
         max_lateral: largest distance from the middle of the route that is still in the arena [m].
-        lowest: smallest height that is [m].
+        lowest: smallest height that is still in the arena [m].
     """
 
     def __init__(
@@ -154,13 +155,13 @@ class SuccessCheck:
         """Prepare the check of one arena and organism.
 
         Args:
-            arena: where.
-            organism: who.
-            route: the way to go.
-            map_route: the way as the robot's map has it.
+            arena: arena of the simulations.
+            organism: organism to check.
+            route: way to the finish.
+            map_route: the same way on the robot's map.
             dt: length of a control tick [s].
             abyss: whether touching the floor of the pit ends an episode.
-            criteria: what a success must fulfil; None for the defaults.
+            criteria: limits of a success; None for the defaults.
         """
         self.criteria = criteria or SuccessCriteria()
         self._arena, self._route = arena, route

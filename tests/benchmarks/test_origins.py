@@ -33,25 +33,27 @@ def describe(age: bool | None, **changes: object) -> str:
 
 
 def test_day_commit_and_marks() -> None:
-    assert describe(False) == "2026-11-21 at 0123456"
-    assert describe(True) == "2026-11-21 at 0123456, **old**"
-    assert describe(None) == "2026-11-21 at 0123456, age unknown"
+    assert describe(False) == "2026-11-21, code commit 0123456"
+    assert describe(True) == "2026-11-21, code commit 0123456, **old**"
+    assert describe(None) == "2026-11-21, code commit 0123456, age unknown"
     assert describe(False, commit=None) == "2026-11-21, age unknown"
-    assert describe(False, from_history=True) == "2026-11-21 in 0123456"
-    assert describe(False, dirty=True) == "2026-11-21 at 0123456, uncommitted changes"
-    assert describe(False, is_quick=True) == "2026-11-21 at 0123456 (quick run)"
+    assert describe(False, from_history=True) == "2026-11-21, result commit 0123456"
+    assert describe(False, dirty=True) == "2026-11-21, code commit 0123456, uncommitted changes"
+    assert describe(False, is_quick=True) == "2026-11-21, code commit 0123456 (quick run)"
 
 
 def test_without_the_history_nothing_is_said_of_age() -> None:
     records = {"scans": {"origins": {"survey": PART}, "results": {"survey": {}}}}
     bare = describe_measuring(PLACES, records, None)
-    assert bare == strip_ages(describe(True)) == strip_ages(describe(None)) == "2026-11-21 at 0123456"
+    assert (
+        bare == strip_ages(describe(True)) == strip_ages(describe(None)) == "2026-11-21, code commit 0123456"
+    )
 
 
 def test_the_check_without_history_compares_the_rest(tmp_path: Path) -> None:
     file = tmp_path / "table.md"
-    file.write_text("| a | 1 | 2026-11-21 at 0123456, **old** |")
-    same, other = "| a | 1 | 2026-11-21 at 0123456 |", "| a | 2 | 2026-11-21 at 0123456 |"
+    file.write_text("| a | 1 | 2026-11-21, code commit 0123456, **old** |")
+    same, other = "| a | 1 | 2026-11-21, code commit 0123456 |", "| a | 2 | 2026-11-21, code commit 0123456 |"
     assert table.is_up_to_date(file, same, None)
     assert not table.is_up_to_date(file, other, None)
     assert not table.is_up_to_date(file, same, FixedAges(False))
@@ -67,7 +69,7 @@ def test_runs_have_origins_of_their_own() -> None:
     }
     assert [origin["date"] for origin in find_origins(record, "gap")] == ["day 1", "day 2"]
     text = describe_measuring([("evolution", "gap")], {"evolution": record}, FixedAges(False))
-    assert text == "day 1 to day 2 at day 1da, day 2da"
+    assert text == "day 1 to day 2, code commits day 1da, day 2da"
     del runs[0]["judging_seed"]
     assert "‡" in describe_measuring([("evolution", "gap")], {"evolution": record}, FixedAges(False))
 

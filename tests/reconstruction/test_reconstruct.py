@@ -126,7 +126,7 @@ def test_points_without_a_surface_are_refused(name):
         ({"seed": -1}, "seed"),
         ({"method": "poisson"}, "'gsrm', 'gg'"),
         ({"mode": "quick"}, "mode"),
-        ({"colour": "red"}, "unknown option colour; there are"),
+        ({"color": "red"}, "unknown option color; there are"),
         ({"viewpoint": [0, 0]}, "viewpoint"),
     ],
 )

@@ -12,9 +12,13 @@ import evolution as ev
 from evolution.cli.arguments import check_arena, check_arena_folder, check_modules
 from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
 from evolution.cli.console import Console
+from symbrion_gym.assets import SCANNED_PITS
 
 if TYPE_CHECKING:
     from evolution.search.loop import OnGeneration
+
+MODELS_OF_TRUTH = ("truth", "simple", *SCANNED_PITS)
+"""Named arenas that are the true course or models of it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -182,9 +186,15 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
         rate = f"{run.champion.successes} of {run.champion.trials}"
         body = f"{run.champion.modules} modules"
         console.print_line(f"champion, {body}: crosses in {rate} fresh trials in {run.champion.arena}")
-        console.print_line(f"next: symbrion replay {run.folder} --arena truth --video champion.mp4")
+        arena = find_replay_arena(run.champion.arena)
+        console.print_line(f"next: symbrion replay {run.folder} --arena {arena} --video champion.mp4")
     else:
         console.print_line(
             "no genotype has crossed in all of its trials yet; try `symbrion resume` with more --generations"
         )
     return summary
+
+
+def find_replay_arena(arena: str) -> str:
+    """Return the arena in which to test a champion: the true course for models of it, else the champion's own."""
+    return "truth" if arena in MODELS_OF_TRUTH else arena

@@ -30,7 +30,7 @@ MINIMUM_UNITS = 4
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Reconstruct(SeededCommand):
-    """Reconstruct a surface from a scan log or a point cloud with a self-organising network.
+    """Reconstruct a surface from a scan log or a point cloud with a self-organizing network.
 
     Example: symbrion reconstruct survey.npz --out pit.npz
 

@@ -53,7 +53,7 @@ class DemoConfig:
 
     Attributes:
         folder: where all files go.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         modules: number of modules in the snake.
         gsrm_units: units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper.
         gg_units: units of the growing grid; 7000 give about 14,000 triangles, as in the paper.

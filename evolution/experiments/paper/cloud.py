@@ -23,8 +23,8 @@ def survey_arena(
     Args:
         arena: what is scanned, or its name.
         folder: where both are saved.
-        prefix: of the file names.
-        seed: of the survey.
+        prefix: prefix of the file names.
+        seed: seed of the survey.
         progress: called with a message and the share that is done.
 
     Raises:
@@ -42,7 +42,7 @@ def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) ->
 
     Args:
         folder: where scan log and points are saved.
-        seed: of the survey.
+        seed: seed of the survey.
         progress: called with a message and the share that is done.
 
     Returns:

@@ -41,7 +41,7 @@ class PaperConfig:
         model_generations: limit of one evolution in the arena of every network of `gsrm_units` and `gg_triangles`;
             0 skips them.
         film_rate: frame rate of the videos [1/s].
-        seed: of all random numbers.
+        seed: seed of all random numbers.
     """
 
     gsrm_units: tuple[int, ...] = (800, 2200, 5000)

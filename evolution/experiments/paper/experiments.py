@@ -34,7 +34,7 @@ def run_experiments(
         folder: where the results are saved.
         track: starts a step of the progress display.
         workers: threads; the results do not depend on their number.
-        names: of the experiments that are run; empty for all.
+        names: names of the experiments that are run; empty for all.
 
     Returns:
         Name -> record, see `PaperFolder.find`.

@@ -61,7 +61,7 @@ class PaperFolder:
 
     Args:
         path: the folder; it is created if it does not exist.
-        config: of the experiments.
+        config: configuration of the experiments.
 
     Raises:
         RunError: the folder belongs to another configuration, its `config.json` is damaged, or it contains files that

@@ -45,7 +45,7 @@ class ScanPlan:
     Attributes:
         start: first position of the scanner along the course [m]; half a meter from the beginning of the course.
         end: last position [m]; behind the second ramp.
-        height: of the scanner above the ground [m]; it looks over the ramps, which are 0.25 m high.
+        height: height of the scanner above the ground [m]; it looks over the ramps, which are 0.25 m high.
         pitch: angle by which the middle beam looks down [rad]; downwards, so that beams hit the arena: the
             result `hits` is their share.
         block: scans that one method takes before the next one follows; in a simulation, too, the arena is already in
@@ -135,8 +135,8 @@ class ScanTimes(NamedTuple):
     """What was measured.
 
     Attributes:
-        times: of each method, the time of every scan [µs].
-        differences: of each method, differences from the ranges on the exact surface [m].
+        times: for each method, the time of every scan [µs].
+        differences: for each method, differences from the ranges on the exact surface [m].
         hits: share of the beams of each scan that hit the arena.
     """
 

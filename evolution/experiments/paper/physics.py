@@ -29,7 +29,7 @@ class CrossingConfig:
         yaw: range of the initial heading [rad]; small, as a run that leaves the course does not cross the pit.
         start_offset: range of the initial offset along the course [m].
         pit_edge: position of the head from which a run is timed [m]; just behind the edge of the pit.
-        lead_ticks: after so many ticks a run is timed in any case, should the head never reach the pit.
+        lead_ticks: number of ticks after which a run is timed in any case, if the head has not reached the pit.
         rest_ticks: ticks after the timed ones, for the body to be completely across: in 17.5 s it moves 1.75 m at
             most.
         max_wait: a tick whose wall time exceeds its processor time by more [s] was interrupted by other work, and is

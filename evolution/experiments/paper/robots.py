@@ -35,7 +35,7 @@ def evolve_champion(
     Args:
         folder: contains the arenas; the run is written to it.
         arena: name of the folder in `arenas`.
-        name: of the run's folder.
+        name: name of the run's folder.
         config: body and seed.
         generations: limit.
         workers: threads; the results do not depend on their number.
@@ -143,8 +143,8 @@ def select_frames(
     """Return the indices of three frames: shortly before the pit, half way from there to the end, and the last.
 
     Args:
-        positions: of the modules, head first [m].
-        num_frames: of the video, evenly distributed over the ticks.
+        positions: positions of the modules, head first [m].
+        num_frames: number of frames of the video, evenly distributed over the ticks.
         near: position of the head shortly before the pit [m].
     """
     arrives = int(np.argmax(positions[:, 0, 0] > near)) if (positions[:, 0, 0] > near).any() else 0

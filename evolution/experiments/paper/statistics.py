@@ -26,7 +26,7 @@ def find_ratio(costs: Costs, reference: Costs, seed: int = 0) -> dict[str, float
         costs: one for each run.
         reference: measured alternately in the same runs. A run is resampled with both its costs, so that a
             slowdown of the machine that affects both does not count.
-        seed: of the resampling.
+        seed: seed of the resampling.
 
     References:
         Efron and Tibshirani (1993), An Introduction to the Bootstrap, section 13.3 (percentile interval).

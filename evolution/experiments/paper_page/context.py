@@ -29,8 +29,8 @@ class PaperContext:
     """The results of the experiments, and the page about them.
 
     Attributes:
-        folder: of the experiments; figures are written to its subfolder `figures`.
-        config: of the experiments.
+        folder: folder of the experiments; figures are written to its subfolder `figures`.
+        config: configuration of the experiments.
         records: experiment -> record.
         page: the sections are added to it.
     """

@@ -20,7 +20,7 @@ def draw_costs(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the time of a physics step in each arena and of its collision detection, with standard deviations.
 
     Args:
-        rows: of Table II.
+        rows: rows of Table II.
     """
     figure = Figure(figsize=(CHART_WIDTH, 0.34 * len(rows) + 0.9), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()
@@ -47,7 +47,7 @@ def draw_scan_growth(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw the time of a laser scan over the number of triangles, for each method and for the paper.
 
     Args:
-        rows: of Table III.
+        rows: rows of Table III.
     """
     figure = Figure(figsize=(CHART_WIDTH, 3.4), dpi=CHART_DPI, layout="constrained")
     axes = figure.add_subplot()

@@ -54,8 +54,8 @@ def write_paper_page(
     """Write the page of the experiments as one self-contained HTML file.
 
     Args:
-        folder: of the experiments; the figures are also written there as files.
-        config: of the experiments.
+        folder: folder of the experiments; the figures are also written there as files.
+        config: configuration of the experiments.
         records: experiment -> record.
         path: the HTML file.
 

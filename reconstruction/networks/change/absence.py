@@ -84,7 +84,7 @@ def find_gone(
         vertices: positions [m].
         faces: vertex indices.
         new_points: the new readings [m].
-        is_read: of `find_read`.
+        is_read: result of `find_read`.
         spacing: mean distance between neighboring vertices [m].
         config: the limits.
     """

@@ -74,7 +74,7 @@ class Change(NamedTuple):
     Attributes:
         compared: the new readings that were compared: all, or as many as suffice.
         winners: the vertex nearest to each of these.
-        distance: of each of these from the surface [m].
+        distance: distance of each of these from the surface [m].
         tolerance: the distance up to which a reading agrees [m].
         is_moved: vertices whose new readings disagree with the surface.
         is_strong: vertices with several readings that disagree by more than any noise.

@@ -20,7 +20,8 @@ class FreeSpaceConfig:
         min_rays: rays that must go through a vertex's faces before it is gone; fewer may be outliers.
         crossing_share: a vertex is gone where the rays that go through are more than this share of them and the
             readings that agree with it. Higher, and half-transparent objects stay.
-        max_rays: of more rays than this every n-th is followed; fewer are faster and miss small objects.
+        max_rays: largest number of rays that are all followed; of more, every n-th is. Fewer are faster and miss small
+            objects.
         max_hits: faces that are tested along each ray.
         restart: behind a hit a ray starts again, this many margins on, so that it does not meet the face again.
         num_stretches: stretches into which the rays are cut; only faces in the bounding box of one are tested.
@@ -88,8 +89,8 @@ class _Hits(NamedTuple):
     Attributes:
         ray: index of the ray.
         face: index of the face.
-        share: of the way from the ray's origin to its end.
-        corner: of the face, 0 to 2, the one nearest to the hit.
+        share: fraction of the way from the ray's origin to its end.
+        corner: corner of the face, 0 to 2, the one nearest to the hit.
     """
 
     ray: Int[np.ndarray, " H"]

@@ -127,9 +127,9 @@ class NetworkLearner(ABC, Generic[State, Config, SelectionType]):
 
         Args:
             change: what the new readings show.
-            selection: of `select`.
-            samples: of the active vertices.
-            rng: of all draws.
+            selection: result of `select`.
+            samples: samples of the active vertices.
+            rng: generator of all random numbers.
 
         Returns:
             The network, and which of the samples' old points its surface has left: they are no longer valid.
@@ -150,7 +150,7 @@ def refine(
         learner: the network.
         old_points: what it has learned from [m].
         new_points: what was read since [m].
-        seed: of all draws.
+        seed: seed of all random numbers.
         progress: receives how far the work is.
         origins: where the new readings were made from [m]; what their rays go through is gone.
 

@@ -169,7 +169,7 @@ def train(
     Args:
         points: finite positions [m], N >= units.
         config: how.
-        seed: of the order of the signals.
+        seed: seed of the order of the signals.
         progress: receives how far the work is.
     """
     rng = np.random.default_rng(seed)

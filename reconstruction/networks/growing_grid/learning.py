@@ -111,7 +111,7 @@ def fit_grid(
         tiles: the samples.
         units: float32 positions.
         sigmas: width of the smoothing, iteration by iteration, at most `MAX_ITERATIONS`.
-        config: of the fit; lengths in grid steps.
+        config: configuration of the fit; lengths in grid steps.
         goal: see `learn`.
         is_movable: see `learn`.
 

@@ -35,7 +35,7 @@ class GridSelection(Selection):
 
     Attributes:
         is_movable: units that learn.
-        is_spanned: of these, units that are gone, and replaced by a membrane between the others.
+        is_spanned: which of these are units that are gone, and replaced by a membrane between the others.
     """
 
     is_movable: Bool[np.ndarray, "R C"]

@@ -119,7 +119,7 @@ def train(
     Args:
         points: finite positions [m], N >= units.
         config: how.
-        seed: of all draws; equal seeds give equal maps.
+        seed: seed of all random numbers; equal seeds give equal maps.
         progress: receives how far the work is.
 
     Raises:

@@ -208,8 +208,8 @@ def _triangulate(
     Args:
         loop: n vertices.
         costs: `[n, n, n]` of the triangles between its corners.
-        neighbors: of every vertex of the loop.
-        reversed_cost: of a face that lies against the surface around it.
+        neighbors: neighbors of every vertex of the loop.
+        reversed_cost: cost of a face that lies against the surface around it.
 
     Returns:
         The faces, or none where the loop cannot be closed.

@@ -52,8 +52,8 @@ def fit_turning(
         is_inner: which faces may change.
         samples: positions.
         winners: nearest vertex of every sample.
-        config: of the fit.
-        rounds: of the fit; between two of them edges are turned.
+        config: configuration of the fit.
+        rounds: number of rounds of the fit; between two of them edges are turned.
     """
     faces = faces.copy()
     for turn, (iterations, most) in enumerate(rounds):
@@ -84,7 +84,7 @@ def fit_part(
         samples: positions.
         winners: nearest vertex of every sample, one that has a face.
         iterations: how often to repeat.
-        config: of the fit.
+        config: configuration of the fit.
     """
     if len(faces) == 0 or len(samples) == 0 or not is_movable.any():
         return vertices.copy()

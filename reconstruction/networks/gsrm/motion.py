@@ -64,7 +64,7 @@ def move_units(
         samples: those that movable units win [m].
         edge: mean edge length of the map [m].
         config: the limits.
-        fit: of the moved units to their samples.
+        fit: fit of the moved units to their samples.
         fit_rounds: see `fit_turning`.
     """
     if len(samples) == 0:

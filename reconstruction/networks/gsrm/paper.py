@@ -159,7 +159,7 @@ def train(
     """Grow a map by the literal rules, learn its topology again, patch it.
 
     Args:
-        points: of unit scale.
+        points: points at unit scale.
         num_units: units wanted.
         rng: shuffles the signals.
         progress: receives how far the work is.

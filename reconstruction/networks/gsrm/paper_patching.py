@@ -23,7 +23,7 @@ def patch_mesh(mesh: PaperMesh, positions: Float[np.ndarray, "C 3"]) -> None:
 
     Args:
         mesh: the result of growth and topology learning.
-        positions: of the units.
+        positions: positions of the units.
     """
     drop_incorrect_faces(mesh, positions)
     drop_incorrect_edges(mesh)

@@ -38,7 +38,7 @@ class RegrowthConfig:
         settle_reach: samples farther from all new units than this take no part in settling.
         samples_per_unit: samples of each new unit that take part in settling.
         topology_samples: samples of each unit that is joined again that witness its faces.
-        min_distance: of two new units nearer to one another than this one is removed.
+        min_distance: smallest distance of two new units; of two that are closer, one is removed.
         max_repeats: attempts to grow again where units have left a hole.
         min_island: new faces not joined to a kept unit are a surface of their own if they are this many.
         joint_rings: rings of kept units around the new ones that take part in learning the faces.
@@ -69,7 +69,7 @@ class GSRMRefinementConfig:
         sample_margin: points in the box around the contradicted units, widened by this many mean edges, take part.
         unit_area: surface that a unit stands for, in squared mean edges; of equilateral faces it is 0.87, of those
             of a map less.
-        readings_per_unit: of more new readings for each unit only a part takes part.
+        readings_per_unit: largest number of new readings per unit that are all used; of more, only a part is.
         max_extension_rise: readings beyond the rim that rise by less than this (sine against the surface) extend
             it: the old points at the rim are still valid.
         min_confirmations: readings that a unit must win on average for their absence to mean that it is gone.

@@ -209,7 +209,7 @@ def fit_new(
         faces: unit indices.
         num_kept: how many units are not new.
         samples: those near the new units [m].
-        config: of the fit.
+        config: configuration of the fit.
         rounds: see `fit_turning`.
     """
     is_new = np.arange(len(units)) >= num_kept

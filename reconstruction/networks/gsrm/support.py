@@ -35,7 +35,7 @@ class Support:
         """Keep the samples.
 
         Args:
-            tree: of the samples.
+            tree: tree of the samples.
             spacings: distance between samples around each of the tree's.
             config: what decides whether they support a face.
             is_uneven: whether the cloud's density varies.

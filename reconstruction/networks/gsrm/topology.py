@@ -154,7 +154,7 @@ def finish_faces(
     Args:
         units: positions.
         faces: proposed ones.
-        quality: of each face, the larger the better.
+        quality: quality of each face, the larger the better.
         support: whether samples lie on a patch.
     """
     faces = make_manifold(units, faces, quality)

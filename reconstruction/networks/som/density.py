@@ -89,7 +89,7 @@ def measure_density(
 
     Args:
         samples: positions.
-        tree: of the samples, or of the samples and a few repetitions.
+        tree: tree of the samples, or of the samples and a few repetitions.
         rng: draws the probes.
         config: how.
     """

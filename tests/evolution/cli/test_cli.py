@@ -11,6 +11,7 @@ import toys
 import evolution as ev
 import symbrion_gym as sg
 from evolution.cli.commands import COMMANDS
+from evolution.cli.commands.evolve import find_replay_arena
 from evolution.cli.main import run
 
 
@@ -228,3 +229,11 @@ def test_a_damaged_file_of_waypoints_is_refused(tmp_path: Path, capsys: pytest.C
     for text in ("[" * 100_000, "[[0, 1], [2]]", "[[0, NaN], [1, 1]]", "{}"):
         path.write_text(text)
         assert "way.json" in refuse(["survey", "truth", "--path", str(path)], 2, capsys)
+
+
+@pytest.mark.parametrize(
+    ("arena", "wanted"),
+    [("gsrm", "truth"), ("truth", "truth"), ("arenas/mine", "arenas/mine"), ("stairs", "stairs")],
+)
+def test_a_champion_of_an_own_arena_is_replayed_there(arena: str, wanted: str) -> None:
+    assert find_replay_arena(arena) == wanted

@@ -263,7 +263,7 @@ def test_bad_reset_options_are_refused(options, message):
         ({"sensors": "pitch"}, ValueError, "sequence of names"),
         ({"start": "moon"}, ValueError, "no 'moon'"),
         ({"start": (50.0, 0.0)}, sg.ArenaError, "off the surface"),
-        ({"colour": "red"}, ValueError, "no 'colour'"),
+        ({"color": "red"}, ValueError, "no 'color'"),
         ({"render_mode": "ascii"}, ValueError, "no render mode 'ascii'"),
         ({"randomize": {"wind": 3}}, ValueError, "no 'wind'"),
     ],

@@ -125,7 +125,7 @@ def test_timers_of_a_batch_can_be_read():
     [
         ({"num_envs": 0}, "num_envs must be"),
         ({"num_envs": 2, "num_threads": -1}, "num_threads must be"),
-        ({"num_envs": 2, "colour": 1}, "no 'colour'"),
+        ({"num_envs": 2, "color": 1}, "no 'color'"),
         ({"num_envs": 2, "render_mode": "human"}, "no render mode"),
     ],
 )

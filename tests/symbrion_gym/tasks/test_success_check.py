@@ -23,7 +23,7 @@ FAR_EDGE = 0.1
 PLATEAU = 0.25
 """Its height [m]."""
 HALF = 0.0525
-"""Half the height and width of a module [m]: its centre above the ground, whichever of four sides it lies on."""
+"""Half the height and width of a module [m]: its center above the ground, whichever of four sides it lies on."""
 
 
 @cache
@@ -52,7 +52,7 @@ def turn(axis: str, angle_deg: float) -> np.ndarray:
 
 
 def lay(tail: float, *, height: float = PLATEAU + HALF, rotation: np.ndarray | None = None) -> Laid:
-    """Return a straight body, its last module with its centre `tail` beyond the edge, raised and turned [m]."""
+    """Return a straight body, its last module with its center `tail` beyond the edge, raised and turned [m]."""
     x = FAR_EDGE + tail + 0.1254 * np.arange(3)[::-1]
     position = np.column_stack([x, np.zeros(3), np.full(3, PLATEAU + HALF)])
     rotations = np.tile(np.eye(3), (3, 1, 1))

@@ -134,7 +134,7 @@ def test_a_vertex_is_read_where_a_reading_is_as_near_as_readings_are_dense():
 
 
 def test_what_rays_pass_through_is_gone(sheet):
-    """A floor a metre below the sheet is seen from a metre above its middle."""
+    """A floor a meter below the sheet is seen from a meter above its middle."""
     new = read(4000, seed=1)
     under = (np.abs(new[:, :2] - 1) < 0.5).all(axis=1)
     new[under, 2] -= 1.0

@@ -55,7 +55,7 @@ def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
     assert len(few.compared) == 2000
     assert len(many.compared) < 30_000
     assert not many.is_moved.any()
-    # Readings a square metre: the sheet has four.
+    # Readings a square meter: the sheet has four.
     assert few.density == pytest.approx(2000 / 4, rel=0.3)
     assert many.density == pytest.approx(60_000 / 4, rel=0.3)
 
@@ -85,7 +85,7 @@ def test_pairs_of_readings_within_three_spacings_are_believed_together(sheet, ap
     assert change.is_moved.sum() == 2 * is_moved
 
 
-def test_readings_are_crowded_by_their_vertex_or_by_their_neighbours():
+def test_readings_are_crowded_by_their_vertex_or_by_their_neighbors():
     points = np.array([[0, 0, 0], [9, 0, 0], [18, 0, 0], [30, 0, 0], [30.1, 0, 0], [30.2, 0, 0], [50, 0, 0]])
     winners = np.array([1, 1, 1, 2, 2, 3, 4])
     assert find_crowded(winners, points, 1.0, 3).tolist() == [True] * 6 + [False]
@@ -105,7 +105,7 @@ def test_old_points_are_superseded_where_no_new_reading_beside_them_agrees(sheet
 
 
 def test_a_reading_beside_the_place_makes_an_old_point_needless_if_it_agrees():
-    """With 100 readings a square metre, beside means within 12 cm."""
+    """With 100 readings a square meter, beside means within 12 cm."""
     flags = np.zeros(4, dtype=bool)
     change = Change(np.arange(3), np.arange(3), np.array([0.0, 0.1, 0.2]), 0.1, *[flags] * 4, 100.0)
     readings = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])

@@ -46,7 +46,7 @@ def test_tiles_hold_every_sample_once() -> None:
     np.testing.assert_array_equal(tiles.samples, samples.astype(np.float32)[tiles.order])
 
 
-def test_tiles_hold_neighbours_alone_where_coordinates_repeat() -> None:
+def test_tiles_hold_neighbors_alone_where_coordinates_repeat() -> None:
     """Scans are full of equal coordinates, and padding repeats samples: no tile may hold a stray one."""
     places = np.arange(70.0)
     lattice = np.stack(np.meshgrid(places, places, [0.0]), axis=-1).reshape(-1, 3)
