@@ -47,7 +47,7 @@ def test_the_table_has_columns_for_both() -> None:
     origins = {"champions": MOMENT | {"is_quick": False}}
     records = {"evolution": {"origins": origins, "results": {"champions": figures, "gap": {}}}}
     line = make_champions_table(records, None).splitlines()[-1]
-    assert line == "| champions | 4 | 2 | 1 | 2 | 1 | 100 | 2 | 2026-11-21 at 0123456 ‡ |"
+    assert line == "| champions | 4 | 2 | 1 | 2 | 1 | 100 | 2 | 2026-11-21, code commit 0123456 ‡ |"
     assert make_champions_table({}, None) == ""
 
 
