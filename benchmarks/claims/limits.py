@@ -73,4 +73,14 @@ LIMITS = (
             Value("environment", "speed/gsrm: 16 at once over bare", scale=PERCENT, offset=-PERCENT),
         ),
     ),
+    Claim(
+        "bottomless pit",
+        "Over a bottomless pit of 0.37 m, evolution in the scanned arena confirms {0} of {1} champions within 600 "
+        "genotypes (target: 3 of 5). Of the others, {2} succeed in at least 18 of 20 trials in the true arena.",
+        (
+            Value("evolution", "abyss/confirmed"),
+            Value("evolution", "abyss/of"),
+            Value("evolution", "abyss/unconfirmed_that_hold"),
+        ),
+    ),
 )
