@@ -134,7 +134,7 @@ def _as_indices(
             f"seen_from must be one whole number for each of {num_points} points, not {indices.dtype} of shape "
             f"{indices.shape}"
         )
-    if len(indices) and not (0 <= indices.min() and indices.max() < num_viewpoints):
+    if len(indices) and not (indices.min() >= 0 and indices.max() < num_viewpoints):
         raise ScanError(
             f"seen_from has the indices {indices.min()} to {indices.max()}; there are {num_viewpoints} viewpoints"
         )
