@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.cells import SparsePointsConfig
+    from reconstruction.scans.cloud import Cloud
     from reconstruction.scans.formats import load_points, save_points
     from reconstruction.scans.leveling import LevelingConfig
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
+    "Cloud",
     "GSRMConfig",
     "GrowingGridConfig",
     "LevelingConfig",
