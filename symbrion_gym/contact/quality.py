@@ -11,6 +11,9 @@ from jaxtyping import Float
 from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.errors import ArenaError
 
+_DISTANCES = ("mean", "p95", "max", "seconds", "protrusion_mean", "protrusion_p95", "protrusion_max")
+_SHARES = ("uncovered", "beams_contact", "beams_surface", "free_space", "dropped")
+
 
 @dataclass(frozen=True)
 class ArenaQuality:
@@ -27,6 +30,14 @@ class ArenaQuality:
         uncovered: share of the surface without contact geometry beneath it.
         num_pieces: number of contact pieces.
         seconds: time that the decomposition took [s].
+        protrusion_mean: mean distance of points on the exposed side of the contact geometry from the
+            surface: how far contact stands in front of it [m]. None where not measured, as are all below.
+        protrusion_p95: 95th percentile [m].
+        protrusion_max: largest [m].
+        beams_contact: share of the scanner's beams that end on contact geometry within 5 cm of their reading.
+        beams_surface: the same share on the surface, which bounds what contact can reach.
+        free_space: share of the space that the scanner saw to be free that is inside contact geometry.
+        dropped: share of the readings that pre-processing dropped.
 
     Raises:
         ArenaError: a field is out of range.
@@ -39,17 +50,28 @@ class ArenaQuality:
     bias: float = 0.0
     uncovered: float = 0.0
     seconds: float = 0.0
+    protrusion_mean: float | None = None
+    protrusion_p95: float | None = None
+    protrusion_max: float | None = None
+    beams_contact: float | None = None
+    beams_surface: float | None = None
+    free_space: float | None = None
+    dropped: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("mean", "p95", "max", "num_pieces", "seconds"):
-            if not getattr(self, name) >= 0:
-                raise ArenaError(f"{name} is {getattr(self, name)}; 0 or more is needed")
-        if not 0 <= self.uncovered <= 1:
-            raise ArenaError(f"uncovered is {self.uncovered}; a share from 0 to 1 is needed")
+        for name in (*_DISTANCES, "num_pieces"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise ArenaError(f"{name} is {value}; 0 or more is needed")
+        for name in _SHARES:
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= 1:
+                raise ArenaError(f"{name} is {value}; a share from 0 to 1 is needed")
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields, for JSON: None where nothing could be measured."""
-        return {name: value if np.isfinite(value) else None for name, value in asdict(self).items()}
+        """Return the fields, for JSON: without those not measured, None where there was nothing to measure on."""
+        measured = {name: value for name, value in asdict(self).items() if value is not None}
+        return {name: value if np.isfinite(value) else None for name, value in measured.items()}
 
     @classmethod
     def from_dict(cls, fields: dict[str, Any]) -> ArenaQuality:
