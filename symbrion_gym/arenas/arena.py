@@ -39,6 +39,7 @@ class Arena:
         kind: the kind of contact geometry.
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
+        offset: what was subtracted from the coordinates of the scan [m].
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -53,6 +54,7 @@ class Arena:
     kind: str = "convex"
     height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -108,6 +110,7 @@ class Arena:
             "course": self.course.as_dict() if self.course is not None else None,
             "quality": self.quality.as_dict(),
             "provenance": self.provenance,
+            "offset": list(self.offset),
         }
         save_arena(folder, self.name, self.geometry, self.friction, about)
 

@@ -73,7 +73,10 @@ class _Patch:
 
 
 def join_faces(
-    mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"], tolerance: float, config: PatchConfig = PATCH_DEFAULTS
+    mesh: trimesh.Trimesh,
+    depths: Float[np.ndarray, " V"],
+    tolerance: float,
+    config: PatchConfig = PATCH_DEFAULTS,
 ) -> list[Int[np.ndarray, " M"]]:
     """Return the faces of each convex patch.
 
@@ -111,7 +114,9 @@ def _make_patches(mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"]) -> dic
     """Return one patch a face."""
     areas = find_areas(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     patches = {}
-    for i, (face, normal, area) in enumerate(zip(mesh.faces.tolist(), mesh.face_normals, areas.tolist(), strict=True)):
+    for i, (face, normal, area) in enumerate(
+        zip(mesh.faces.tolist(), mesh.face_normals, areas.tolist(), strict=True)
+    ):
         a, b, c = face
         boundary = {(min(p, q), max(p, q)) for p, q in ((a, b), (b, c), (c, a))}
         depth = float(depths[face].min())
@@ -180,7 +185,9 @@ def _to_plane(points: Float[np.ndarray, "N 3"], axis: Float[np.ndarray, " 3"]) -
     return (points - points[0]) @ np.stack([u, np.cross(axis, u), axis], axis=1)
 
 
-def _is_convex(points: Float[np.ndarray, "N 2"], outline: Int[np.ndarray, " B"], area: float, tolerance: float) -> bool:
+def _is_convex(
+    points: Float[np.ndarray, "N 2"], outline: Int[np.ndarray, " B"], area: float, tolerance: float
+) -> bool:
     """Return whether an outline with an area is convex within a tolerance."""
     try:
         hull = ConvexHull(points)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from symbrion_gym.contact.ray_mesh import RayMesh
 
 _LEAST_DIRECTION = 0.5
 """Unit vectors are longer; the normal of a flat face is not."""
@@ -24,6 +25,7 @@ class ThicknessConfig:
         start: a ray into the solid begins this far behind the surface [m].
         min_cosine: an inner vertex lies behind every face of its vertex: where the normals at a vertex differ by more
             than the angle of this cosine, each face has inner vertices of its own.
+        largest: a solid is no thicker than this share of the extent of the surface.
     """
 
     thickness: float = 0.06
@@ -31,30 +33,42 @@ class ThicknessConfig:
     least: float = 0.004
     start: float = 5e-4
     min_cosine: float = 0.3
+    largest: float = 0.05
+
+    def scale_to(self, extent: float) -> ThicknessConfig:
+        """Return this, thinner where the extent of a surface is small [m]."""
+        scale = min(1.0, self.largest * extent / self.thickness)
+        return replace(
+            self, thickness=scale * self.thickness, least=scale * self.least, start=scale * self.start
+        )
 
 
 THICKNESS_DEFAULTS = ThicknessConfig()
 
 
-def find_depths(
-    mesh: trimesh.Trimesh, surface: trimesh.Trimesh, config: ThicknessConfig = THICKNESS_DEFAULTS
+def find_thickness(
+    mesh: trimesh.Trimesh, config: ThicknessConfig = THICKNESS_DEFAULTS
 ) -> Float[np.ndarray, " V"]:
     """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m].
 
     Args:
         mesh: what is thickened, wound so that its faces look at free space.
-        surface: what solids may not pierce.
         config: how thick solids are.
     """
     corners = np.asarray(mesh.triangles)
     normals = np.asarray(mesh.face_normals)
     vertex_normals = np.asarray(mesh.vertex_normals)
     count = len(mesh.faces)
-    places = np.concatenate([corners.mean(axis=1), *((corners[:, k] + corners[:, k - 2]) / 2 for k in range(3))])
+    places = np.concatenate(
+        [corners.mean(axis=1), *((corners[:, k] + corners[:, k - 2]) / 2 for k in range(3))]
+    )
     starts = np.concatenate([places, mesh.vertices])
     inwards = -np.concatenate([np.tile(normals, (4, 1)), vertex_normals])
-    reach = cast_rays(surface, starts + config.start * inwards, inwards) + config.start
-    allowed = np.clip(config.share * reach, config.least, config.thickness)
+    has_direction = np.linalg.norm(inwards, axis=1) > _LEAST_DIRECTION
+    reach = np.full(len(starts), np.inf)
+    rays = RayMesh([mesh])
+    reach[has_direction] = rays.cast((starts + config.start * inwards)[has_direction], inwards[has_direction])
+    allowed = np.clip(config.share * (reach + config.start), config.least, config.thickness)
     faces = allowed[: 4 * count].reshape(4, count).min(axis=0)
     depths = allowed[4 * count :]
     for k in range(3):
@@ -76,29 +90,3 @@ def find_inner_points(
     directions = np.where(cosines[..., None] < config.min_cosine, normals, directions)
     inner = np.asarray(mesh.vertices)[corners] - depths[corners][..., None] * directions
     return np.unique(inner.reshape(-1, 3), axis=0)
-
-
-def cast_rays(
-    surface: trimesh.Trimesh, starts: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, " N"]:
-    """Return how far rays get before they hit either side of a surface [m]; inf where they do not."""
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    center = np.asarray(surface.bounds).mean(axis=0)
-    spec.add_mesh(
-        name="surface",
-        uservert=(np.asarray(surface.vertices, dtype=np.float64) - center).ravel(),
-        userface=np.asarray(surface.faces, dtype=np.int32).ravel(),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-    )
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="surface")
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    geom = np.zeros(1, dtype=np.int32)
-    lengths = np.full(len(starts), -1.0)
-    for i in np.flatnonzero(np.linalg.norm(directions, axis=1) > _LEAST_DIRECTION):
-        start, direction = starts[i] - center, directions[i]
-        lengths[i] = mujoco.mj_ray(model, data, start, direction, None, 1, -1, geom)
-    return np.where(lengths < 0, np.inf, lengths)
