@@ -72,6 +72,11 @@ class ContactProblem:
         return split_long_edges(take_top(self.surface, self.config.shapes), self.config.subdivision)
 
     @cached_property
+    def top_ground(self) -> Elevation:
+        """Heights of the top of a terrain."""
+        return Elevation(self.top)
+
+    @cached_property
     def planes(self) -> Planes:
         """Planes of the whole surface."""
         return find_planes(

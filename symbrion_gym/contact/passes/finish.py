@@ -14,7 +14,7 @@ def close_seams(problem: ContactProblem, best: Contact | None) -> Contact | None
     """Return slabs, or coacd's pieces of them, with closed seams."""
     if best is None or not _is_of_slabs(problem, best):
         return None
-    pieces = mend_pieces(best.pieces, problem.ground, problem.deadline.is_over, problem.config.seams)
+    pieces = mend_pieces(best.pieces, problem.top_ground, problem.deadline.is_over, problem.config.seams)
     return problem.measure(pieces, best.notes)
 
 
@@ -25,7 +25,7 @@ def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
     config = problem.config
     most = min(problem.options.max_pieces, max(config.slab_pass.max_parts, len(best.pieces)))
     parts = split_at_creases(best.pieces, most, config.boxes)
-    boxed = turn_into_boxes(parts, problem.ground, config.boxes, problem.deadline.is_over)
+    boxed = turn_into_boxes(parts, problem.top_ground, config.boxes, problem.deadline.is_over)
     return problem.measure(boxed, best.notes)
 
 

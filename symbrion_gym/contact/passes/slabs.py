@@ -21,7 +21,7 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
     top = problem.top
     _, pieces = make_slabs(
         top,
-        problem.ground,
+        problem.top_ground,
         planes,
         tolerance,
         most,
@@ -30,7 +30,7 @@ def fit_slabs(problem: ContactProblem, best: Contact | None) -> Contact | None:
         config.slabs,
     )
     if options.kind == "primitives":
-        boxes = make_boxes(top, problem.ground, planes, tolerance, config.primitives)
+        boxes = make_boxes(top, problem.top_ground, planes, tolerance, config.primitives)
         pieces = boxes + find_uncovered(pieces, boxes, tolerance, config.primitives)
     if not pieces:
         return None
