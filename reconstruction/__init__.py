@@ -12,9 +12,12 @@ if TYPE_CHECKING:
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.cells import SparsePointsConfig
     from reconstruction.scans.cloud import Cloud
+    from reconstruction.scans.cloud_file import load_cloud
     from reconstruction.scans.formats import load_points, save_points
+    from reconstruction.scans.frames import FrameConfig
     from reconstruction.scans.leveling import LevelingConfig
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction.scans.mesh_files import load_mesh
     from reconstruction.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction.scans.preprocess import (
         PreprocessConfig,
@@ -32,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Cloud",
+    "FrameConfig",
     "GSRMConfig",
     "GrowingGridConfig",
     "LevelingConfig",
@@ -49,6 +53,8 @@ __all__ = [
     "SparsePointsConfig",
     "crop",
     "level_floor",
+    "load_cloud",
+    "load_mesh",
     "load_points",
     "load_scan_log",
     "localise",
