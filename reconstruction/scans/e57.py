@@ -145,7 +145,7 @@ def _read_columns(file: pye57.E57, header: Any, names: Sequence[str]) -> Float[n
     Raises:
         ScanError: the data end early.
     """
-    from pye57 import libe57
+    from pye57 import libe57  # pyright: ignore[reportAttributeAccessIssue]
 
     count = header.point_count
     values = np.empty((count, len(names)))

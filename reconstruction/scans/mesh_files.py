@@ -201,7 +201,7 @@ def _find_frame(path: Path, kind: str) -> tuple[float | None, str | None]:
 
 def _find_colors(mesh: trimesh.Trimesh) -> Any:
     """Return the colors of the vertices, where the file has them."""
-    if mesh.visual.kind != "vertex":
+    if mesh.visual is None or mesh.visual.kind != "vertex":
         return None
     colors = np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
     return np.ascontiguousarray(colors[:, :3], np.uint8) if len(colors) == len(mesh.vertices) else None

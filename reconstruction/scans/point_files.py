@@ -121,10 +121,8 @@ def _read_npz(file: BoundedFile) -> RawPoints:
     extras = [extra for extra in _NPZ_EXTRAS if extra in names and name == "points"]
     arrays = read_npz(file.stream, (name, *extras), file.max_bytes)
     points = _first_columns(arrays.pop(name), file)
-    Cloud(np.zeros(points.shape), **arrays)  # refuses what does not belong together
-    if "viewpoints" in arrays:
-        arrays["viewpoints"] = np.atleast_2d(arrays["viewpoints"]).astype(np.float64)
-    return RawPoints(points, **arrays)
+    known = Cloud(np.zeros(points.shape), **arrays)  # refuses what does not belong together
+    return RawPoints(points, known.colors, known.viewpoints, known.seen_from)
 
 
 def _first_columns(array: Shaped[np.ndarray, "*axes"], file: BoundedFile) -> Float[np.ndarray, "N 3"]:
