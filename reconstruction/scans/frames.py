@@ -33,17 +33,17 @@ class FrameConfig:
     northing a vertex moves by up to 0.25 m, at 1 km by 0.03 mm.
 
     Attributes:
-        max_distance: a cloud whose middle (median) is farther from the origin than this is moved to it [m]. At 1 km
-            single precision is still a hundred times finer than a good scanner.
-        max_extents: the same, in lengths of the cloud's longest side: below 100 of them single precision resolves a
-            hundred-thousandth of the cloud, finer than any network does. It moves small things far away.
+        max_distance: a cloud whose middle (median) is farther from the origin than this, and than its own longest
+            side, is moved to it [m]. At 1 km single precision is still a hundred times finer than a good scanner.
+        max_extents: the same, in lengths of the cloud's longest side: at 1,000 of them single precision resolves
+            0.00006 of the cloud, finer than any network does. It moves small things far away.
         offset_step: the offset is a multiple of this [m]. Whole meters are easy to add by hand.
         smallest, largest: longest side that is not asked about [m]: scenes of robots. A side outside is mostly a
             file in another unit, or one with stray points.
     """
 
     max_distance: float = 1000.0
-    max_extents: float = 100.0
+    max_extents: float = 1000.0
     offset_step: float = 1.0
     smallest: float = 0.1
     largest: float = 1000.0
@@ -111,7 +111,7 @@ def find_offset(
     config = config or FrameConfig()
     center, extent = np.median(positions, axis=0), float(np.ptp(positions, axis=0).max())
     distance = float(np.linalg.norm(center))
-    if distance <= config.max_distance and distance <= config.max_extents * extent:
+    if distance <= max(config.max_distance, extent) and distance <= config.max_extents * extent:
         return np.zeros(3)
     return np.round(center / config.offset_step) * config.offset_step + 0.0
 
