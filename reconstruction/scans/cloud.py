@@ -68,7 +68,8 @@ class Cloud:
             parts.append("colors")
         if self.viewpoints is not None:
             known = "" if self.seen_from is not None else " (which point from which is unknown)"
-            parts.append(f"{len(self.viewpoints)} viewpoints{known}")
+            count = len(self.viewpoints)
+            parts.append(f"{count} viewpoint{'s' * (count > 1)}{known}")
         if self.offset.any():
             parts.append(f"offset {self.offset.tolist()} m")
         return f"Cloud({', '.join(parts)})"
