@@ -75,10 +75,9 @@ def _find_front(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], np.ndarray
     if not len(faces):
         return np.zeros((0, 3, 3)), labels
     size = float(arena.surface.extents.max()) / PARTS
-    fine, faces, origin = map(
-        np.asarray, trimesh.remesh.subdivide_to_size(vertices, faces, size, max_iter=30, return_index=True)
-    )
-    triangles, labels = fine[faces], labels[origin]
+    parts = trimesh.remesh.subdivide_to_size(vertices, faces, size, max_iter=30, return_index=True)
+    faces, origin = (np.asarray(part, dtype=np.int64) for part in parts[1:])
+    triangles, labels = np.asarray(parts[0])[faces], labels[origin]
     nearest = find_nearest(triangles.mean(axis=1), arena.surface)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     is_front = (nearest.heights > IN_FRONT) | (_find_cosines(normals, nearest.normals) > ALIKE)
