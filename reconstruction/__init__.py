@@ -11,27 +11,35 @@ if TYPE_CHECKING:
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.cells import SparsePointsConfig
+    from reconstruction.scans.cloud import Cloud
+    from reconstruction.scans.cloud_file import load_cloud
+    from reconstruction.scans.depth_image import Intrinsics, load_depth_image
     from reconstruction.scans.formats import load_points, save_points
+    from reconstruction.scans.frames import FrameConfig
     from reconstruction.scans.leveling import LevelingConfig
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction.scans.mesh_files import load_mesh
     from reconstruction.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction.scans.preprocess import (
         PreprocessConfig,
-        crop,
         level_floor,
         preprocess,
         remove_mixed_pixels,
         smooth_ranges,
-        thin,
     )
     from reconstruction.scans.scan import ScanLog
     from reconstruction.scans.scan_log_file import load_scan_log
+    from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
     from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.surfaces.quality import Quality, measure_quality
 
 __all__ = [
+    "Cloud",
+    "CropConfig",
+    "FrameConfig",
     "GSRMConfig",
     "GrowingGridConfig",
+    "Intrinsics",
     "LevelingConfig",
     "LocalizationConfig",
     "MixedPixelsConfig",
@@ -46,7 +54,11 @@ __all__ = [
     "SmoothingConfig",
     "SparsePointsConfig",
     "crop",
+    "find_crop_box",
     "level_floor",
+    "load_cloud",
+    "load_depth_image",
+    "load_mesh",
     "load_points",
     "load_scan_log",
     "localise",
