@@ -23,6 +23,10 @@ from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.traversability.drivable import TraversabilityMap, find_traversability
+from symbrion_gym.traversability.footprint import Footprint, MapConfig
+from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,52 @@ class Arena:
     def geometry(self) -> ArenaGeometry:
         """What has a shape: contact and surface."""
         return ArenaGeometry(self.surface, self.pieces, self.height_field)
+
+    @cached_property
+    def _maps(self) -> dict[tuple[Footprint, MapConfig], TraversabilityMap]:
+        return {}
+
+    def traversability(
+        self, body: Organism | Footprint | None = None, config: MapConfig | None = None
+    ) -> TraversabilityMap:
+        """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
+
+        The map is made once for each footprint.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            config: how ground is found; None for the defaults.
+
+        Raises:
+            ArenaError: the arena has no contact geometry.
+            OptionError: the body is of another kind.
+        """
+        key = Footprint.of(body, self.friction), config or MapConfig()
+        if key not in self._maps:
+            self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
+        return self._maps[key]
+
+    def find_route(
+        self,
+        body: Organism | Footprint | None = None,
+        start: Place | None = None,
+        goal: Place | None = None,
+        config: RouteConfig | None = None,
+    ) -> DrivingRoute:
+        """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
+            goal: likewise.
+            config: how the route is chosen; None for the defaults.
+
+        Raises:
+            ArenaError: there is no drivable ground, a given place is not drivable, or there is no way from start to
+                goal; the message names the nearest place that is possible.
+            OptionError: the body is of another kind.
+        """
+        return find_driving_route(self.traversability(body), start, goal, self.name, config)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
