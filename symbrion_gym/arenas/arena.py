@@ -25,7 +25,7 @@ from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.traversability.drivable import TraversabilityMap, find_traversability
-from symbrion_gym.traversability.footprint import Footprint, MapConfig
+from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
 from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
@@ -97,11 +97,11 @@ class Arena:
         return ArenaGeometry(self.surface, self.pieces, self.height_field)
 
     @cached_property
-    def _maps(self) -> dict[tuple[Footprint, MapConfig], TraversabilityMap]:
+    def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
         return {}
 
     def traversability(
-        self, body: Organism | Footprint | None = None, config: MapConfig | None = None
+        self, body: Organism | Footprint | None = None, config: TraversabilityConfig | None = None
     ) -> TraversabilityMap:
         """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
 
@@ -115,7 +115,7 @@ class Arena:
             ArenaError: the arena has no contact geometry.
             OptionError: the body is of another kind.
         """
-        key = Footprint.of(body, self.friction), config or MapConfig()
+        key = Footprint.of(body, self.friction), config or TraversabilityConfig()
         if key not in self._maps:
             self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
         return self._maps[key]
