@@ -75,7 +75,14 @@ class SparsePointsConfig:
                 f"flatness must not be negative and max_loneliness above 0, got {self.flatness} and "
                 f"{self.max_loneliness}"
             )
-        for name in ("threshold", "points_per_cell", "flat_neighbors", "max_growth_steps", "num_bisections", "sample_size"):
+        for name in (
+            "threshold",
+            "points_per_cell",
+            "flat_neighbors",
+            "max_growth_steps",
+            "num_bisections",
+            "sample_size",
+        ):
             if getattr(self, name) < 1:
                 raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
 

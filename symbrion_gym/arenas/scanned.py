@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
+from reconstruction.geometry.visibility import count_votes
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 _FAR = 1000.0
 """A surface this many times its extent, or this many meters, from the origin is recentered: MuJoCo stores vertices in
 single precision, which moves UTM coordinates by 0.13 m."""
+
+_ONE_SIDED = 0.6
+"""A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +83,15 @@ def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Tri
         return repair_mesh(scanned.mesh, replace(config, keeps_winding=scanned.is_oriented))
     except ReconstructionError as error:
         raise ArenaError(f"{scanned.source}: {error}") from error
+
+
+def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
+    if scanned.points is None or scanned.viewpoints is None:
+        return None
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
+    return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
 
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:
