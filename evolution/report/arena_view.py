@@ -65,11 +65,13 @@ def draw_arena(
     """
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
     views = [
-        make_view(np.asarray(arena.surface.bounds), *direction, OVERSAMPLING * WIDTH)
+        make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
         for direction in DIRECTIONS
     ]
     figure = Figure(
-        figsize=(2 * WIDTH / DPI, views[0].height / OVERSAMPLING / DPI + 0.8), dpi=DPI, layout="constrained"
+        figsize=(2 * WIDTH / DPI, max(view.height for view in views) / OVERSAMPLING / DPI + 0.8),
+        dpi=DPI,
+        layout="constrained",
     )
     figure.suptitle(f"{arena.name}: {arena.quality.num_pieces} contact pieces", fontsize=10)
     for axes, view in zip(figure.subplots(1, 2), views, strict=True):

@@ -43,7 +43,7 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
     contact = arena.pieces if arena.height_field is None else arena.height_field
     drawn = []
     for direction in DIRECTIONS:
-        view = make_view(np.asarray(arena.surface.bounds), *direction, OVERSAMPLING * WIDTH)
+        view = make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
         drawn.append(_measure(surface, view, lambda points: find_offsets(points, contact)))
         drawn.append(_measure(front, view, lambda points: find_nearest(points, arena.surface).heights))
     limit = 1000 * (limit or _find_limit([values for _, values in drawn]))

@@ -23,6 +23,12 @@ def sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("arena_view", "error_map"):
+        monkeypatch.setattr(f"evolution.report.{name}.WIDTH", 400)
+
+
 def make(sheet: Path, *words: str) -> list[str]:
     return ["arena", str(sheet), "--kind", "prisms", "--out", str(sheet.parent / "out"), "--quiet", *words]
 
@@ -55,10 +61,10 @@ def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(
 def test_pictures(sheet: Path) -> None:
     picture = sheet.parent / "new" / "error.png"
     assert run(make(sheet, "--picture", str(picture))) == 0
-    assert Image.open(picture).size[0] > 800
+    assert Image.open(picture).size[0] > 500
     seen = sheet.parent / "seen.png"
     assert run(["view", str(sheet.parent / "out"), "--picture", str(seen), "--quiet"]) == 0
-    assert Image.open(seen).size[0] > 800
+    assert Image.open(seen).size[0] > 500
 
 
 def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,11 @@ def truth() -> sg.Arena:
     return sg.load_arena("truth")
 
 
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evolution.report.arena_view.WIDTH", 300)
+
+
 def draw(arena: sg.Arena, *layers: str) -> np.ndarray:
     ground, route = arena.traversability(), arena.find_route()
     png = to_png(draw_arena(arena, layers, ground, route), is_reduced=False)
