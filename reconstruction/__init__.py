@@ -12,13 +12,14 @@ if TYPE_CHECKING:
     from reconstruction.progress import Progress, silent
     from reconstruction.scans.cells import SparsePointsConfig
     from reconstruction.scans.cloud import Cloud
-    from reconstruction.scans.cloud_file import load_cloud
+    from reconstruction.scans.cloud_file import load_cloud, make_log_cloud, recenter
+    from reconstruction.scans.cloud_preprocess import preprocess_cloud
     from reconstruction.scans.depth_image import Intrinsics, load_depth_image
     from reconstruction.scans.formats import load_points, save_points
-    from reconstruction.scans.frames import FrameConfig
+    from reconstruction.scans.frames import FrameConfig, describe_odd_size
     from reconstruction.scans.leveling import LevelingConfig
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
-    from reconstruction.scans.mesh_files import load_mesh
+    from reconstruction.scans.mesh_files import is_mesh, load_mesh
     from reconstruction.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction.scans.preprocess import (
         PreprocessConfig,
@@ -54,7 +55,9 @@ __all__ = [
     "SmoothingConfig",
     "SparsePointsConfig",
     "crop",
+    "describe_odd_size",
     "find_crop_box",
+    "is_mesh",
     "level_floor",
     "load_cloud",
     "load_depth_image",
@@ -63,8 +66,11 @@ __all__ = [
     "load_scan_log",
     "localise",
     "localize",
+    "make_log_cloud",
     "measure_quality",
     "preprocess",
+    "preprocess_cloud",
+    "recenter",
     "reconstruct",
     "remove_mixed_pixels",
     "save_points",

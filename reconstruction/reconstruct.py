@@ -126,7 +126,7 @@ class Reconstruction:
         self.mesh = self._make_mesh()
         if cloud.offset.any():
             self.notes["offset"] = (
-                f"{', '.join(f'{value:g}' for value in cloud.offset)} m were subtracted from the coordinates"
+                f"{', '.join(f'{value:.15g}' for value in cloud.offset)} m were subtracted from the coordinates"
             )
 
     @property

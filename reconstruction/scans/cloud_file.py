@@ -16,6 +16,7 @@ from reconstruction.scans.formats import DROPPED
 from reconstruction.scans.frames import FrameConfig, describe_odd_size, find_offset, make_frame
 from reconstruction.scans.point_files import find_kind, find_log_points, read_raw
 from reconstruction.scans.raw_points import RawPoints
+from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.scan_3dtk import load_3dtk, read_pose
 
 _logger = logging.getLogger(__name__)
@@ -71,6 +72,12 @@ def load_cloud(
     if odd := describe_odd_size(cloud.points, config):
         _logger.warning("%s: %s; if that is wrong, give unit= or scale=", path, odd)
     return recenter(cloud, config)
+
+
+def make_log_cloud(log: ScanLog) -> Cloud:
+    """Return the points of a log, each seen from the position of its scan; equal positions are one viewpoint."""
+    raw = find_log_points(log)
+    return Cloud(raw.points, viewpoints=raw.viewpoints, seen_from=raw.seen_from)
 
 
 def recenter(cloud: Cloud, config: FrameConfig | None = None) -> Cloud:

@@ -46,7 +46,7 @@ class PreprocessConfig:
     mixed_pixels: MixedPixelsConfig = field(default_factory=MixedPixelsConfig)
     smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
     sparse_readings: SparsePointsConfig = field(
-        default_factory=lambda: SparsePointsConfig(threshold=2, max_share=0.005)
+        default_factory=lambda: SparsePointsConfig(threshold=2, max_share=0.005, flatness=0.0)
     )
     sparse_points: SparsePointsConfig = field(default_factory=SparsePointsConfig)
     crop_margin: float = 0.05

@@ -45,7 +45,7 @@ class CropConfig:
 
 
 @overload
-def crop(points: Cloud, box: ArrayLike, margin: float = 0.05) -> Cloud: ...
+def crop(points: Cloud, box: ArrayLike, margin: float = 0.05) -> Cloud: ...  # pyright: ignore[reportOverlappingOverload]
 @overload
 def crop(points: ArrayLike, box: ArrayLike, margin: float = 0.05) -> np.ndarray: ...
 def crop(points: Cloud | ArrayLike, box: ArrayLike, margin: float = 0.05) -> Cloud | np.ndarray:
@@ -67,7 +67,7 @@ def crop(points: Cloud | ArrayLike, box: ArrayLike, margin: float = 0.05) -> Clo
 
 
 @overload
-def thin(points: Cloud, voxel: float) -> Cloud: ...
+def thin(points: Cloud, voxel: float) -> Cloud: ...  # pyright: ignore[reportOverlappingOverload]
 @overload
 def thin(points: ArrayLike, voxel: float) -> np.ndarray: ...
 def thin(points: Cloud | ArrayLike, voxel: float) -> Cloud | np.ndarray:
@@ -142,10 +142,10 @@ def _find_large_parts(
         shape
     )
     parts, _ = ndimage.label(counts >= config.min_points, np.ones((3, 3, 3)))  # type: ignore[misc]
-    part = parts[tuple(place.T)]
+    part = np.asarray(parts)[tuple(place.T)]
     sizes = np.bincount(part)
     sizes[0] = 0
-    return (sizes >= max(config.min_share * len(points), 1))[part]
+    return np.isin(part, np.flatnonzero(sizes >= max(config.min_share * len(points), 1)))
 
 
 def _check_box(box: ArrayLike) -> Float[np.ndarray, "2 3"]:
@@ -158,7 +158,7 @@ def _check_box(box: ArrayLike) -> Float[np.ndarray, "2 3"]:
 def _find_inside(
     points: Float[np.ndarray, "N 3"], low: Float[np.ndarray, " 3"], high: Float[np.ndarray, " 3"]
 ) -> Bool[np.ndarray, " N"]:
-    return ((points >= low) & (points <= high)).all(axis=1)
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def _find_means(

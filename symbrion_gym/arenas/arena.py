@@ -25,7 +25,7 @@ from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.traversability.drivable import TraversabilityMap, find_traversability
-from symbrion_gym.traversability.footprint import Footprint, MapConfig
+from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
 from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
@@ -43,6 +43,7 @@ class Arena:
         kind: the kind of contact geometry.
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
+        offset: what was subtracted from the coordinates of the scan [m].
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -57,6 +58,7 @@ class Arena:
     kind: str = "convex"
     height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -95,11 +97,11 @@ class Arena:
         return ArenaGeometry(self.surface, self.pieces, self.height_field)
 
     @cached_property
-    def _maps(self) -> dict[tuple[Footprint, MapConfig], TraversabilityMap]:
+    def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
         return {}
 
     def traversability(
-        self, body: Organism | Footprint | None = None, config: MapConfig | None = None
+        self, body: Organism | Footprint | None = None, config: TraversabilityConfig | None = None
     ) -> TraversabilityMap:
         """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
 
@@ -113,7 +115,7 @@ class Arena:
             ArenaError: the arena has no contact geometry.
             OptionError: the body is of another kind.
         """
-        key = Footprint.of(body, self.friction), config or MapConfig()
+        key = Footprint.of(body, self.friction), config or TraversabilityConfig()
         if key not in self._maps:
             self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
         return self._maps[key]
@@ -158,6 +160,7 @@ class Arena:
             "course": self.course.as_dict() if self.course is not None else None,
             "quality": self.quality.as_dict(),
             "provenance": self.provenance,
+            "offset": list(self.offset),
         }
         save_arena(folder, self.name, self.geometry, self.friction, about)
 

@@ -21,9 +21,9 @@ from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.quality import ArenaQuality
 
-_FORMAT = 7
+_FORMAT = 8
 """Raised whenever the way pieces are made or kept changes: old entries are then left alone."""
-_LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
+_LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ def get_or_make(
     """Return the cached contact of a surface, or make it and keep it.
 
     Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
-    read is made again. A cache that cannot be written costs a warning, not the arena. What a busy machine has cut
+    read is made again. A cache that cannot be written costs a warning, not the arena. What the time limit has cut
     short is not kept.
 
     Args:
@@ -75,7 +75,7 @@ def get_or_make(
         if kept is not None:
             return kept
         contact = make()
-        if contact.notes.get("was_disturbed"):
+        if contact.notes.get("was_cut_short"):
             return contact
         try:
             write_entry(path, contact)

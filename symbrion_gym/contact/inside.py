@@ -1,19 +1,81 @@
-"""Points inside convex pieces, and how deep."""
+"""Points inside convex solids: how deep, and how far from the way out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _MOST_VALUES = 4_000_000
 """Distances of points from planes that are held at once: 32 MB."""
-_PLANE_DIGITS = 9
-"""Planes that agree in all of these digits are one: the triangles of a flat side share it."""
 _LEAST_LENGTH = 1e-15
 """A triangle whose edges have a shorter cross product has no normal [m²]."""
+_LEAST_SLOPE = 1e-9
+"""A plane that turns from a direction by less is parallel to it."""
+
+
+class ConvexSolids:
+    """Convex solids that many points are compared with.
+
+    Attributes:
+        vertices: of all solids [m].
+        faces: of all solids; their winding may be any.
+    """
+
+    def __init__(self, pieces: Sequence[trimesh.Trimesh]) -> None:
+        """Take the triangles and planes of the pieces."""
+        self._pieces = pieces
+        starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+        self.vertices = np.concatenate(
+            [np.zeros((0, 3)), *(np.asarray(p.vertices, np.float64) for p in pieces)]
+        )
+        faces = [np.asarray(p.faces, np.int64) + start for p, start in zip(pieces, starts, strict=False)]
+        self.faces = np.concatenate([np.zeros((0, 3), np.int64), *faces])
+
+    def find_depths(self, points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        """Return how deep points are [m]: the distance of the nearest plane, of the deepest solid; 0 outside."""
+        depths = np.zeros(len(points))
+        for members, below, _ in self._find_inside(points):
+            depths[members] = np.maximum(depths[members], below.min(axis=1))
+        return depths
+
+    def find_exits(
+        self, points: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
+    ) -> Float[np.ndarray, " N"]:
+        """Return how far points lie from the way out along a direction [m], of the longest solid; 0 outside."""
+        exits = np.zeros(len(points))
+        for members, below, normals in self._find_inside(points):
+            slope = directions[members] @ normals.T
+            length = np.where(slope > _LEAST_SLOPE, below / np.maximum(slope, _LEAST_SLOPE), np.inf)
+            exits[members] = np.maximum(exits[members], length.min(axis=1))
+        return exits
+
+    def _find_inside(
+        self, points: Float[np.ndarray, "N 3"]
+    ) -> Iterator[tuple[Int[np.ndarray, " M"], Float[np.ndarray, "M P"], Float[np.ndarray, "P 3"]]]:
+        """Give the points in each solid, their depths below its planes [m], and the planes' normals."""
+        by_extent = np.argsort(-np.ptp(points, axis=0)) if len(points) else np.arange(3)
+        order = np.argsort(points[:, by_extent[0]], kind="stable")
+        ordered = np.ascontiguousarray(points[order].T)
+        for piece in self._pieces:
+            low, high = piece.bounds
+            first, last = np.searchsorted(ordered[by_extent[0]], (low[by_extent[0]], high[by_extent[0]]))
+            near = np.arange(first, last)
+            for axis in by_extent[1:]:
+                along = ordered[axis, near]
+                near = near[(along > low[axis]) & (along < high[axis])]
+            if not len(near):
+                continue
+            planes = find_planes(piece)
+            step = max(_MOST_VALUES // len(planes), 1)
+            for start in range(0, len(near), step):
+                part = near[start : start + step]
+                below = planes[:, 3] - ordered[:, part].T @ planes[:, :3].T
+                is_inside = (below > 0).all(axis=1)
+                if is_inside.any():
+                    yield order[part[is_inside]], below[is_inside], planes[:, :3]
 
 
 def find_depths(
@@ -28,22 +90,7 @@ def find_depths(
     Returns:
         Above 0 inside, 0 outside of all pieces.
     """
-    by_extent = np.argsort(-np.ptp(points, axis=0)) if len(points) else np.arange(3)
-    order = np.argsort(points[:, by_extent[0]], kind="stable")
-    ordered = np.ascontiguousarray(points[order].T)
-    depths = np.zeros(len(points))
-    for piece in pieces:
-        low, high = piece.bounds
-        first, last = np.searchsorted(ordered[by_extent[0]], (low[by_extent[0]], high[by_extent[0]]))
-        chosen = np.arange(first, last)
-        for axis in by_extent[1:]:
-            along = ordered[axis, chosen]
-            chosen = chosen[(along > low[axis]) & (along < high[axis])]
-        if len(chosen):
-            depths[chosen] = np.maximum(depths[chosen], _find_depths_in(ordered[:, chosen].T, piece))
-    unsorted = np.empty(len(points))
-    unsorted[order] = depths
-    return unsorted
+    return ConvexSolids(pieces).find_depths(points)
 
 
 def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
@@ -56,15 +103,4 @@ def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
     offsets = (normals * corner).sum(axis=1, keepdims=True)
     middle = np.asarray(piece.vertices).mean(axis=0)
     outward = np.where(normals @ middle[:, None] > offsets, -1.0, 1.0)
-    return np.unique(np.round(outward * np.hstack([normals, offsets]), _PLANE_DIGITS), axis=0)
-
-
-def _find_depths_in(points: Float[np.ndarray, "N 3"], piece: trimesh.Trimesh) -> Float[np.ndarray, " N"]:
-    """Return the distance of the nearest plane of one piece, 0 outside."""
-    planes = find_planes(piece)
-    depths = np.empty(len(points))
-    step = max(_MOST_VALUES // max(len(planes), 1), 1)
-    for start in range(0, len(points), step):
-        part = points[start : start + step]
-        depths[start : start + step] = (planes[:, 3] - part @ planes[:, :3].T).min(axis=1, initial=np.inf)
-    return np.maximum(depths, 0.0)
+    return outward * np.hstack([normals, offsets])

@@ -17,17 +17,15 @@ _SHARES = ("uncovered", "beams_contact", "beams_surface", "free_space", "dropped
 
 @dataclass(frozen=True)
 class ArenaQuality:
-    """Distances between contact geometry and the surface.
-
-    Of a terrain: vertical, on a grid, 2 cm around walls left out. Of a closed body and of a surface with overhangs,
-    of which a vertical line sees one side only: of points all over the surface from the hulls of the pieces.
+    """Distances between contact geometry and the surface, of points all over both: walls and overhangs included.
 
     Attributes:
-        mean: mean distance [m]; inf where there is no ground to measure on, as are the next three.
+        mean: mean distance of the surface from contact [m]; inf where there is nothing to measure on, as are the
+            next two and the bias.
         p95: 95th percentile [m].
         max: largest [m].
-        bias: mean of contact minus surface: above 0 where the ground is lifted [m].
-        uncovered: share of the surface without contact geometry beneath it.
+        bias: mean distance, above 0 where contact stands in front of the surface, below where behind [m].
+        uncovered: share of the surface without contact geometry within 5 cm.
         num_pieces: number of contact pieces.
         seconds: time that the decomposition took [s].
         protrusion_mean: mean distance of points on the exposed side of the contact geometry from the
@@ -88,13 +86,35 @@ class ArenaQuality:
 
     @classmethod
     def of_gaps(
-        cls, gaps: Float[np.ndarray, " N"], uncovered: float, num_pieces: int, seconds: float
+        cls,
+        gaps: Float[np.ndarray, " N"],
+        uncovered: float,
+        num_pieces: int,
+        seconds: float,
+        protrusions: Float[np.ndarray, " M"] | None = None,
     ) -> ArenaQuality:
-        """Summarize signed distances of contact from the surface [m], above 0 where the ground is lifted."""
-        if not len(gaps):
+        """Summarize signed distances of contact from the surface [m], above 0 where contact stands in front of it.
+
+        Args:
+            gaps: of points on the surface.
+            uncovered: share of them without contact nearby.
+            num_pieces: number of contact pieces.
+            seconds: time that they took [s].
+            protrusions: of points on contact: how far they stand in front of the surface [m].
+        """
+        if not len(gaps) or not np.isfinite(gaps).all():
             return cls(np.inf, np.inf, np.inf, num_pieces, np.inf, 1.0, seconds)
         distances = np.abs(gaps)
+        has_protrusions = protrusions is not None and len(protrusions) > 0
+        p_mean, p_p95, p_max = (
+            (float(protrusions.mean()), float(np.percentile(protrusions, 95)), float(protrusions.max()))
+            if protrusions is not None and has_protrusions
+            else (None, None, None)
+        )
         return cls(
+            protrusion_mean=p_mean,
+            protrusion_p95=p_p95,
+            protrusion_max=p_max,
             mean=float(distances.mean()),
             p95=float(np.percentile(distances, 95)),
             max=float(distances.max()),

@@ -81,8 +81,9 @@ class SnakePitConfig:
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
         hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
         sensors: parts of the observation, in order, of `SENSORS`.
-        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) [m].
-        goal: (x, y) that the head has to reach [m]; None for the far side of the course or the pit.
+        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) or (x, y, z)
+            [m], where z selects one of several storeys.
+        goal: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
         abyss: whether touching the floor of the pit ends the episode.
         track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.

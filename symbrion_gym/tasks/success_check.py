@@ -250,8 +250,16 @@ class SuccessCheck:
         ceiling = self._ceiling[np.searchsorted(self._strips, x)]
         if (z - ceiling >= high).any():
             return False
-        above = z - self._arena.height(x, y)
+        above = z - self._find_ground(x, y, z)
         return bool(((above > low) & (above < high)).all())
+
+    def _find_ground(
+        self, x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], z: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return the height of the ground: the surface, or below a ceiling its highest part beneath the modules."""
+        if self._route.start_height is None:
+            return self._arena.height(x, y)
+        return self._arena.elevation.height_below(x, y, z)
 
     def has_touched_pit(self, position: Float[np.ndarray, "n 3"], rotation: Float[np.ndarray, "n 9"]) -> bool:
         """Return whether a module of one simulation touches the floor of the pit; arguments as `is_standing`."""

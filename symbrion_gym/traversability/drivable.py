@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.traversability.columns import SortedHeights, find_spans, find_walls
-from symbrion_gym.traversability.footprint import Footprint, MapConfig
+from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
 from symbrion_gym.traversability.grid import Grid, make_grid
 from symbrion_gym.traversability.ground import find_ground, find_walkable
 from symbrion_gym.traversability.places import DIRECTIONS, find_places
@@ -40,7 +40,7 @@ class TraversabilityMap:
         roughness: `[P]` standard deviation of the ground from that slope [m]; nan likewise.
         step: `[P]` highest step to a neighbor on the same ground [m]; nan without one.
         wall_distance: `[P]` distance from the nearest wall, rim or ground that is too steep [m], up to
-            `MapConfig.max_distance`; 0 on such ground itself.
+            `TraversabilityConfig.max_distance`; 0 on such ground itself.
         is_drivable: `[P]` whether the middle of the body can be here: it keeps `footprint.reach` from walls.
         region: `[P]` number of the connected drivable region, the largest is 0; -1 where it is not drivable.
         links: `[P, 8]` the place in each neighboring cell that the body can drive to; -1 for none.
@@ -124,7 +124,7 @@ def find_traversability(
     pieces: list[trimesh.Trimesh],
     height_field: HeightField | None = None,
     footprint: Footprint | None = None,
-    config: MapConfig | None = None,
+    config: TraversabilityConfig | None = None,
 ) -> TraversabilityMap:
     """Map where a body can drive.
 
@@ -140,7 +140,7 @@ def find_traversability(
     Raises:
         ArenaError: there is neither a piece nor a height field, or no surface.
     """
-    footprint, config = footprint or Footprint(), config or MapConfig()
+    footprint, config = footprint or Footprint(), config or TraversabilityConfig()
     if not len(surface.faces) or (not pieces and height_field is None):
         raise ArenaError("an arena without surface or contact geometry has no ground to drive on")
     low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]

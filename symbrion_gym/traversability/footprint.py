@@ -94,7 +94,7 @@ class Footprint:
 
 
 @dataclass(frozen=True)
-class MapConfig:
+class TraversabilityConfig:
     """How ground is found and mapped.
 
     Attributes:

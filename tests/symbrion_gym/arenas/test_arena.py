@@ -19,7 +19,7 @@ from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym.contact.budget import TimeBudget
+from symbrion_gym.contact.deadline import TimeBudget
 from symbrion_gym.contact.surface_error import measure_arena
 from symbrion_gym.errors import ArenaError
 

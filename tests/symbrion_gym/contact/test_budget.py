@@ -2,7 +2,7 @@
 
 import time
 
-from symbrion_gym.contact.budget import TimeBudget
+from symbrion_gym.contact.deadline import TimeBudget
 
 
 def test_waiting_is_not_work():

@@ -1,0 +1,155 @@
+"""What an arena is made of: a surface wound towards free space, and the readings behind it where they are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.files.printable import make_printable
+from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction.geometry.orientation import orient_to_viewpoints
+from symbrion_gym.arenas.surface_file import load_surface
+from symbrion_gym.errors import ArenaError
+
+if TYPE_CHECKING:
+    from reconstruction.reconstruct import Reconstruction
+
+_FAR = 1000.0
+"""A surface this many times its extent, or this many meters, from the origin is recentered: MuJoCo stores vertices in
+single precision, which moves UTM coordinates by 0.13 m."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScannedSurface:
+    """A surface and what was scanned.
+
+    Attributes:
+        mesh: faces look at free space where `is_oriented` [m].
+        source: name of the file, or "mesh".
+        is_oriented: whether the winding tells where free space is.
+        points: readings [m]; None: unknown.
+        viewpoints: positions of the sensor [m].
+        seen_from: viewpoint of every reading.
+        dropped: share of the readings that pre-processing dropped.
+        offset: what was subtracted from the coordinates of the scan [m].
+    """
+
+    mesh: trimesh.Trimesh
+    source: str = "mesh"
+    is_oriented: bool = False
+    points: Float[np.ndarray, "N 3"] | None = None
+    viewpoints: Float[np.ndarray, "K 3"] | None = None
+    seen_from: Int[np.ndarray, " N"] | None = None
+    dropped: float | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def take_surface(
+    surface: Reconstruction | trimesh.Trimesh | str | Path, viewpoints: ArrayLike | None = None
+) -> ScannedSurface:
+    """Return a reconstruction, a mesh, or a file of either as a surface near the origin of its frame.
+
+    Args:
+        surface: what an arena is made of.
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the surface [m].
+
+    Raises:
+        ArenaError: the file cannot be read, or the viewpoints are none.
+    """
+    scanned = _take(surface)
+    if viewpoints is not None:
+        scanned = _look_from(scanned, _check_viewpoints(viewpoints) - np.array(scanned.offset))
+    return _recenter(scanned)
+
+
+def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Trimesh:
+    """Return the repaired mesh, its winding kept where that tells where free space is.
+
+    Raises:
+        ArenaError: nothing usable is left of it.
+    """
+    try:
+        return repair_mesh(scanned.mesh, replace(config, keeps_winding=scanned.is_oriented))
+    except ReconstructionError as error:
+        raise ArenaError(f"{scanned.source}: {error}") from error
+
+
+def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:
+    if isinstance(surface, trimesh.Trimesh):
+        return ScannedSurface(surface)
+    if isinstance(surface, str | Path):
+        name = make_printable(Path(surface).name)
+        if Path(surface).suffix.lower() == ".npz":
+            from reconstruction.reconstruct import Reconstruction
+
+            try:
+                return _take_reconstruction(Reconstruction.load(surface), name)
+            except ReconstructionError as error:
+                raise ArenaError(str(error)) from error
+        return ScannedSurface(load_surface(surface), name)
+    return _take_reconstruction(surface, "reconstruction")
+
+
+def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
+    readings = made.readings
+    dropped = made.notes.get("dropped")
+    return ScannedSurface(
+        made.mesh,
+        name,
+        True,
+        readings.points,
+        readings.viewpoints,
+        readings.seen_from,
+        float(dropped) if isinstance(dropped, int | float) else None,
+        (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+    )
+
+
+def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
+    try:
+        array = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise ArenaError(f"viewpoints must be positions x, y, z, got {viewpoints!r}") from error
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
+        raise ArenaError(f"viewpoints must be one or more finite positions x, y, z, got {viewpoints!r}")
+    return array
+
+
+def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) -> ScannedSurface:
+    """Return a surface whose components look to the viewpoints that saw them."""
+    mesh = scanned.mesh
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    points = scanned.points if scanned.points is not None else vertices[faces].mean(axis=1)
+    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints)
+    mesh = trimesh.Trimesh(vertices, turned, process=False)
+    return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
+
+
+def _recenter(scanned: ScannedSurface) -> ScannedSurface:
+    """Return a surface near the origin: what is far off is moved by whole meters."""
+    vertices = np.asarray(scanned.mesh.vertices, dtype=np.float64)
+    finite = vertices[np.isfinite(vertices).all(axis=1)]
+    if not len(finite):
+        return scanned
+    low, high = finite.min(axis=0), finite.max(axis=0)
+    extent, distance = float((high - low).max()), float(np.linalg.norm((low + high) / 2))
+    if distance <= max(_FAR * min(extent, 1.0), extent):
+        return scanned
+    step = np.round((low + high) / 2)
+    moved = trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False)
+    total = np.array(scanned.offset) + step
+    return replace(
+        scanned,
+        mesh=moved,
+        points=None if scanned.points is None else scanned.points - step,
+        viewpoints=None if scanned.viewpoints is None else scanned.viewpoints - step,
+        offset=(float(total[0]), float(total[1]), float(total[2])),
+    )
