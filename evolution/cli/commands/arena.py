@@ -1,8 +1,6 @@
 """`symbrion arena`: turn a surface into geometry for MuJoCo."""
 
 import dataclasses
-import inspect
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -25,11 +23,7 @@ from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
 
 if TYPE_CHECKING:
-    import trimesh
-
     from symbrion_gym.arenas.accuracy import AccuracyReport
-
-logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -107,8 +101,6 @@ class Arena(SeededCommand):
             ["measure", "value"],
             make_quality_rows(arena, report),
         )
-        for warning in report.warnings:
-            logger.warning("%s", warning)
         return self._summarize(arena, report, step.seconds)
 
     def _summarize(self, arena: sg.Arena, report: "AccuracyReport", seconds: float) -> dict[str, Any]:
@@ -123,68 +115,20 @@ class Arena(SeededCommand):
         return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
 
     def _make(self, progress: rc.Progress) -> sg.Arena:
-        """Return the arena, its quality measured against the scan as far as it is known."""
-        scan = self._load_scan()
-        surface = self._load_surface() if scan is None and self.viewpoint else self.mesh
         options = {
             name: getattr(self, name)
-            for name in ("accuracy", "max_pieces", "time_limit")
+            for name in ("max_pieces", "time_limit")
             if getattr(self, name) is not None
         }
-        takes_scans = "surface" in inspect.signature(sg.make_arena).parameters
-        source: Any = surface if scan is None else scan if takes_scans else scan.mesh
-        arena = sg.make_arena(
-            source, kind=self.kind, seed=self.seed, name=self.mesh.stem, progress=progress, **options
+        return sg.make_arena(
+            self.mesh,
+            accuracy=self.accuracy,
+            kind=self.kind,
+            viewpoints=np.array(self.viewpoint) if self.viewpoint else None,
+            seed=self.seed,
+            progress=progress,
+            **options,
         )
-        if arena.quality.beams_contact is not None:
-            return arena
-        return self._measure_beams(arena, scan)
-
-    def _measure_beams(self, arena: sg.Arena, scan: rc.Reconstruction | None) -> sg.Arena:
-        """Return the arena with the shares of beams and free space; as it is where no viewpoint is known."""
-        from symbrion_gym.arenas.scan_quality import add_scan_quality, simulate_readings
-
-        contact = arena.pieces if arena.height_field is None else arena.height_field
-        if scan is not None:
-            readings, kept = scan.readings, None if scan.readings is scan.cloud else scan.points
-        elif self.viewpoint:
-            readings, kept = simulate_readings(arena.surface, np.array(self.viewpoint)), None
-        else:
-            return arena
-        quality = add_scan_quality(arena.quality, readings, kept, contact, arena.surface)
-        return dataclasses.replace(arena, quality=quality)
-
-    def _load_scan(self) -> rc.Reconstruction | None:
-        """Return the reconstruction, seen from `--viewpoint` where that is given; None of a mesh file."""
-        if self.mesh.suffix != ".npz":
-            return None
-        scan = rc.Reconstruction.load(self.mesh)
-        if not self.viewpoint:
-            return scan
-        seen = {"viewpoints": np.array(self.viewpoint) - scan.offset, "seen_from": None}
-        readings = None if scan.readings is scan.cloud else scan.readings.replace(**seen)
-        return rc.Reconstruction(
-            scan.method,
-            scan.config,
-            scan.state,
-            scan.cloud.replace(**seen),
-            readings=readings,
-            notes=scan.notes,
-        )
-
-    def _load_surface(self) -> "trimesh.Trimesh":
-        """Return the mesh of a file, each part turned towards the viewpoint that sees it."""
-        from reconstruction.geometry.orientation import orient_to_viewpoints
-        from symbrion_gym.arenas.scan_quality import simulate_readings
-        from symbrion_gym.arenas.surface_file import load_surface
-
-        mesh, viewpoints = load_surface(self.mesh), np.array(self.viewpoint)
-        viewpoints = viewpoints - np.asarray(mesh.metadata.get("offset", np.zeros(3)))
-        seen = simulate_readings(mesh, viewpoints)
-        mesh.faces = orient_to_viewpoints(
-            np.asarray(mesh.vertices), np.asarray(mesh.faces), seen.points, viewpoints, seen.seen_from
-        )[0]
-        return mesh
 
     def _draw(self, arena: sg.Arena) -> None:
         assert self.picture is not None
