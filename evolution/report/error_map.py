@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 import matplotlib as mpl
 import numpy as np
-import trimesh
 from jaxtyping import Float
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -16,8 +15,8 @@ import symbrion_gym as sg
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
-from symbrion_gym.contact.inside import find_depths
-from symbrion_gym.contact.offsets import find_nearest, find_offsets, join_meshes
+from evolution.report.touchable import find_touchable
+from symbrion_gym.contact.offsets import find_nearest, find_offsets
 from symbrion_gym.contact.quality import ArenaQuality
 
 DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
@@ -26,16 +25,8 @@ WIDTH = 620
 """Width of each of the four pictures [pixel]."""
 COLORS = "coolwarm"
 """Red: contact stands in front of the surface, a bump. Blue: it lies behind or is missing, a hole."""
-PARTS = 80
-"""Contact is cut into parts this small, relative to the arena, before those behind the surface are left out."""
 LEAST_LIMIT = 0.001
 """The end of the color scale is never below 1 mm: smaller errors are of no interest to a robot."""
-ALIKE = 0.5
-"""Cosine from which contact faces the same way as the surface."""
-IN_FRONT = 0.001
-"""Contact farther in front of the surface is drawn whichever way it faces [m]. The rest is the outside of a wall."""
-HIDDEN = 1e-4
-"""Contact deeper inside another piece is left out [m]."""
 
 
 def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
@@ -48,11 +39,11 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
         limit: distance at the ends of the color scale [m]; by default the 95th percentile, rounded up.
     """
     surface = np.asarray(arena.surface.triangles)
-    front, labels = _find_front(arena)
+    front, labels = find_touchable(arena)
     contact = arena.pieces if arena.height_field is None else arena.height_field
     drawn = []
     for direction in DIRECTIONS:
-        view = make_view(np.asarray(arena.surface.bounds), *direction, OVERSAMPLING * WIDTH)
+        view = make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
         drawn.append(_measure(surface, view, lambda points: find_offsets(points, contact)))
         drawn.append(_measure(front, view, lambda points: find_nearest(points, arena.surface).heights))
     limit = 1000 * (limit or _find_limit([values for _, values in drawn]))
@@ -65,29 +56,6 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
             image = draw_outlines(image, np.append(labels, -1)[pixels.face])
         images.append(reduce_samples(image))
     return _compose(images, scale, describe_quality(arena.quality))
-
-
-def _find_front(arena: sg.Arena) -> tuple[Float[np.ndarray, "F 3 3"], np.ndarray]:
-    """Return the triangles of contact that a robot may meet, in small parts, and the piece of each."""
-    meshes = [arena.height_field.as_mesh()] if arena.height_field is not None else arena.pieces
-    vertices, faces = join_meshes(meshes)
-    labels = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
-    if not len(faces):
-        return np.zeros((0, 3, 3)), labels
-    size = float(arena.surface.extents.max()) / PARTS
-    parts = trimesh.remesh.subdivide_to_size(vertices, faces, size, max_iter=30, return_index=True)
-    faces, origin = (np.asarray(part, dtype=np.int64) for part in parts[1:])
-    triangles, labels = np.asarray(parts[0])[faces], labels[origin]
-    nearest = find_nearest(triangles.mean(axis=1), arena.surface)
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    is_front = (nearest.heights > IN_FRONT) | (_find_cosines(normals, nearest.normals) > ALIKE)
-    is_front &= find_depths(triangles.mean(axis=1), arena.pieces) < HIDDEN
-    return triangles[is_front], labels[is_front]
-
-
-def _find_cosines(one: Float[np.ndarray, "F 3"], other: Float[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
-    lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
-    return (one * other).sum(axis=1) / np.maximum(lengths, np.finfo(float).tiny)
 
 
 def _measure(

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 _MOST_CELLS = 1_000_000
 """Pixels that are tested at once: bounds the memory to some 100 MB."""
 _FILLED, _MOST_HEIGHT = 0.97, 0.75
-"""Share of the picture that a box fills; largest height of a picture, relative to its width."""
+"""Share of the picture that is filled; largest height of a picture, relative to its width."""
 _EDGE = 1e-9
 """Pixels this far outside of a triangle, relative to its size, belong to it: no gap between neighbors."""
 _LEAST_AREA = 1e-9
@@ -70,11 +70,11 @@ class Pixels(NamedTuple):
     height: Float[np.ndarray, "H W"]
 
 
-def make_view(bounds: Float[np.ndarray, "2 3"], elevation: float, azimuth: float, width: int) -> View:
-    """Return a view in which a box fills the picture, which is at most 3/4 as high as it is wide.
+def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float, width: int) -> View:
+    """Return a view in which points fill the picture, which is at most 3/4 as high as it is wide.
 
     Args:
-        bounds: lower and upper corner of the box [m].
+        points: what is to be seen, such as the vertices of a mesh [m].
         elevation: angle of the camera above the horizon [degree].
         azimuth: direction from the middle to the camera, from x towards y [degree].
         width: pixels.
@@ -83,8 +83,7 @@ def make_view(bounds: Float[np.ndarray, "2 3"], elevation: float, azimuth: float
     right = np.array([-np.sin(around), np.cos(around), 0.0])
     towards = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
     axes = np.stack([right, np.cross(towards, right), towards])
-    corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(-1, 3)
-    seen = corners @ axes.T
+    seen = points @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     extent = np.maximum(high - low, np.finfo(np.float32).tiny)
     scale = _FILLED * min(width / extent[0], _MOST_HEIGHT * width / extent[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,15 +15,17 @@ from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.scanned import ScannedSurface, find_two_sided, repair_surface, take_surface
+from symbrion_gym.arenas.scan_quality import add_scan_quality
+from symbrion_gym.arenas.scanned import find_two_sided, repair_surface, take_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
 from symbrion_gym.contact.options import ContactConfig, ContactOptions
-from symbrion_gym.contact.visibility import add_visibility, measure_visibility
 
 if TYPE_CHECKING:
     from reconstruction.reconstruct import Reconstruction
+
+logger = logging.getLogger(__name__)
 
 
 def make_arena(
@@ -87,7 +90,10 @@ def make_arena(
     folder = Path(cache) if isinstance(cache, str | Path) else None
     key = replace(options, accuracy=wanted)
     contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
-    contact = _compare_with_scan(scanned, mesh, contact)
+    shapes = contact.pieces if contact.height_field is None else contact.height_field
+    quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
+    for warning in contact.notes.get("warnings", ()):
+        logger.warning("%s", warning)
     progress("done", 1.0)
     if friction is None:
         friction = course.friction if course is not None else 0.7
@@ -102,7 +108,7 @@ def make_arena(
         name or "arena",
         contact.pieces,
         mesh,
-        contact.quality,
+        quality,
         friction,
         course,
         kind,
@@ -110,13 +116,3 @@ def make_arena(
         about,
         scanned.offset,
     )
-
-
-def _compare_with_scan(scanned: ScannedSurface, mesh: trimesh.Trimesh, contact: Contact) -> Contact:
-    """Return contact geometry with what the scanner's beams say of it, where they are known."""
-    quality = replace(contact.quality, dropped=scanned.dropped)
-    if scanned.points is None or scanned.viewpoints is None:
-        return replace(contact, quality=quality)
-    pieces = contact.height_field if contact.height_field is not None else contact.pieces
-    visibility = measure_visibility(scanned.points, scanned.viewpoints, scanned.seen_from, pieces, mesh)
-    return replace(contact, quality=add_visibility(quality, visibility))

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from reconstruction.geometry.sampling import sample_area
-from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.dropped import DroppedConfig, find_dropped
+from symbrion_gym.arenas.scanned import ScannedSurface
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.contact.ray_mesh import RayMesh
@@ -23,38 +22,37 @@ _HIDDEN = 1e-3
 
 def add_scan_quality(
     quality: ArenaQuality,
-    readings: Cloud,
-    kept: Float[np.ndarray, "M 3"] | None,
+    scanned: ScannedSurface,
     contact: Sequence[trimesh.Trimesh] | HeightField,
     surface: trimesh.Trimesh,
     config: VisibilityConfig | None = None,
 ) -> ArenaQuality:
     """Return the quality of an arena with the shares of beams, of free space and of dropped readings.
 
-    What the scan does not tell stays None: beams and free space without viewpoints.
+    What the scan does not tell stays None: beams and free space without viewpoints. With viewpoints and without
+    readings, exact readings of the surface take their place.
 
     Args:
         quality: distances, as measured before.
-        readings: all readings of the scan, in the frame of the arena.
-        kept: the points that pre-processing kept; None where that is unknown, or it kept all.
+        scanned: what the arena was made of, in its frame.
         contact: convex pieces, or the height field in their place.
         surface: the arena's surface.
         config: how beams are compared.
     """
-    if kept is not None and readings.num_points:
-        quality = replace(quality, dropped=float(find_dropped(readings.points, kept, DroppedConfig()).mean()))
-    if readings.viewpoints is None:
+    quality = replace(quality, dropped=scanned.dropped)
+    points, seen_from = scanned.points, scanned.seen_from
+    if scanned.viewpoints is None:
         return quality
-    visibility = measure_visibility(
-        readings.points, readings.viewpoints, readings.seen_from, contact, surface, config
-    )
+    if points is None:
+        points, seen_from = simulate_readings(surface, scanned.viewpoints)
+    visibility = measure_visibility(points, scanned.viewpoints, seen_from, contact, surface, config)
     return add_visibility(quality, visibility)
 
 
 def simulate_readings(
     surface: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"], num_points: int = 20_000
-) -> Cloud:
-    """Return exact readings of a surface, for one whose scan is not known.
+) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
+    """Return exact readings of a surface whose scan is not known, and the viewpoint of each.
 
     Args:
         surface: what is seen.
@@ -70,4 +68,4 @@ def simulate_readings(
         is_seen = rays.cast(np.tile(viewpoint, (len(points), 1)), ways / ranges[:, None]) >= ranges - _HIDDEN
         found.append(points[is_seen])
         seen_from.append(np.full(int(is_seen.sum()), index))
-    return Cloud(np.concatenate(found), viewpoints=viewpoints, seen_from=np.concatenate(seen_from))
+    return np.concatenate(found), np.concatenate(seen_from)

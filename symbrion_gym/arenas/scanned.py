@@ -16,6 +16,7 @@ from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
+from reconstruction.scans.dropped import find_dropped
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -112,7 +113,8 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurf
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
     readings = made.readings
-    dropped = made.notes.get("dropped")
+    is_filtered = readings is not made.cloud and readings.num_points > 0
+    dropped = float(find_dropped(readings.points, made.points).mean()) if is_filtered else None
     return ScannedSurface(
         made.mesh,
         name,
@@ -120,7 +122,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.points,
         readings.viewpoints,
         readings.seen_from,
-        float(dropped) if isinstance(dropped, int | float) else None,
+        dropped,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -23,8 +22,6 @@ from symbrion_gym.contact.passes.patches import fit_flat_patches, fit_patches, m
 from symbrion_gym.contact.passes.slabs import fit_slabs
 from symbrion_gym.contact.problem import ContactProblem
 from symbrion_gym.errors import ArenaError
-
-_logger = logging.getLogger(__name__)
 
 Pass = Callable[[ContactProblem, Contact | None], Contact | None]
 """From the problem and the best so far to a candidate; None where the pass does not apply."""
@@ -127,10 +124,8 @@ def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
         warnings.append(
             f"building ended at the time limit of {options.time_limit:g} s with the best so far; allow more time"
         )
-    if miss > 1.0 and options.kind in ("convex", "primitives"):
+    if miss > 1.0:
         warnings.append(_describe_miss(problem, contact, place, distance))
-    for warning in warnings:
-        _logger.warning("%s", warning)
     return replace(contact, notes={**contact.notes, **notes, "warnings": warnings})
 
 
@@ -150,7 +145,9 @@ def _describe_miss(problem: ContactProblem, contact: Contact, place: list[float]
     remedy = f"allow more pieces (max_pieces is {problem.options.max_pieces})"
     if 2 * count < problem.options.max_pieces:
         remedy = "ask for less accuracy"
-    if problem.shape == "terrain":
+    if problem.options.kind in ("hfield", "prisms"):
+        remedy = "take kind 'convex'"
+    elif problem.shape == "terrain":
         remedy += ", or take kind 'hfield'"
     where = ", ".join(f"{x:.2f}" for x in place)
     mean, p95 = 1e3 * quality.mean, 1e3 * quality.p95

@@ -258,7 +258,14 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is None:
             length = self.world.num_modules * self.world.organism.scout.pitch
             size = (self.width, self.height)
-            self._renderer = SceneRenderer(self.model, self.data, *size, length, self.world.route.heading)
+            self._renderer = SceneRenderer(
+                self.model,
+                self.data,
+                *size,
+                length,
+                self.world.route.heading,
+                quality=self.world.arena.quality,
+            )
         self._renderer.follow(self.physics.position[0])
         return self._renderer.render(self.render_mode)
 

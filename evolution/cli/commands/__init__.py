@@ -10,11 +10,13 @@ from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
 from evolution.cli.commands.survey import Survey
+from evolution.cli.commands.view import View
 
 COMMANDS: dict[str, type[Command]] = {
     "survey": Survey,
     "reconstruct": Reconstruct,
     "arena": Arena,
+    "view": View,
     "evolve": Evolve,
     "resume": Resume,
     "replay": Replay,

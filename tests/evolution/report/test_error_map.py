@@ -3,6 +3,7 @@
 import io
 
 import numpy as np
+import pytest
 import trimesh
 from PIL import Image
 
@@ -14,6 +15,11 @@ from symbrion_gym.contact.quality import ArenaQuality
 
 GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
 QUALITY = ArenaQuality(0.0, 0.0, 0.0, 1)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evolution.report.error_map.WIDTH", 300)
 
 
 def make_box(low, high) -> trimesh.Trimesh:

@@ -6,8 +6,8 @@ import trimesh
 
 from evolution.report.raster import find_outlines, make_view, rasterize
 
-BOUNDS = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
-ABOVE = make_view(BOUNDS, 90.0, -90.0, 100)
+CORNERS = np.asarray(trimesh.creation.box((2, 2, 2)).vertices)
+ABOVE = make_view(CORNERS, 90.0, -90.0, 100)
 
 
 def make_square(size: float, z: float) -> np.ndarray:
@@ -40,7 +40,7 @@ def test_what_is_seen_from_behind_is_left_out() -> None:
 
 
 def test_points_return_from_their_pixels() -> None:
-    view = make_view(BOUNDS, 35.0, 120.0, 300)
+    view = make_view(CORNERS, 35.0, 120.0, 300)
     sphere = trimesh.creation.icosphere(subdivisions=4)
     pixels = rasterize(np.asarray(sphere.triangles), view)
     rows, columns = np.nonzero(pixels.face >= 0)
