@@ -8,6 +8,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
+    "usd": ("pxr",),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 
