@@ -18,7 +18,7 @@ from symbrion_gym.errors import ArenaError
 
 _HEIGHT_SPACING = 0.02
 """Spacing of the grid of heights [m]: about that of a scan indoors; half of it takes four times the memory."""
-_MOST_HEIGHTS = 1_000_000
+_MOST_HEIGHTS = 400_000
 """Cells of that grid; it is wider where it would have more."""
 
 
