@@ -35,6 +35,9 @@ OF_MODULES = {("os", "replace"), ("os", "remove"), ("np", "save"), ("Image", "sa
 ALLOWED = {
     ("symbrion_gym/arenas/saving.py", "unlink"): "files that the arena's manifest names",
     ("symbrion_gym/arenas/saving.py", "rmdir"): "folders of the arena that are empty",
+    ("symbrion_gym/arenas/export/saving.py", "unlink"): "files that the export's manifest names",
+    ("symbrion_gym/arenas/export/saving.py", "rmdir"): "the folder of pieces that is empty",
+    ("evolution/cli/commands/export.py", "export"): "an arena, by its own method",
     ("evolution/search/run.py", "unlink"): "the four files of a run",
     ("symbrion_gym/contact/decomposition.py", "savez"): "into a temporary folder",
     ("symbrion_gym/contact/coacd_worker.py", "savez"): "into the same",
