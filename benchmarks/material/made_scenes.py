@@ -102,10 +102,10 @@ def make_spiral_stairs(seed: int = 1) -> MadeScan:
 
 
 def make_rubble(seed: int = 2) -> MadeScan:
-    """Make 90 rocks and blocks of 0.15 to 0.8 m, tilted and partly buried, on 6 x 6 m."""
+    """Make 200 rocks and blocks of 0.15 to 0.75 m, tilted and partly buried, on 6 x 6 m."""
     rng = np.random.default_rng(seed)
     parts = [_place_box((0, 0, -0.3), (6.0, 6.0, 0.3))]
-    for number in range(90):
+    for number in range(200):
         size = 0.15 * 5 ** rng.uniform(0, 1)
         if number % 2:
             part = trimesh.creation.box(size * rng.uniform(0.4, 1.0, 3))
@@ -246,12 +246,12 @@ def _make_table(x: float, y: float, size: tuple[float, float], height: float = 0
 def _place_box(foot: tuple, size: tuple, yaw: float = 0.0) -> trimesh.Trimesh:
     """Make a box that stands on the point `foot` [m], turned about the vertical [deg]."""
     turn = trimesh.transformations.rotation_matrix(np.radians(yaw), [0, 0, 1])
-    turn[:3, 3] = np.asarray(foot) + [0, 0, size[2] / 2]
+    turn[:3, 3] = np.add(foot, [0, 0, size[2] / 2])
     return trimesh.creation.box(size, turn)
 
 
 def _place_cylinder(foot: tuple, radius: float, height: float) -> trimesh.Trimesh:
-    place = trimesh.transformations.translation_matrix(np.asarray(foot) + [0, 0, height / 2])
+    place = trimesh.transformations.translation_matrix(np.add(foot, [0, 0, height / 2]))
     return trimesh.creation.cylinder(radius, height, sections=32, transform=place)
 
 
