@@ -40,6 +40,7 @@ BARS = {
     "memory_gb": Bar("memory GB", 2.0),
     "surface_over_poisson": Bar("surface/Poisson", 1.0),
     "route": Bar("route", 1.0, is_least=True, digits=0),
+    "same_bits": Bar("same bits", 1.0, is_least=True, digits=0),
 }
 """Figure of a scene -> its bar."""
 _SMALL = 100_000
@@ -62,7 +63,21 @@ def find_figures(row: dict[str, Any]) -> dict[str, float | None]:
         "memory_gb": made.get("memory_gb"),
         "surface_over_poisson": _divide(surface, poisson),
         "route": made.get("route"),
+        "same_bits": row.get("same_bits"),
     }
+
+
+def summarise(rows: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Return for each bar the worst figure of all scenes, how many meet it, and of how many."""
+    found: dict[str, Any] = {
+        "scenes": {"of": len(rows), "met": sum("failed" not in row for row in rows.values())}
+    }
+    for key, bar in BARS.items():
+        figures = [figure for row in rows.values() if (figure := find_figures(row)[key]) is not None]
+        if figures:
+            worst = min(figures) if bar.is_least else max(figures)
+            found[key] = {"worst": worst, "met": sum(map(bool, map(bar.is_met, figures))), "of": len(figures)}
+    return found
 
 
 def format_bars(rows: dict[str, dict[str, Any]]) -> list[str]:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 
+from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.scan_sources import ScanCase
 from reconstruction.files.atomic_write import write_atomically
 from symbrion_gym.arenas.arena import Arena
@@ -55,8 +56,7 @@ def make(case: ScanCase, folder: Path) -> Made:
     """
     folder.mkdir(parents=True, exist_ok=True)
     arrays = {"points": case.points, "viewpoints": case.viewpoints, "seen_from": case.seen_from}
-    with write_atomically(folder / "cloud.npz") as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{name: array for name, array in arrays.items() if array is not None})  # pyright: ignore[reportArgumentType]
+    save_arrays(folder / "cloud.npz", arrays)
     words = [
         sys.executable,
         "-m",
@@ -82,10 +82,9 @@ def make(case: ScanCase, folder: Path) -> Made:
         "memory_gb": usage.ru_maxrss * 1024 / 1e9,
         "warnings": [line for line in said.splitlines()[:-1] if line.strip()][-5:],
     }
-    with np.load(folder / "made.npz") as arrays:
-        surface = trimesh.Trimesh(arrays["vertices"], arrays["faces"], process=False)
-        offset = arrays["offset"]
-    return Made(surface, Arena.load(folder / "arena"), offset, figures)
+    held = load_arrays(folder / "made.npz")
+    surface = trimesh.Trimesh(held["vertices"], held["faces"], process=False)
+    return Made(surface, Arena.load(folder / "arena"), held["offset"], figures)
 
 
 def hash_pieces(arena: Arena) -> str:
@@ -104,8 +103,7 @@ def main() -> None:
     import symbrion_gym as sg
 
     cloud, folder = Path(sys.argv[1]), Path(sys.argv[2])
-    with np.load(cloud) as arrays:
-        held: dict[str, Any] = {name: arrays[name] for name in arrays.files}
+    held = load_arrays(cloud)
     begin = time.perf_counter()
     result = _reconstruct(rc, held)
     middle = time.perf_counter()
@@ -114,9 +112,8 @@ def main() -> None:
     end = time.perf_counter()
     arena.save(folder / "arena")
     offset = np.asarray(getattr(result, "offset", np.zeros(3)), float)
-    with write_atomically(folder / "made.npz") as temporary, temporary.open("wb") as file:
-        vertices = np.asarray(result.mesh.vertices, float) + offset
-        np.savez_compressed(file, vertices=vertices, faces=np.asarray(result.mesh.faces), offset=offset)
+    vertices = np.asarray(result.mesh.vertices, float) + offset
+    save_arrays(folder / "made.npz", {"vertices": vertices, "faces": result.mesh.faces, "offset": offset})
     about = arena.provenance
     print(
         json.dumps(

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
+from benchmarks.material.array_files import save_arrays
 from benchmarks.material.ray_casts import make_embree_cast
-from reconstruction.files.atomic_write import write_atomically
 
 RANGE_NOISE = 0.005
 """Standard deviation of the range, as of a scanner of the middle class [m]."""
@@ -261,15 +261,14 @@ def _unite(parts: list[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 def save(path: Path, made: MadeScan) -> None:
     """Write a scan and its truth as one file."""
-    with write_atomically(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(
-            file,
-            points=made.points,
-            viewpoints=made.viewpoints,
-            seen_from=made.seen_from,
-            truth_vertices=np.asarray(made.truth.vertices),
-            truth_faces=np.asarray(made.truth.faces),
-        )
+    held = {
+        "points": made.points,
+        "viewpoints": made.viewpoints,
+        "seen_from": made.seen_from,
+        "truth_vertices": np.asarray(made.truth.vertices),
+        "truth_faces": np.asarray(made.truth.faces),
+    }
+    save_arrays(path, held)
 
 
 def main() -> None:

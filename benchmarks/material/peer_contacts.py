@@ -14,6 +14,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.scan_sources import ScanCase
 from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.arenas.arena import Arena
@@ -49,8 +50,7 @@ def make_coacd(case: ScanCase, surface: trimesh.Trimesh) -> Arena:
     del case
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "in.npz", Path(folder) / "out.npz"
-        with source.open("wb") as file:
-            np.savez(file, vertices=surface.vertices, faces=surface.faces)
+        save_arrays(source, {"vertices": surface.vertices, "faces": surface.faces})
         try:
             subprocess.run(
                 [sys.executable, "-c", _COACD, str(source), str(target)],
@@ -62,8 +62,7 @@ def make_coacd(case: ScanCase, surface: trimesh.Trimesh) -> Arena:
             raise PeerFailedError(f"longer than {COACD_LIMIT:.0f} s") from error
         except subprocess.CalledProcessError as error:
             raise PeerFailedError(f"exit code {error.returncode}") from error
-        with np.load(target) as held:
-            pieces = [trimesh.convex.convex_hull(held[name]) for name in held.files]
+        pieces = [trimesh.convex.convex_hull(points) for points in load_arrays(target).values()]
     return _as_arena("coacd", pieces, surface)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from benchmarks.material.array_files import load_arrays
 from benchmarks.material.clouds import DATA
 from benchmarks.material.made_scenes import SCENES, MadeScan
 
@@ -140,8 +141,7 @@ def load_file(path: Path) -> ScanCase:
     """
     if path.suffix != ".npz":
         return ScanCase(path.stem, _read_points(path))
-    with np.load(path) as arrays:
-        held = {key: arrays[key] for key in arrays.files}
+    held = load_arrays(path)
     if "truth_vertices" in held:
         truth = trimesh.Trimesh(held["truth_vertices"], held["truth_faces"], process=False)
         return _as_case(path.stem, MadeScan(truth, held["points"], held["viewpoints"], held["seen_from"]))
