@@ -53,7 +53,8 @@ class PublicScan:
     Attributes:
         file: name in the folder of the data.
         source: repository and path.
-        viewpoint: place of the scanner in the file's frame, or None.
+        viewpoint: place of the scanner in the file's frame, or None. Where the file does not tell it, it is the place
+            from which readings that follow each other are a whole number of the scanner's steps apart.
         is_airborne: whether it was scanned from the air: no viewpoint is told, the beams are taken as vertical.
         frame: rows of a rotation from the file's frame to z up, or None.
         scale: factor to meters, or to the size of a robot's arena.
@@ -79,11 +80,15 @@ PUBLIC: dict[str, PublicScan] = {
     "apartment": PublicScan(
         "libpointmatcher_apartment_cloud_0.vtk",
         "norlab-ulaval/libpointmatcher, examples/icp_tutorial/cloud_0.vtk",
+        (0.0, 0.0, 0.22),
     ),
-    "lobby": PublicScan("octomap_stairs_scan.dat.bz2", "OctoMap/octomap, octomap/share/data/scan.dat.bz2"),
+    "lobby": PublicScan(
+        "octomap_stairs_scan.dat.bz2", "OctoMap/octomap, octomap/share/data/scan.dat.bz2", (0.03, 0.0, 0.37)
+    ),
     "stairs": PublicScan(
         "octomap_stairs_scan.dat.bz2",
         "OctoMap/octomap, octomap/share/data/scan.dat.bz2",
+        (0.03, 0.0, 0.37),
         crop=((0.4, -4.3, -10.0), (9.6, 1.4, 2.0)),
     ),
     "corridor": PublicScan("3dtk_scan000.3d", "3DTK/3DTK, dat/scan000.3d", reach=(0.2, 32.0)),
@@ -107,9 +112,11 @@ PUBLIC: dict[str, PublicScan] = {
         "pdal_lone_star.laz", "PDAL/PDAL, test/data/ept/source/lone-star.laz", None, is_airborne=True
     ),
     "bunny x10": PublicScan("stanford-bunny.obj", "Stanford 3D Scanning Repository", None, scale=10.0),
-    "street": PublicScan("small_gicp_street.ply", "koide3/small_gicp, data/target.ply"),
+    "street": PublicScan("small_gicp_street.ply", "koide3/small_gicp, data/target.ply", reach=(1.0, 100.0)),
     "campus": PublicScan(
-        "libpointmatcher_cloud_00000.vtk", "norlab-ulaval/libpointmatcher, examples/data/cloud.00000.vtk"
+        "libpointmatcher_cloud_00000.vtk",
+        "norlab-ulaval/libpointmatcher, examples/data/cloud.00000.vtk",
+        (0.5, 0.0, 1.0),
     ),
     "table with mug": PublicScan(
         "pcl_table_scene_mug.pcd", f"{_PCL}, tutorials/table_scene_mug_stereo_textured.pcd", frame=_CAMERA
