@@ -111,8 +111,9 @@ def main() -> None:
     arena = sg.make_arena(result if knows_result else result.mesh, cache=False)
     end = time.perf_counter()
     arena.save(folder / "arena")
-    offset = np.asarray(getattr(result, "offset", np.zeros(3)), float)
-    vertices = np.asarray(result.mesh.vertices, float) + offset
+    offset = np.asarray(getattr(arena, "offset", np.zeros(3)), float)
+    frame = np.asarray(getattr(result, "offset", offset), float)
+    vertices = np.asarray(result.mesh.vertices, float) + frame
     save_arrays(folder / "made.npz", {"vertices": vertices, "faces": result.mesh.faces, "offset": offset})
     about = arena.provenance
     print(
@@ -126,6 +127,7 @@ def main() -> None:
                 "arena_s": end - middle,
                 "hash": hash_pieces(arena),
                 "own_quality": arena.quality.as_dict(),
+                "is_reached": about.get("is_reached"),
             }
         )
     )
@@ -133,10 +135,10 @@ def main() -> None:
 
 def _reconstruct(rc: Any, held: dict[str, Any]) -> Any:
     """Pre-process and reconstruct as `symbrion reconstruct` does, with viewpoints where the code takes them."""
-    if hasattr(rc, "Cloud"):
-        return rc.reconstruct(rc.preprocess(rc.Cloud(**held)))
-    points = rc.preprocess(held["points"])
-    return rc.reconstruct(points, viewpoint=held.get("viewpoints"))
+    if not hasattr(rc, "preprocess_cloud"):
+        return rc.reconstruct(rc.preprocess(held["points"]), viewpoint=held.get("viewpoints"))
+    readings = rc.recenter(rc.Cloud(**held))
+    return rc.reconstruct(rc.preprocess_cloud(readings), readings=readings)
 
 
 if __name__ == "__main__":
