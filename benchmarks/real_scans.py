@@ -30,6 +30,7 @@ from benchmarks.material.cloud_to_arena import ArenaFailedError, Made, hash_piec
 from benchmarks.material.contact_judge import Judge, Solid
 from benchmarks.material.made_scenes import SCENES
 from benchmarks.material.peer_contacts import PEERS, PeerFailedError, time_peer
+from benchmarks.material.pursuit import drive_to_goal
 from benchmarks.material.scan_sources import (
     PUBLIC,
     MissingScanError,
@@ -126,9 +127,20 @@ def measure(case: ScanCase, contacts: list[str], python: str | None) -> dict[str
     for name, times in compare_steps(arenas, below).items():
         found.setdefault(name, {}).update(times)
     row["contact"] = found
+    if hasattr(made.arena, "find_route"):
+        row["drive"] = _drive(judge, made.arena, surface, offset)
     if python is not None:
         row["poisson"] = _measure_poisson(python, judge, len(surface.faces))
     return row
+
+
+def _drive(judge: Judge, arena: Arena, surface: trimesh.Trimesh, offset: np.ndarray) -> dict[str, Any]:
+    """Drive to the goal of the arena's own route, and see whether the route's ends were seen by the scanner."""
+    found = drive_to_goal(arena)
+    if judge.case.origins is not None and "start" in found:
+        ends = np.array([found["start"], found["goal"]]) + offset
+        found["unseen_ends"] = judge.count_unseen(surface, ends)
+    return found
 
 
 def _has_same_bits(case: ScanCase, wanted: str) -> bool:

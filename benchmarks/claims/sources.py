@@ -23,7 +23,15 @@ _ROBOT = (
 _READY_MADE = ("assets/arenas",)
 _SCANS = ("reconstruction/scans", "benchmarks/scans.py")
 _SURFACES = ("benchmarks/material/arena_surfaces.py",)
-_REAL_SCANS = ("cloud_to_arena", "contact_judge", "made_scenes", "open3d_peer", "scan_sources", "snake_steps")
+_REAL_SCANS = (
+    "cloud_to_arena",
+    "contact_judge",
+    "made_scenes",
+    "open3d_peer",
+    "pursuit",
+    "scan_sources",
+    "snake_steps",
+)
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
 _SEARCH = (

@@ -38,8 +38,10 @@ BARS = {
     "step_over_boxes": Bar("step/boxes", 2.5),
     "cpu_s_per_100k": Bar("CPU s/100k", 60.0, digits=0),
     "memory_gb": Bar("memory GB", 2.0),
-    "surface_over_poisson": Bar("surface/Poisson", 1.0),
+    "surface_over_poisson": Bar("surf/Poisson", 1.0),
     "route": Bar("route", 1.0, is_least=True, digits=0),
+    "arrived": Bar("arrived of 16", 14.0, is_least=True, digits=0),
+    "left_ground": Bar("off ground", 0.0, digits=0),
     "same_bits": Bar("same bits", 1.0, is_least=True, digits=0),
 }
 """Figure of a scene -> its bar."""
@@ -47,11 +49,11 @@ _SMALL = 100_000
 """The time is that of a cloud of this many points; smaller clouds get no less."""
 
 
-def find_figures(row: dict[str, Any]) -> dict[str, float | None]:
+def find_figures(row: dict[str, Any]) -> dict[str, Any]:
     """Return the figures that have a bar; None where they were not measured."""
     made, ours = row.get("made", {}), row.get("contact", {}).get("ours", {})
     accuracy, poisson = made.get("accuracy"), row.get("poisson", {}).get("points_mean")
-    surface = row.get("surface", {}).get("points_mean")
+    surface, drive = row.get("surface", {}).get("points_mean"), row.get("drive")
     return {
         "contact_over_accuracy": _divide(ours.get("contact_mean"), accuracy),
         "p95_over_accuracy": _divide(ours.get("contact_p95"), accuracy),
@@ -62,7 +64,9 @@ def find_figures(row: dict[str, Any]) -> dict[str, float | None]:
         "cpu_s_per_100k": _divide(made.get("cpu_s"), max(1.0, row.get("points", 0) / _SMALL)),
         "memory_gb": made.get("memory_gb"),
         "surface_over_poisson": _divide(surface, poisson),
-        "route": made.get("route"),
+        "route": drive and float(drive["route"] and not drive.get("unseen_ends")),
+        "arrived": drive and drive.get("arrived"),
+        "left_ground": drive and drive.get("left_ground"),
         "same_bits": row.get("same_bits"),
     }
 
@@ -82,9 +86,9 @@ def summarise(rows: dict[str, dict[str, Any]]) -> dict[str, Any]:
 
 def format_bars(rows: dict[str, dict[str, Any]]) -> list[str]:
     """Return the lines of a table: a scene a line, a bar a column; `!` marks a miss, `-` what was not measured."""
-    head = f"{'scene':16s}{'points':>8s}" + "".join(f"{bar.name:>16s}" for bar in BARS.values())
+    head = f"{'scene':16s}{'points':>8s}" + "".join(f"{bar.name:>14s}" for bar in BARS.values())
     limits = "".join(
-        f"{('>= ' if bar.is_least else '<= ') + format(bar.scale * bar.limit, 'g'):>16s}"
+        f"{('>= ' if bar.is_least else '<= ') + format(bar.scale * bar.limit, 'g'):>14s}"
         for bar in BARS.values()
     )
     lines = [head, f"{'':24s}{limits}"]
@@ -96,10 +100,12 @@ def format_bars(rows: dict[str, dict[str, Any]]) -> list[str]:
             if is_met is not None:
                 met[key].append(is_met)
             cells.append(_format_cell(bar, figures[key], is_met))
-        lines.append(f"{name:16s}{row.get('points', 0):8d}" + "".join(f"{cell:>16s}" for cell in cells))
+        lines.append(f"{name:16s}{row.get('points', 0):8d}" + "".join(f"{cell:>14s}" for cell in cells))
         if "failed" in row:
             lines.append(f"{'':16s}no arena: {row['failed']}")
-    totals = "".join(f"{f'{sum(list_)} of {len(list_)}':>16s}" for list_ in met.values())
+        if "failed" in row.get("drive", {}):
+            lines.append(f"{'':16s}no route: {row['drive']['failed']}")
+    totals = "".join(f"{f'{sum(list_)} of {len(list_)}':>14s}" for list_ in met.values())
     return [*lines, f"{'met':24s}{totals}"]
 
 

@@ -127,6 +127,18 @@ class Judge:
             found["free_space"] = float(solid.is_inside(self.free_space).mean())
         return found
 
+    def count_unseen(self, surface: trimesh.Trimesh, places: np.ndarray) -> int:
+        """Return how many places on the ground nothing saw: 5 cm above each, seen from where its nearest reading was.
+
+        The upper side of a ceiling that was scanned from below is such a place.
+        """
+        assert self.case.origins is not None
+        nearest = cKDTree(self.case.points).query(places)[1]
+        origins, targets = self.case.origins[nearest], places + np.array([0.0, 0.0, NEAR])
+        lengths = np.linalg.norm(targets - origins, axis=1)
+        ranges = cast(surface, origins, (targets - origins) / lengths[:, None])
+        return int((ranges < lengths - NEAR).sum())
+
     @cached_property
     def seen_truth(self) -> np.ndarray:
         """Samples of the true body where it was scanned, `[M, 3]`."""

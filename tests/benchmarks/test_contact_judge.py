@@ -1,5 +1,7 @@
 """The judge of contact, on shapes known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -98,3 +100,15 @@ def test_equal_calls_give_equal_figures() -> None:
     solid = Solid.of_pieces([make_box([-1, -1, -0.2], [1, 1, 0.03])])
     first, second = (Judge(make_case(0.01)).judge_contact(make_floor(), solid) for _ in range(2))
     assert first == second
+
+
+def test_the_upper_side_of_a_ceiling_is_unseen() -> None:
+    floor, ceiling = make_floor(), make_floor(2.0)
+    room = trimesh.util.concatenate([floor, ceiling])
+    assert isinstance(room, trimesh.Trimesh)
+    case = make_case()
+    above = np.concatenate([case.points, case.points + np.array([0.0, 0.0, 2.0])])
+    assert case.origins is not None
+    case = replace(case, points=above, origins=np.concatenate([case.origins, case.origins]))
+    assert Judge(case).count_unseen(room, np.array([[0.5, 0.5, 0.0]])) == 0
+    assert Judge(case).count_unseen(room, np.array([[0.5, 0.5, 0.0], [0.5, 0.5, 2.06]])) == 1

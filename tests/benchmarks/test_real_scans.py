@@ -79,6 +79,13 @@ def test_figures_are_ratios_of_what_was_measured() -> None:
     assert figures["free_space"] is None
 
 
+def test_a_route_on_top_of_a_ceiling_is_none() -> None:
+    drive = {"route": 1.0, "arrived": 16, "left_ground": 0, "unseen_ends": 1}
+    assert find_figures(ROW | {"drive": drive})["route"] == 0
+    assert find_figures(ROW | {"drive": drive | {"unseen_ends": 0}})["route"] == 1
+    assert find_figures(ROW | {"drive": {"route": 0.0, "failed": "no ground"}})["arrived"] is None
+
+
 def test_a_scene_without_an_arena_is_counted_and_named() -> None:
     rows = {"good": ROW, "bad": {"points": 10, "failed": "coacd took too long"}}
     summary = summarise(rows)
