@@ -42,9 +42,9 @@ from reconstruction.networks.growing_grid.learning import (
 )
 from reconstruction.networks.growing_grid.mesh import triangulate, untangle_sheet
 from reconstruction.networks.growing_grid.refinement_config import GridRefinementConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import DensityConfig, measure_density
 from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
-from reconstruction.networks.surface_fit import FitConfig
 from reconstruction.progress import Progress, silent
 
 

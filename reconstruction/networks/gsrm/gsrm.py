@@ -26,9 +26,10 @@ from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.gsrm.support import make_support
 from reconstruction.networks.gsrm.topology import learn_faces
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import Density, DensityConfig, measure_density
 from reconstruction.networks.som.winners import make_tiles, search_all
-from reconstruction.networks.surface_fit import FitConfig, fit_surface
+from reconstruction.networks.surface_fit import fit_surface
 from reconstruction.progress import Progress, silent
 from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces

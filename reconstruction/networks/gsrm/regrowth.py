@@ -13,7 +13,7 @@ from reconstruction.networks.gsrm.local_fit import Rounds, fit_turning
 from reconstruction.networks.gsrm.local_topology import is_sound, join_locally
 from reconstruction.networks.gsrm.refinement_config import RegrowthConfig
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
-from reconstruction.networks.surface_fit import FitConfig
+from reconstruction.networks.least_squares import FitConfig
 
 
 def regrow(
