@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 _CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
 """Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
@@ -43,7 +43,7 @@ class FitConfig:
     max_residual: float = 0.5
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("neighbor_share",))
+        check_all_positive(self, may_be_zero=("neighbor_share",))
 
 
 def find_chunk(num_samples: int) -> int:

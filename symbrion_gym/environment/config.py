@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OptionError, OrganismError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
@@ -154,16 +154,16 @@ class SnakePitConfig:
             raise OptionError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
-        _check_choice("track_control", self.track_control, TRACK_CONTROLS)
+        check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
-            _check_choice("start", self.start, STARTS)
+            check_choice("start", self.start, STARTS, OptionError)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
-            _check_choice("sensors", name, SENSORS)
+            check_choice("sensors", name, SENSORS, OptionError)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
         for name in self.randomize:
-            _check_choice("randomize", name, RANDOM_OPTIONS)
+            check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> SnakePitConfig:
@@ -182,7 +182,7 @@ class SnakePitConfig:
                 given[new] = given.pop(old)
         names = [entry.name for entry in fields(cls)]
         for name in given:
-            _check_choice("option", name, names)
+            check_choice("option", name, names, OptionError)
         return cls(**given)
 
     def _find_given(self, *names: str) -> list[str]:
@@ -193,9 +193,3 @@ class SnakePitConfig:
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
-
-
-def _check_choice(what: str, value: Any, choices: Iterable[Any]) -> None:
-    """Refuse a value that is not among the choices."""
-    if value not in choices:
-        raise OptionError(f"{what}: there is no {value!r}; there are: {', '.join(map(str, choices))}")

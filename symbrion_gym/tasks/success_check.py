@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 if TYPE_CHECKING:
     import trimesh

@@ -21,7 +21,6 @@ from jaxtyping import Bool, Float, Int
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
 from reconstruction.networks.change.detection import ChangeConfig
-from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.growing_grid import paper as grid_paper
 from reconstruction.networks.growing_grid.cover import CoverConfig, find_covered_cells
 from reconstruction.networks.growing_grid.growth import (
@@ -46,6 +45,7 @@ from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import DensityConfig, measure_density
 from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
 from reconstruction.progress import Progress, silent
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class GrowingGridConfig:
             )
         if not self.growth > 1:
             raise ReconstructionError(f"growth must be above 1, got {self.growth}")
-        check_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
+        check_all_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
 
     @property
     def rule(self) -> Insertion:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class MotionConfig:
     settle_passes: int = 3
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("max_gone_share", "settle_passes"))
+        check_all_positive(self, may_be_zero=("max_gone_share", "settle_passes"))
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class RegrowthConfig:
     min_samples: int = 16
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("settle_passes", "max_repeats", "joint_rings"))
+        check_all_positive(self, may_be_zero=("settle_passes", "max_repeats", "joint_rings"))
 
 
 @dataclass(frozen=True)
@@ -89,4 +89,4 @@ class GSRMRefinementConfig:
     regrowth: RegrowthConfig = field(default_factory=RegrowthConfig)
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)

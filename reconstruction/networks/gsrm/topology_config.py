@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -50,4 +50,4 @@ class TopologyConfig:
     max_repairs: int = 6
 
     def __post_init__(self) -> None:
-        check_positive(self, any_sign=("rim_cosine",))
+        check_all_positive(self, any_sign=("rim_cosine",))
