@@ -72,23 +72,26 @@ def fit_surface(
         num_vertices = num_samples // _SAMPLES_PER_VERTEX
     else:
         num_samples, num_vertices = padded_length(len(samples), _MIN_SAMPLES), padded_length(len(vertices))
-    scaled = np.asarray((vertices - center) / scale, dtype=np.float32)
-    ring = pad_rows(ring, num_vertices, -1)
-    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
     weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
+    scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
+    ring = pad_rows(ring, num_vertices, -1)
+    is_movable = None if is_movable is None else pad_rows(is_movable, num_vertices, False)
+    samples = pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples)
+    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
+    weights = pad_rows(weights, num_samples)
     moved = _fit(
-        pad_rows(scaled, num_vertices),
+        scaled,
         ring,
-        None if is_movable is None else pad_rows(is_movable, num_vertices, False),
-        pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples),
+        is_movable,
+        samples,
         winners,
         sort_by_degree(ring, winners) if is_movable is None else None,
-        pad_rows(weights, num_samples),
+        weights,
         np.int32(iterations),
         config=config,
         chunk=find_chunk(num_samples),
     )
-    step = np.asarray(moved)[: len(vertices)] - scaled
+    step = np.asarray(moved - scaled)[: len(vertices)]
     return vertices + step.astype(np.float64) * scale
 
 

@@ -7,13 +7,12 @@ has changed, the contradicted units are grown again between the others, which do
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction.geometry.manifold import group_sides
+from reconstruction.geometry.manifold import find_vertex_normals, group_sides
 from reconstruction.geometry.rows import any_corner, find_lengths, sum_rows
 from reconstruction.networks.change.detection import Change
 from reconstruction.networks.change.neighborhoods import widen
 from reconstruction.networks.change.refinement import NetworkLearner, Samples, Selection, Surface
 from reconstruction.networks.gsrm.gsrm import GSRMConfig, State
-from reconstruction.networks.gsrm.hole_patching import find_vertex_normals
 from reconstruction.networks.gsrm.motion import find_movable, move_units
 from reconstruction.networks.gsrm.regrowth import fit_new, regrow
 from reconstruction.networks.surface_fit import mean_edge_length
