@@ -85,7 +85,7 @@ class EvolutionConfig:
         randomization: ranges from which the conditions of the trials are sampled.
         scoring: weights with which an outcome becomes a fitness.
         validation: rules by which candidates for the champion are validated.
-        environment: further options of the environment, such as pit, goal or abyss.
+        environment: further options of the environment, such as pit, goal or bottomless.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
     """
 

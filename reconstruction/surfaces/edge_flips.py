@@ -135,14 +135,16 @@ def _rate_flips(
     c, d = faces[first, (side[:, 0] + 2) % 3], faces[second, (side[:, 1] + 2) % 3]
     corners = np.stack([a, b, c, d], axis=1)
     outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
-    rims = [(b, c), (c, a), (a, d), (d, b)]
+    outer_edges = [(b, c), (c, a), (a, d), (d, b)]
     left, is_sound = _make_normals(vertices, a, d, c, config.min_corner_sine)
     right, is_sound_too = _make_normals(vertices, d, b, c, config.min_corner_sine)
     before = _length(vertices, a, b) * _angle(normals[first], normals[second])
     after = _length(vertices, c, d) * _angle(left, right)
     inner_before = (normals[first], normals[first], normals[second], normals[second])
-    for k, (rim, old, new) in enumerate(zip(rims, inner_before, (right, left, left, right), strict=True)):
-        length = np.where(outer[:, k] >= 0, _length(vertices, *rim), 0)
+    for k, (ends, old, new) in enumerate(
+        zip(outer_edges, inner_before, (right, left, left, right), strict=True)
+    ):
+        length = np.where(outer[:, k] >= 0, _length(vertices, *ends), 0)
         before = before + length * _angle(old, normals[outer[:, k]])
         after = after + length * _angle(new, normals[outer[:, k]])
     gain = np.where(is_sound & is_sound_too & (after < (1 - config.min_gain) * before), before - after, 0)

@@ -22,11 +22,11 @@ class UnfoldConfig:
         step: share of the way to the center of its neighbors that a tangled face's vertex moves in a round; above 1 it
             would overshoot.
         stages: what moves, one stage after another: this many rings around the tangled faces, without or with the
-            vertices on the rim. A rim that stays keeps the ears of the mesh; where its teeth lie across one another,
-            it must move.
+            vertices on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one
+            another, it must move.
         rounds: a stage ends after this many without success; the next begins with the best result.
-        rim_angle: where the rim turns by more, its faces may lie across one another without any fold [rad]: the teeth
-            of a closing slit.
+        boundary_angle: where the boundary turns by more, its faces may lie across one another without any fold [rad]:
+            the teeth of a closing slit.
         sharp_angle: where the normals at an edge differ by more, its faces may intersect others without any fold [rad]:
             lips over a narrow groove.
     """
@@ -41,7 +41,7 @@ class UnfoldConfig:
         (3, True),
     )
     rounds: int = 8
-    rim_angle: float = np.deg2rad(60)
+    boundary_angle: float = np.deg2rad(60)
     sharp_angle: float = np.deg2rad(75)
 
 
@@ -87,8 +87,8 @@ def unfold_faces(
 ) -> Float[np.ndarray, "V 3"]:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
-    A vertex on the rim moves between its neighbors on the rim. Only where this does not suffice, the vertices around
-    them move, too.
+    A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
+    vertices around them move, too.
 
     Args:
         vertices: [m].
@@ -97,20 +97,20 @@ def unfold_faces(
     """
     config = config or UnfoldConfig()
     sides = group_sides(faces, len(vertices))
-    hinges, edges = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
-    is_rim_edge = sides.counts == 1
-    is_turn = _find_turns(vertices, *(ends[is_rim_edge] for ends in edges), config.rim_angle)
+    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
+    is_boundary_edge = sides.counts == 1
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
     is_suspect = any_corner(is_turn, faces)
     is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle)
     if not is_tangled.any():
         return vertices
-    neighbors, is_rim = _join_neighbors(*edges, is_rim_edge, len(vertices))
+    neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     best, fewest = vertices, is_tangled.sum()
-    for rings, moves_rim in config.stages:
+    for rings, moves_boundary in config.stages:
         current, left = best, config.rounds
         is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle)
         while left > 0 and fewest > 0:
-            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_rim | moves_rim)
+            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_boundary | moves_boundary)
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
@@ -139,7 +139,7 @@ def _find_turns(
     vertices: Float[np.ndarray, "V 3"],
     tail: Int[np.ndarray, " B"],
     head: Int[np.ndarray, " B"],
-    rim_angle: float,
+    boundary_angle: float,
 ) -> Bool[np.ndarray, " V"]:
     """Return at which vertices the boundary, edges from tail to head, turns by more than an angle [rad]."""
     along = vertices[head] - vertices[tail]
@@ -147,22 +147,25 @@ def _find_turns(
     arriving, leaving = np.zeros((2, len(vertices), 3))
     arriving[head], leaving[tail] = along, along
     is_turn = np.zeros(len(vertices), dtype=bool)
-    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(rim_angle)
+    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(boundary_angle)
     return is_turn
 
 
 def _join_neighbors(
     tail: Int[np.ndarray, " E"],
     head: Int[np.ndarray, " E"],
-    is_rim_edge: Bool[np.ndarray, " E"],
+    is_boundary_edge: Bool[np.ndarray, " E"],
     num_vertices: int,
 ) -> tuple[csr_array, Bool[np.ndarray, " {num_vertices}"]]:
-    """Return a matrix `[V, V]`, 1 where two vertices share an edge, on the rim a rim edge; and which are on the rim."""
-    is_rim_edge = np.tile(is_rim_edge, 2)
+    """Return a matrix `[V, V]`, 1 where two vertices share an edge, and which vertices are on the boundary.
+
+    Vertices on the boundary are joined by boundary edges only.
+    """
+    is_boundary_edge = np.tile(is_boundary_edge, 2)
     owner, other = np.concatenate([tail, head]), np.concatenate([head, tail])
-    is_rim = np.zeros(num_vertices, dtype=bool)
-    is_rim[owner[is_rim_edge]] = True
-    is_kept = ~is_rim[owner] | is_rim_edge
+    is_boundary = np.zeros(num_vertices, dtype=bool)
+    is_boundary[owner[is_boundary_edge]] = True
+    is_kept = ~is_boundary[owner] | is_boundary_edge
     owner, other = owner[is_kept], other[is_kept]
     shape = (num_vertices, num_vertices)
-    return csr_array((np.ones(len(owner)), (owner, other)), shape=shape), is_rim
+    return csr_array((np.ones(len(owner)), (owner, other)), shape=shape), is_boundary

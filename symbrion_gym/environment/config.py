@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reconstruction.deprecation import accept_former_fields
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OptionError, OrganismError
@@ -54,7 +55,7 @@ MAX_MODULES = 50
 """More than any organism in use; the time of a step grows faster than their number."""
 MAX_TIMESTEP = 0.02
 """Contacts are not resolved by longer physics steps [s]."""
-RENAMED_OPTIONS = {"randomise": "randomize"}
+RENAMED_OPTIONS = {"randomise": "randomize", "abyss": "bottomless"}
 """Old name -> new name of options; the old ones are deprecated."""
 _NOT_NEGATIVE = (
     "track_speed",
@@ -67,6 +68,7 @@ _NOT_NEGATIVE = (
 _POSITIVE = ("stretch", "hinge_torque", "timestep", "duration", "stuck_time")
 
 
+@accept_former_fields(abyss="bottomless")
 @dataclass(frozen=True)
 class SnakePitConfig:
     """What an environment is made of.
@@ -84,11 +86,11 @@ class SnakePitConfig:
         start: "floor": before the ramp or step; "pit": before the pit; or (x, y) [m].
         goal: (x, y) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
-        abyss: whether touching the floor of the pit ends the episode.
+        bottomless: whether touching the floor of the pit ends the episode, as if the pit had none.
         track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
         tracks: how tracks are modeled; see `ScoutConfig`.
         timestep: physics step [s].
-        frame_skip: physics steps in a control tick.
+        frame_skip: physics steps in a control step (tick).
         duration: an episode is truncated after this [s].
         stuck_time: time without progress after which it is truncated as well [s].
         forward_weight: reward per meter of progress.
@@ -119,7 +121,7 @@ class SnakePitConfig:
     start: StartName | Point = "floor"
     goal: Point | None = None
     noise: float = 0.0
-    abyss: bool = False
+    bottomless: bool = False
     track_control: str = "constant"
     tracks: str = "spheres"
     timestep: float = 0.005

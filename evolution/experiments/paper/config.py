@@ -36,7 +36,7 @@ class PaperConfig:
         scans: laser scans that are timed with each scan method, Table III; the interval of their ratio narrows with
             the square root of their number.
         brute_scans: the same for the brute-force method, which takes much longer.
-        widened: by how much the pit is widened after the first survey [m]; 5 cm are five times the localization
+        widened: widening of the pit after the first survey [m]; 5 cm are five times the localization
             error of the survey, so that the change can be seen.
         widened_generations: limit of the evolutions before and after the pit is widened.
         model_generations: limit of one evolution in the arena of every network of `gsrm_units` and `gg_triangles`;

@@ -140,7 +140,7 @@ def detect_changes(
     tolerance = config.tolerance * float(np.mean(distance[number:]))
     distance, nearest_faces = distance[:number], about[nearest[:number]]
     winners = _find_corners(vertices, nearest_faces, readings)
-    # Readings just beyond the rim of a surface do not contradict it.
+    # Readings just beyond the boundary of a surface do not contradict it.
     height = _find_heights(vertices, nearest_faces, readings, closest[:number])
     disagrees = (height > tolerance) | (distance > spacing)
     is_moved = _find_moved(winners, readings, disagrees, spacing, len(vertices), config)

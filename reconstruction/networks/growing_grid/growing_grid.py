@@ -6,7 +6,7 @@ References:
 
 Differs: winners are found for all signals at once and the units move to kernel-weighted means (the batch
 rule); several lines are inserted a round; instead of the literal fine-tuning the sheet is fitted to the
-samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the rim nor
+samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the boundary nor
 the edges shrink. `mode="paper"` has the sequential rules (`paper`).
 """
 

@@ -68,7 +68,7 @@ def find_window(is_active: Bool[np.ndarray, "R C"]) -> Window:
 def span_gone(
     units: Float[np.ndarray, "R C 3"], is_gone: Bool[np.ndarray, "R C"]
 ) -> Float[np.ndarray, "R C 3"]:
-    """Return the grid with its gone units as a membrane between the others (Laplace's equation); none is on the rim."""
+    """Return the grid, its gone units as a membrane between the others (Laplace's equation); none is at the border."""
     if not is_gone.any():
         return units
     columns = is_gone.shape[1]

@@ -142,7 +142,7 @@ def _find_extended(
     distant: Float[np.ndarray, "D 3"],
     max_rise: float,
 ) -> Bool[np.ndarray, " U"]:
-    """Return the units at the rim beyond which the surface continues: old readings stay true there.
+    """Return the units at the boundary beyond which the surface continues: old readings stay true there.
 
     Args:
         units: positions [m].
@@ -155,12 +155,12 @@ def _find_extended(
         return np.zeros(len(units), dtype=bool)
     sides = group_sides(faces, len(units))
     slots = sides.slots[sides.starts[sides.counts == 1]]
-    is_rim = np.zeros(len(units), dtype=bool)
-    is_rim[faces.ravel()[slots]] = True
+    is_boundary = np.zeros(len(units), dtype=bool)
+    is_boundary[faces.ravel()[slots]] = True
     normals = find_vertex_normals(units, faces)
     normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
     offset = distant - units[winner]
     rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(find_lengths(offset), 1e-300)
     count = np.bincount(winner, minlength=len(units))
     flat = np.bincount(winner, rise < max_rise, minlength=len(units))
-    return is_rim & (flat > count / 2)
+    return is_boundary & (flat > count / 2)

@@ -70,8 +70,8 @@ class GSRMRefinementConfig:
         unit_area: surface that a unit stands for, in squared mean edges; of equilateral faces it is 0.87, of those
             of a map less.
         readings_per_unit: largest number of new readings per unit that are all used; of more, only a part is.
-        max_extension_rise: readings beyond the rim that rise by less than this (sine against the surface) extend
-            it: the old points at the rim are still valid.
+        max_extension_rise: readings beyond the boundary that rise by less than this (sine against the surface) extend
+            it: the old points at the boundary are still valid.
         min_confirmations: readings that a unit must win on average for their absence to mean that it is gone.
         fit_rounds: of the fit of a changed part: iterations, and samples of each movable unit. Between two rounds
             edges are turned along the creases that have come out.

@@ -40,7 +40,7 @@ def learn_faces(
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
     faces = finish_faces(units, faces, margin, support)
-    return join_rims(units, faces, support) if support.is_uneven and len(faces) else faces
+    return join_components(units, faces, support) if support.is_uneven and len(faces) else faces
 
 
 def propose_faces(
@@ -64,13 +64,13 @@ def propose_faces(
     return faces, margin
 
 
-def join_rims(
+def join_components(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Return the faces and those that close gaps between their components, where samples lie in these.
 
-    Where scan lines are far apart, the units at a rim are not the nearest to one another. Faces between two
-    rims of one component are left out: they make handles.
+    Where scan lines are far apart, the units at a boundary are not the nearest to one another. Faces between two
+    boundaries of one component are left out: they make handles.
 
     Args:
         units: positions.
