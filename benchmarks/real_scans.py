@@ -28,9 +28,9 @@ from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.bars import format_bars, format_peers, summarise
 from benchmarks.material.cloud_to_arena import ArenaFailedError, Made, hash_pieces, make
 from benchmarks.material.contact_judge import Judge, Solid
+from benchmarks.material.goal_driving import drive_to_goal
 from benchmarks.material.made_scenes import SCENES
 from benchmarks.material.peer_contacts import PEERS, PeerFailedError, time_peer
-from benchmarks.material.goal_driving import drive_to_goal
 from benchmarks.material.scan_sources import (
     PUBLIC,
     MissingScanError,
