@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 from symbrion_gym.robot.organism import Organism
 
 STEP_LIMITS = ((1, 0.010), (2, 0.015), (5, 0.020), (8, 0.040))

@@ -19,7 +19,7 @@ from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym.contact.deadline import TimeBudget
+from symbrion_gym.contact.deadline import Deadline
 from symbrion_gym.contact.surface_error import measure_arena
 from symbrion_gym.errors import ArenaError
 
@@ -328,14 +328,14 @@ def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
     assert make_arena(walls, cache=tmp_path / "cache", kind="prisms").quality == arena.quality
 
 
-def test_what_a_busy_machine_cut_short_is_not_kept(tmp_path, monkeypatch):
+def test_what_the_time_limit_cut_short_is_not_kept(tmp_path, monkeypatch):
     walls = make_walls()
-    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: True))
+    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: True))
     arena = make_arena(walls, cache=tmp_path, kind="prisms")
-    assert arena.provenance["was_disturbed"]
+    assert arena.provenance["was_cut_short"]
     assert not list(tmp_path.glob("*.npz"))
-    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: False))
-    assert "was_disturbed" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
+    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: False))
+    assert "was_cut_short" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
     assert len(list(tmp_path.glob("*.npz"))) == 1
 
 
