@@ -56,7 +56,7 @@ def find_accuracy(
     """
     finest = min(config.finest, config.extent * float(surface.extents.max()))
     if points is None or len(points) < 2:
-        return max(finest, min(config.finest, config.mesh * float(np.median(surface.edges_unique_length))))
+        return max(finest, config.mesh * float(np.median(surface.edges_unique_length)))
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.permutation(len(points))[: config.num_points])
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)

@@ -1,8 +1,8 @@
 """Distances between a surface and the convex pieces that stand for it, in 3-D and both ways.
 
-Surface to contact: from points all over the surface. A point inside a piece lies as deep as the piece is thick above
-it, along the normal of the surface: there contact stands in front of the surface. A point outside of all pieces lies
-as far off as the nearest piece.
+Surface to contact: from points all over the surface. Inside a piece, a point lies as deep as it is behind the planes
+that face where the surface looks: there contact stands in front of the surface. Outside of all pieces, it lies as far
+off as the nearest piece.
 
 Contact to surface: from points all over the pieces that a robot can touch (inside of no other piece, not behind the
 surface): how far contact stands in front of the surface.
@@ -90,7 +90,7 @@ class SurfaceDistance:
         if not pieces:
             return Gaps(self.points, np.full(len(self.points), -np.inf), np.zeros(0))
         solids = ConvexSolids(pieces)
-        raised = solids.find_exits(self.points, self._directions)
+        raised = solids.find_depths_behind(self.points, self._directions)
         distance, _, _ = find_nearest(self.points, solids.vertices, solids.faces)
         return Gaps(self.points, np.where(raised > 0, raised, -distance), self._find_protrusions(solids))
 

@@ -1,4 +1,4 @@
-"""Points inside convex solids: how deep, and how far from the way out."""
+"""Points inside convex solids, and how deep."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _LEAST_LENGTH = 1e-15
 """A triangle whose edges have a shorter cross product has no normal [m²]."""
 _PLANE_DIGITS = 9
 """Planes that agree in all of these digits are one: the triangles of a flat side share it."""
-_LEAST_SLOPE = 1e-9
-"""A plane that turns from a direction by less is parallel to it."""
+_FACING = 0.2
+"""Planes whose normal turns from a direction by more than 90 degrees, with this sine, look away from it."""
 
 
 class ConvexSolids:
@@ -43,16 +43,25 @@ class ConvexSolids:
             depths[members] = np.maximum(depths[members], below.min(axis=1))
         return depths
 
-    def find_exits(
+    def find_depths_behind(
         self, points: Float[np.ndarray, "N 3"], directions: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, " N"]:
-        """Return how far points lie from the way out along a direction [m], of the longest solid; 0 outside."""
-        exits = np.zeros(len(points))
+        """Return how deep points are [m]: the distance of the nearest plane that does not look away from a direction.
+
+        Args:
+            points: [m].
+            directions: unit vectors: where the surface looks; a thin solid is not left through its back.
+
+        Returns:
+            Of the deepest solid; 0 outside of all.
+        """
+        found = np.zeros(len(points))
         for members, below, normals in self._find_inside(points):
-            slope = directions[members] @ normals.T
-            length = np.where(slope > _LEAST_SLOPE, below / np.maximum(slope, _LEAST_SLOPE), np.inf)
-            exits[members] = np.maximum(exits[members], length.min(axis=1))
-        return exits
+            is_behind = directions[members] @ normals.T < -_FACING
+            depths = np.where(is_behind, np.inf, below).min(axis=1)
+            depths = np.where(np.isfinite(depths), depths, below.min(axis=1))
+            found[members] = np.maximum(found[members], depths)
+        return found
 
     def _find_inside(
         self, points: Float[np.ndarray, "N 3"]
