@@ -8,14 +8,8 @@ from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.scans.cloud import Cloud
+from reconstruction.scans.cloud_file import recenter
 from reconstruction.scans.point_check import check_points
-
-MAX_EXTENTS = 1000.0
-"""A cloud whose center is farther from the origin than this many times its extent is recentered: float32, of which
-MuJoCo's meshes and many viewers are made, would move its vertices by more than 0.00006 of its extent."""
-MAX_DISTANCE = 1000.0
-"""A cloud whose center is farther from the origin than this [m], and than its own extent, is recentered: float32
-would move its vertices by more than 0.06 mm; UTM coordinates of 10^6 m by 0.13 m."""
 
 
 def make_cloud(
@@ -56,17 +50,6 @@ def make_cloud(
     except ScanError as error:
         raise ReconstructionError(str(error)) from error
     return recenter(cloud)
-
-
-def recenter(cloud: Cloud) -> Cloud:
-    """Return a cloud that is far from the origin with whole meters subtracted from it, others as they are."""
-    points = cloud.points
-    low, high = points.min(axis=0), points.max(axis=0)
-    center, extent = (low + high) / 2, float((high - low).max())
-    distance = float(np.abs(center).max())
-    if distance <= MAX_EXTENTS * extent and not (distance > MAX_DISTANCE and distance > extent):
-        return cloud
-    return move(cloud, np.round(center))
 
 
 def move(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:

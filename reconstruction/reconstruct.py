@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from reconstruction.methods import find_learner, find_method, make_config
 from reconstruction.networks.change.input_checks import check_origins, check_scale
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
+from reconstruction.resolution import choose_units
 from reconstruction.saved_file import Saved, read_saved, write_saved
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.point_check import check_number, check_points
@@ -27,11 +29,13 @@ if TYPE_CHECKING:
     import trimesh
 
     from reconstruction.methods import NetworkConfig, State
+    from reconstruction.scans.dropped import Dropped
     from reconstruction.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
 
 DEFAULT_UNITS = 2200
+"""Of the paper's mode: that of its experiments."""
 
 
 def reconstruct(
@@ -58,7 +62,8 @@ def reconstruct(
         points: `[N, 3]` positions [m], any real number type, or a `Cloud` with its viewpoints and colors; 20 for each
             unit are a good number.
         method: "gsrm" (growing self-reconstruction map: any topology) or "gg" (growing grid: one sheet).
-        units: number of neurons, the resolution; None: 2200.
+        units: number of neurons, the resolution; None: enough for the scan, 500 to 8,000 (`choose_units`), in paper
+            mode 2200.
         seed: equal seeds give equal meshes, byte for byte.
         mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
         progress: called with each step and the fraction done.
@@ -81,13 +86,19 @@ def reconstruct(
     cloud = make_cloud(points, viewpoints=viewpoints, seen_from=seen_from, colors=colors)
     network, config_type = find_method(method)
     selected = options if mode == "batch" else {"mode": mode, **options}
-    config = make_config(config_type, {"units": DEFAULT_UNITS if units is None else units, **selected})
+    is_chosen = units is None and mode == "batch" and "triangles" not in options
+    units = choose_units(cloud.points) if is_chosen else DEFAULT_UNITS if units is None else units
+    config = make_config(config_type, {"units": units, **selected})
     check_number(cloud.points, getattr(config, "wanted_units", config.units))
     seed = _check_seed(seed)
     everything = None if readings is None else align(make_cloud(readings), cloud)
     keep_compiled_programs()
     state = network.train(cloud.points, config, seed, progress)
-    return Reconstruction(method, config, state, cloud, readings=everything)
+    notes = {"units": f"{units}, chosen for the density of the points"} if is_chosen else {}
+    result = Reconstruction(method, config, state, cloud, readings=everything, notes=notes)
+    if result.dropped is not None:
+        result.notes["dropped"] = f"pre-processing dropped {result.dropped}"
+    return result
 
 
 class Reconstruction:
@@ -128,6 +139,13 @@ class Reconstruction:
             self.notes["offset"] = (
                 f"{', '.join(f'{value:.15g}' for value in cloud.offset)} m were subtracted from the coordinates"
             )
+
+    @cached_property
+    def dropped(self) -> Dropped | None:
+        """The readings that pre-processing left no point for; None where the readings are the points."""
+        from reconstruction.scans.dropped import measure_dropped
+
+        return None if self.readings is self.cloud else measure_dropped(self.readings, self.points)
 
     @property
     def points(self) -> Float[np.ndarray, "N 3"]:

@@ -57,10 +57,10 @@ class SparsePointsConfig:
     num_bisections: int = 8
     max_halvings: int = 14
     sample_size: int = 40_000
-    flatness: float = 0.03
+    flatness: float = 0.04
     flat_neighbors: int = 10
     kept_share: float = 0.5
-    max_loneliness: float = 2.0
+    max_loneliness: float = 1.5
 
     def __post_init__(self) -> None:
         if self.cell is not None and not 0 < self.cell < math.inf:
@@ -75,7 +75,14 @@ class SparsePointsConfig:
                 f"flatness must not be negative and max_loneliness above 0, got {self.flatness} and "
                 f"{self.max_loneliness}"
             )
-        for name in ("threshold", "points_per_cell", "flat_neighbors", "max_growth_steps", "num_bisections", "sample_size"):
+        for name in (
+            "threshold",
+            "points_per_cell",
+            "flat_neighbors",
+            "max_growth_steps",
+            "num_bisections",
+            "sample_size",
+        ):
             if getattr(self, name) < 1:
                 raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,13 @@ if TYPE_CHECKING:
 
 _CHUNK = 1_000_000
 """Points unpacked at once: 30 to 70 MB."""
+_MAGIC = b"LASF"
+_OLD_HEADER_BYTES, _HEADER_BYTES = 227, 375
+"""Bytes of the header of LAS 1.0 to 1.2, and of LAS 1.4."""
+_RECORD_BYTES, _EXTENDED_BYTES = 54, 60
+"""Bytes of the header of a variable length record, and of an extended one."""
+_PACKED = 0x80
+"""Bit of the point format that says that the points are compressed."""
 _NOISE_CLASSES = (7, 18)
 """LAS 1.4, table 17: low point (noise), high noise."""
 _MODEL_TYPE, _LENGTH_UNIT, _HEIGHT_UNIT = 1024, 3076, 4099
@@ -43,7 +51,9 @@ def read_las(file: BoundedFile) -> RawPoints:
     require_extras(f"a {file.suffix} file", "formats")
     import laspy
 
-    with laspy.open(file.stream, closefd=False) as reader:  # type: ignore[arg-type]
+    _check_counts(file)
+    backend = laspy.LazBackend.Lazrs  # one chunk after the other: the parallel one trusts the chunks' sizes
+    with laspy.open(file.stream, closefd=False, laz_backend=backend) as reader:  # type: ignore[arg-type]
         header = reader.header
         count, size = header.point_count, header.point_format.size
         point_rows.check_num_points(file, count)
@@ -71,6 +81,37 @@ def read_las(file: BoundedFile) -> RawPoints:
         up="z",
         num_ignored=num_read - num_kept,
     )
+
+
+def _check_counts(file: BoundedFile) -> None:
+    """Refuse counts that cannot be true, before laspy and lazrs take memory and hours for them.
+
+    Raises:
+        ScanError: more records or chunks than the file has room for.
+        UnreadableFileError: the file ends within its header.
+    """
+    head = file.read_exactly(min(_HEADER_BYTES, file.size))
+    if len(head) < _OLD_HEADER_BYTES or head[:4] != _MAGIC:
+        raise ScanError("no .las file: it does not begin with 'LASF' and a header")
+    points_at, num_records = struct.unpack_from("<II", head, 96)
+    promises = [("records", num_records * _RECORD_BYTES)]
+    if head[25] >= 4 and len(head) == _HEADER_BYTES:
+        promises.append(("extended records", struct.unpack_from("<I", head, 243)[0] * _EXTENDED_BYTES))
+    is_packed = bool(head[104] & _PACKED)
+    if is_packed and file.size >= points_at + 8:
+        file.stream.seek(points_at)
+        (table_at,) = struct.unpack("<q", file.read_exactly(8))
+        if table_at == -1 and file.size >= 8:  # written to a stream: the place stands at the end
+            file.stream.seek(file.size - 8)
+            (table_at,) = struct.unpack("<q", file.read_exactly(8))
+        if not 0 < table_at <= file.size - 8:
+            raise ScanError("the table of its chunks lies outside the file")
+        file.stream.seek(table_at + 4)
+        promises.append(("chunks", struct.unpack("<I", file.read_exactly(4))[0]))
+    for name, size in promises:
+        if size > file.size:
+            raise ScanError(f"the header promises {name} of {size} bytes in {file.size} bytes")
+    file.stream.seek(0)
 
 
 def _find_usable(chunk: Any) -> Bool[np.ndarray, " N"]:

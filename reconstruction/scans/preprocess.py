@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from typing import overload
 
 import numpy as np
-from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.progress import Progress, silent
 from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
+from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
 from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_mixed_beams
 from reconstruction.scans.scan import ScanLog
@@ -52,6 +52,16 @@ class PreprocessConfig:
     crop_margin: float = 0.05
 
 
+@overload
+def preprocess(  # pyright: ignore[reportOverlappingOverload]
+    scans: Cloud,
+    *,
+    across_jumps: bool | None = None,
+    cropped: bool = True,
+    progress: Progress = silent,
+    config: PreprocessConfig | None = None,
+) -> Cloud: ...
+@overload
 def preprocess(
     scans: ScanLog | ArrayLike,
     *,
@@ -59,16 +69,25 @@ def preprocess(
     cropped: bool = True,
     progress: Progress = silent,
     config: PreprocessConfig | None = None,
-) -> Float[np.ndarray, "N 3"]:
+) -> np.ndarray: ...
+def preprocess(
+    scans: ScanLog | Cloud | ArrayLike,
+    *,
+    across_jumps: bool | None = None,
+    cropped: bool = True,
+    progress: Progress = silent,
+    config: PreprocessConfig | None = None,
+) -> np.ndarray | Cloud:
     """Level, filter and smooth a log, and return its points in the world [m].
 
-    A bare point cloud has no scans to level or smooth; it is filtered by the histogram alone.
+    A bare point cloud has no scans to level or smooth; it is filtered by the histogram alone. Of a `Cloud` the points
+    that are kept are returned as a cloud, with their colors and viewpoints.
 
     Differs: the paper smooths before it filters. Here mixed pixels are found in the raw readings, before their
     neighbors are averaged with them.
 
     Args:
-        scans: a log, or points `[N, 3]` [m].
+        scans: a log, a cloud, or points `[N, 3]` [m].
         across_jumps: average over edges as well, as the paper does; replaces `config.smoothing.across_jumps`.
         cropped: keep only the points in the log's box, where it has one.
         progress: called with the current step.
@@ -78,6 +97,9 @@ def preprocess(
         ScanError: the points have another shape, or are no numbers.
     """
     config = config or PreprocessConfig()
+    if isinstance(scans, Cloud):
+        progress("filtering", 0.0)
+        return scans.select(~find_sparse_points(scans.points, config.sparse_points))
     if not isinstance(scans, ScanLog):
         progress("filtering", 0.0)
         return remove_mixed_pixels(as_points(scans), config=config)

@@ -20,8 +20,10 @@ class CropConfig:
     """Which points `find_crop_box` leaves outside: a few, far from the others.
 
     Attributes:
-        num_cells: cells along the longest side of the cloud. 32: parts of a scan that are apart by more than about
-            a thirtieth of it count as separate; more cells tear what a scanner sees only sparsely.
+        num_cells: most cells along the longest side of the cloud. 32: parts of a scan that are apart by more than
+            about a thirtieth of it count as separate; more cells tear what a scanner sees only sparsely.
+        points_per_cell: where points share their cell with fewer than this in the mean, cells are made larger:
+            smaller ones would be empty by chance.
         min_points: points of an occupied cell; fewer are a stray reading, or a glimpse through a window.
         min_share: parts with at least this share of the points are kept.
         refine_below: where the rest is shorter than this share of the cloud, the cells were too large for it, and
@@ -30,13 +32,14 @@ class CropConfig:
     """
 
     num_cells: int = 32
+    points_per_cell: int = 12
     min_points: int = 3
     min_share: float = 0.05
     refine_below: float = 0.125
     max_steps: int = 12
 
     def __post_init__(self) -> None:
-        for name in ("num_cells", "min_points", "max_steps"):
+        for name in ("num_cells", "points_per_cell", "min_points", "max_steps"):
             if getattr(self, name) < 1:
                 raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
         for name in ("min_share", "refine_below"):
@@ -119,8 +122,8 @@ def find_crop_box(points: ArrayLike | Cloud, config: CropConfig | None = None) -
         extent = float(np.ptp(inside, axis=0).max())
         if not extent:
             break
-        cell = extent / config.num_cells
-        chosen = inside[_find_large_parts(inside, cell, config)]
+        is_chosen, cell = _find_large_parts(inside, extent, config)
+        chosen = inside[is_chosen]
         if not len(chosen):
             break
         low, high = chosen.min(axis=0) - cell, chosen.max(axis=0) + cell
@@ -131,21 +134,32 @@ def find_crop_box(points: ArrayLike | Cloud, config: CropConfig | None = None) -
 
 
 def _find_large_parts(
-    points: Float[np.ndarray, "N 3"], cell: float, config: CropConfig
-) -> Bool[np.ndarray, " N"]:
-    """Return which points lie in parts of touching cells that hold a share of all points."""
+    points: Float[np.ndarray, "N 3"], extent: float, config: CropConfig
+) -> tuple[Bool[np.ndarray, " N"], float]:
+    """Return which points lie in parts of touching cells that hold a share of all points, and the cells' edge."""
     from scipy import ndimage
 
-    place = np.minimum((points - points.min(axis=0)) / cell, config.num_cells - 1).astype(np.int64)
-    shape = tuple(place.max(axis=0) + 1)
-    counts = np.bincount(np.ravel_multi_index(tuple(place.T), shape), minlength=math.prod(shape)).reshape(
-        shape
-    )
+    num_cells = config.num_cells
+    counts, place = _count(points, extent, num_cells)
+    while num_cells > 1 and counts[place].mean() < config.points_per_cell:
+        num_cells //= 2
+        counts, place = _count(points, extent, num_cells)
     parts, _ = ndimage.label(counts >= config.min_points, np.ones((3, 3, 3)))  # type: ignore[misc]
-    part = np.asarray(parts)[tuple(place.T)]
+    part = np.asarray(parts)[place]
     sizes = np.bincount(part)
     sizes[0] = 0
-    return np.isin(part, np.flatnonzero(sizes >= max(config.min_share * len(points), 1)))
+    large = np.flatnonzero(sizes >= max(config.min_share * len(points), 1))
+    return np.isin(part, large), extent / num_cells
+
+
+def _count(
+    points: Float[np.ndarray, "N 3"], extent: float, num_cells: int
+) -> tuple[Int[np.ndarray, "X Y Z"], tuple[np.ndarray, ...]]:
+    """Return the number of points in each cell, and the cell of each point."""
+    place = np.minimum((points - points.min(axis=0)) / extent * num_cells, num_cells - 1).astype(np.int64)
+    shape, index = tuple(place.max(axis=0) + 1), tuple(place.T)
+    counts = np.bincount(np.ravel_multi_index(index, shape), minlength=math.prod(shape))
+    return counts.reshape(shape), index
 
 
 def _check_box(box: ArrayLike) -> Float[np.ndarray, "2 3"]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from filelock import FileLock
+from jaxtyping import Bool
 
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
@@ -28,10 +29,13 @@ _LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-si
 _logger = logging.getLogger(__name__)
 
 
-def hash_arena(mesh: trimesh.Trimesh, options: ContactOptions) -> str:
+def hash_arena(
+    mesh: trimesh.Trimesh, options: ContactOptions, is_two_sided: Bool[np.ndarray, " F"] | None = None
+) -> str:
     """Return the key of a surface, options and library versions."""
     digest = hashlib.sha256()
-    for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8")):
+    two_sided = np.zeros(0, dtype=bool) if is_two_sided is None else is_two_sided
+    for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8"), (two_sided, "?")):
         digest.update(repr(np.shape(array)).encode())
         digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
     digest.update(json.dumps([_FORMAT, options.as_dict(), find_versions()], sort_keys=True).encode())
@@ -54,6 +58,7 @@ def get_or_make(
     options: ContactOptions,
     make: Callable[[], Contact],
     folder: Path | None = None,
+    is_two_sided: Bool[np.ndarray, " F"] | None = None,
 ) -> Contact:
     """Return the cached contact of a surface, or make it and keep it.
 
@@ -66,10 +71,11 @@ def get_or_make(
         options: what is wanted.
         make: makes it.
         folder: where entries lie; the user's cache unless given.
+        is_two_sided: which faces were seen from behind, too.
     """
     folder = find_cache_folder("arenas") if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{hash_arena(mesh, options)}.npz"
+    path = folder / f"{hash_arena(mesh, options, is_two_sided)}.npz"
     with FileLock(f"{path}.lock"):
         kept = read_entry(path)
         if kept is not None:

@@ -16,7 +16,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scan_quality import add_scan_quality
-from symbrion_gym.arenas.scanned import repair_surface, take_surface
+from symbrion_gym.arenas.scanned import find_two_sided, repair_surface, take_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -82,12 +82,14 @@ def make_arena(
     mesh = repair_surface(scanned, config.repair)
     wanted = accuracy or find_accuracy(mesh, scanned.points, config.accuracy)
 
+    is_two_sided = find_two_sided(scanned, mesh)
+
     def make() -> Contact:
-        return make_contact(mesh, options, wanted, progress)
+        return make_contact(mesh, options, wanted, progress, is_two_sided)
 
     folder = Path(cache) if isinstance(cache, str | Path) else None
     key = replace(options, accuracy=wanted)
-    contact = make() if cache is False else get_or_make(mesh, key, make, folder)
+    contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
     for warning in contact.notes.get("warnings", ()):

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
-from reconstruction.scans.dropped import find_dropped
+from reconstruction.geometry.visibility import count_votes
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 _FAR = 1000.0
 """A surface this many times its extent, or this many meters, from the origin is recentered: MuJoCo stores vertices in
 single precision, which moves UTM coordinates by 0.13 m."""
+
+_ONE_SIDED = 0.6
+"""A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,15 @@ def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Tri
         raise ArenaError(f"{scanned.source}: {error}") from error
 
 
+def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
+    if scanned.points is None or scanned.viewpoints is None:
+        return None
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
+    return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:
     if isinstance(surface, trimesh.Trimesh):
         return ScannedSurface(surface)
@@ -100,8 +112,7 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurf
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
     readings = made.readings
-    is_filtered = readings is not made.cloud and readings.num_points > 0
-    dropped = float(find_dropped(readings.points, made.points).mean()) if is_filtered else None
+    dropped = made.dropped
     return ScannedSurface(
         made.mesh,
         name,
@@ -109,7 +120,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.points,
         readings.viewpoints,
         readings.seen_from,
-        dropped,
+        None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
     )
 

@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import trimesh
+from jaxtyping import Bool
 
 from reconstruction.progress import Progress, silent
 from symbrion_gym.contact.acceptance import find_fault, find_miss
@@ -46,6 +48,7 @@ def make_contact(
     options: ContactOptions,
     accuracy: float,
     progress: Progress = silent,
+    is_two_sided: Bool[np.ndarray, " F"] | None = None,
     passes: tuple[Pass, ...] | None = None,
 ) -> Contact:
     """Make contact geometry of a repaired surface.
@@ -55,6 +58,7 @@ def make_contact(
         options: what is wanted.
         accuracy: wanted mean distance between contact and surface [m].
         progress: called with what is being done and the share done.
+        is_two_sided: which faces were seen from behind, too; None: none.
         passes: in place of `PASSES` of the kind.
 
     Returns:
@@ -63,7 +67,7 @@ def make_contact(
     Raises:
         ArenaError: no pass gave any geometry.
     """
-    problem = ContactProblem(surface, options, accuracy, Deadline(options.time_limit), progress)
+    problem = ContactProblem(surface, options, accuracy, Deadline(options.time_limit), progress, is_two_sided)
     if options.kind == "hfield":
         best = _make_height_field(problem)
     else:

@@ -11,7 +11,8 @@ Differs: triangles lie in 3-D, and parts may be concave by a tolerance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -43,6 +44,11 @@ class PatchConfig:
     depth_share: float = 0.5
     steps: tuple[float, ...] = (0.05, 0.3, 1.0)
 
+    @property
+    def min_cosine(self) -> float:
+        """Cosine of `max_tilt_deg`."""
+        return math.cos(math.radians(self.max_tilt_deg))
+
 
 PATCH_DEFAULTS = PatchConfig()
 
@@ -52,24 +58,26 @@ class _Patch:
     """Joined faces.
 
     Attributes:
+        number: of its own.
         vertices: numbers of their vertices.
         boundary: edges with one face of the patch, as (low, high).
         creases: edges between its faces, where they are not flat.
         normal: sum of the faces' normals, as long as their area [m²].
         normals: of the faces.
+        areas: of the faces [m²].
+        faces: their numbers.
         depth: thickness of the thinnest vertex [m].
-        neighbors: patches with a common edge.
     """
 
+    number: int
     vertices: set[int]
     boundary: set[tuple[int, int]]
     creases: set[tuple[int, int]]
     normal: Float[np.ndarray, " 3"]
-    normals: list[np.ndarray]
-    areas: list[float]
+    normals: Float[np.ndarray, "M 3"]
+    areas: Float[np.ndarray, " M"]
     faces: list[int]
     depth: float
-    neighbors: set[int] = field(default_factory=set)
 
 
 def join_faces(
@@ -89,21 +97,25 @@ def join_faces(
     patches = _make_patches(mesh, depths)
     order = _order_edges(mesh)
     owner = np.arange(len(mesh.faces))
-    vertices = np.asarray(mesh.vertices)
+    vertices, count = np.asarray(mesh.vertices), len(owner)
     for share in config.steps:
+        failed: set[tuple[int, int]] = set()
         has_joined = True
         while has_joined:
             has_joined = False
-            failed: set[tuple[int, int]] = set()
             for first, second in order:
                 a, b = _find_root(owner, first), _find_root(owner, second)
-                pair = (min(a, b), max(a, b))
-                if a == b or pair in failed:
+                if a == b:
                     continue
-                joined = _join(patches[a], patches[b], vertices, share * tolerance, config)
+                # Numbers of patches are used once: a pair that failed is tried again when either has grown.
+                pair = (patches[a].number, patches[b].number)
+                if pair in failed:
+                    continue
+                joined = _join(patches[a], patches[b], vertices, share * tolerance, count, config)
                 if joined is None:
                     failed.add(pair)
                     continue
+                count += 1
                 patches[a], has_joined = joined, True
                 del patches[b]
                 owner[b] = a
@@ -120,7 +132,9 @@ def _make_patches(mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"]) -> dic
         a, b, c = face
         boundary = {(min(p, q), max(p, q)) for p, q in ((a, b), (b, c), (c, a))}
         depth = float(depths[face].min())
-        patches[i] = _Patch({a, b, c}, boundary, set(), normal * area, [normal], [area], [i], depth)
+        patches[i] = _Patch(
+            i, {a, b, c}, boundary, set(), normal * area, normal[None], np.array([area]), [i], depth
+        )
     return patches
 
 
@@ -141,48 +155,61 @@ def _find_root(owner: Int[np.ndarray, " F"], face: int) -> int:
 
 
 def _join(
-    a: _Patch, b: _Patch, vertices: Float[np.ndarray, "V 3"], tolerance: float, config: PatchConfig
+    a: _Patch,
+    b: _Patch,
+    vertices: Float[np.ndarray, "V 3"],
+    tolerance: float,
+    number: int,
+    config: PatchConfig,
 ) -> _Patch | None:
-    """Return two patches as one; None where that is not convex within the tolerance."""
+    """Return two patches as one with a number of its own; None where that is not convex within the tolerance."""
     members = a.vertices | b.vertices
     if len(members) > config.max_vertices:
         return None
     normal = a.normal + b.normal
-    length = float(np.linalg.norm(normal))
+    length = math.sqrt(float(normal @ normal))
     if length < _FLAT**2:
         return None
     axis = normal / length
-    normals = a.normals + b.normals
-    cosines = np.array(normals) @ axis
-    if cosines.min() < np.cos(np.radians(config.max_tilt_deg)):
+    normals = np.concatenate([a.normals, b.normals])
+    cosines = normals @ axis
+    if cosines.min() < config.min_cosine:
         return None
-    areas = a.areas + b.areas
     depth = min(a.depth, b.depth)
-    boundary = a.boundary ^ b.boundary
-    creases = a.creases | b.creases | (a.boundary & b.boundary)
     numbers = sorted(members)
-    local = _to_plane(vertices[numbers], axis)
-    bulge = float(np.ptp(local[:, 2]))
+    points = vertices[numbers]
+    heights = points @ axis
+    bulge = float(heights.max() - heights.min())
     if bulge > max(tolerance, config.depth_share * depth):
         return None
-    place = {number: i for i, number in enumerate(numbers)}
+    areas = np.concatenate([a.areas, b.areas])
+    boundary = a.boundary ^ b.boundary
+    place = {vertex: i for i, vertex in enumerate(numbers)}
     outline = np.array(sorted({place[v] for pair in boundary for v in pair}))
-    if not _is_convex(local[:, :2], outline, float(np.dot(areas, cosines)), tolerance):
+    flat = _to_plane(points, axis)
+    if not _is_convex(flat, outline, float(areas @ cosines), tolerance):
         return None
+    creases = a.creases | b.creases | (a.boundary & b.boundary)
     if bulge > tolerance:
         ends = np.array([(place[p], place[q]) for p, q in sorted(creases)])
+        local = np.concatenate([flat, heights[:, None]], axis=1)
         if not _is_cap(local, local[ends].mean(axis=1), tolerance):
             return None
-    return _Patch(members, boundary, creases, normal, normals, areas, a.faces + b.faces, depth)
+    return _Patch(number, members, boundary, creases, normal, normals, areas, a.faces + b.faces, depth)
 
 
-def _to_plane(points: Float[np.ndarray, "N 3"], axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "N 3"]:
-    """Return points in a frame whose third axis is given."""
-    side = np.zeros(3)
-    side[int(np.argmin(np.abs(axis)))] = 1.0
-    u = np.cross(axis, side)
-    u /= np.linalg.norm(u)
-    return (points - points[0]) @ np.stack([u, np.cross(axis, u), axis], axis=1)
+def _to_plane(points: Float[np.ndarray, "N 3"], axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "N 2"]:
+    """Return points as seen along an axis.
+
+    References:
+        Duff et al. (2017), Building an orthonormal basis, revisited, equation 1.
+    """
+    x, y, z = axis.tolist()
+    sign = math.copysign(1.0, z)
+    p = -1.0 / (sign + z)
+    q = x * y * p
+    frame = np.array([[1.0 + sign * x * x * p, q], [sign * q, sign + y * y * p], [-sign * x, -y]])
+    return (points - points[0]) @ frame
 
 
 def _is_convex(

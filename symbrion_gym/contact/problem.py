@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import trimesh
+from jaxtyping import Bool, Float
 
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.progress import Progress
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.deadline import Deadline
-from symbrion_gym.contact.distances import SurfaceDistance
+from symbrion_gym.contact.distances import SurfaceDistance, find_nearest
 from symbrion_gym.contact.options import ContactConfig, ContactOptions
 from symbrion_gym.contact.planes import Planes, find_planes
 from symbrion_gym.contact.solid import Shape, close_holes, find_shape, take_top
@@ -30,6 +32,7 @@ class ContactProblem:
         accuracy: wanted distance between contact and surface [m].
         deadline: emergency stop.
         progress: called with what is being done and the share done.
+        is_two_sided: which faces were seen from behind, too; None: none.
     """
 
     surface: trimesh.Trimesh
@@ -37,6 +40,7 @@ class ContactProblem:
     accuracy: float
     deadline: Deadline
     progress: Progress
+    is_two_sided: Bool[np.ndarray, " F"] | None = None
 
     @property
     def config(self) -> ContactConfig:
@@ -89,6 +93,13 @@ class ContactProblem:
         return find_few_planes(
             self.top, self.accuracy, self.config.slab_pass, self.config.planes, self.deadline.is_over
         )
+
+    def is_seen_from_behind(self, places: Float[np.ndarray, "N 3"]) -> Bool[np.ndarray, " N"]:
+        """Return which places on the surface were seen from behind, too."""
+        if self.is_two_sided is None or not self.is_two_sided.any():
+            return np.zeros(len(places), dtype=bool)
+        vertices, faces = np.asarray(self.surface.vertices), np.asarray(self.surface.faces)
+        return self.is_two_sided[find_nearest(places, vertices, faces)[1]]
 
     def measure(self, pieces: list[trimesh.Trimesh], notes: dict[str, Any]) -> Contact:
         """Return pieces with their distances from the surface."""

@@ -26,11 +26,11 @@ class SlabPassConfig:
         max_parts: slabs are not cut at creases into more parts than these.
     """
 
-    scales: tuple[float, ...] = (1.0, 2.0, 4.0, 8.0)
+    scales: tuple[float, ...] = (1.0, 2.0)
     few_planes: int = 32
     similar_planes: float = 1.25
-    most_planes: int = 48
-    held: float = 0.8
+    most_planes: int = 40
+    held: float = 0.9
     max_slabs: int = 64
     max_united: int = 24
     max_parts: int = 16

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +27,8 @@ class ThicknessConfig:
         min_cosine: an inner vertex lies behind every face of its vertex: where the normals at a vertex differ by more
             than the angle of this cosine, each face has inner vertices of its own.
         largest: a solid is no thicker than this share of the extent of the surface.
+        two_sided: of the solid behind faces that were seen from behind, too [m]: a sheet that stands for both sides of
+            a thin wall; a robot sinks in less than this.
     """
 
     thickness: float = 0.06
@@ -34,12 +37,17 @@ class ThicknessConfig:
     start: float = 5e-4
     min_cosine: float = 0.3
     largest: float = 0.05
+    two_sided: float = 0.01
 
     def scale_to(self, extent: float) -> ThicknessConfig:
         """Return this, thinner where the extent of a surface is small [m]."""
         scale = min(1.0, self.largest * extent / self.thickness)
         return replace(
-            self, thickness=scale * self.thickness, least=scale * self.least, start=scale * self.start
+            self,
+            thickness=scale * self.thickness,
+            least=scale * self.least,
+            start=scale * self.start,
+            two_sided=scale * self.two_sided,
         )
 
 
@@ -47,12 +55,15 @@ THICKNESS_DEFAULTS = ThicknessConfig()
 
 
 def find_thickness(
-    mesh: trimesh.Trimesh, config: ThicknessConfig = THICKNESS_DEFAULTS
+    mesh: trimesh.Trimesh,
+    find_limits: Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]] | None = None,
+    config: ThicknessConfig = THICKNESS_DEFAULTS,
 ) -> Float[np.ndarray, " V"]:
     """Return how thick the solid behind each vertex may be: up to the other side of a thin wall [m].
 
     Args:
         mesh: what is thickened, wound so that its faces look at free space.
+        find_limits: how thick the solid behind places on the mesh may be, for other reasons [m].
         config: how thick solids are.
     """
     corners = np.asarray(mesh.triangles)
@@ -69,6 +80,8 @@ def find_thickness(
     rays = RayMesh([mesh])
     reach[has_direction] = rays.cast((starts + config.start * inwards)[has_direction], inwards[has_direction])
     allowed = np.clip(config.share * (reach + config.start), config.least, config.thickness)
+    if find_limits is not None:
+        allowed = np.minimum(allowed, find_limits(starts))
     faces = allowed[: 4 * count].reshape(4, count).min(axis=0)
     depths = allowed[4 * count :]
     for k in range(3):

@@ -9,7 +9,7 @@ from test_reconstruct import make_ground
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.visibility import find_seen_sides
-from reconstruction.input_cloud import join_clouds, make_cloud, make_cloud_of_rays, recenter
+from reconstruction.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
 from reconstruction.reconstruct import Reconstruction, reconstruct
 from reconstruction.scans.cloud import Cloud
 from reconstruction.surfaces.quality import find_distances
@@ -122,7 +122,7 @@ def test_joined_clouds_keep_what_both_know():
 def test_only_what_is_far_is_recentered(shift, extent, is_moved):
     points = make_ground()
     points = (points - points.mean(axis=0)) / np.ptp(points[:, 0]) * extent + [shift, 0, 0]
-    assert recenter(make_cloud(points)).offset.any() == is_moved
+    assert make_cloud(points).offset.any() == is_moved
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,9 @@ class CompletionConfig:
         edge_share: nor is it uncovered nearer than this share of the mean edge of the map: faces cut corners.
         link: uncovered samples nearer to one another than this are one group.
         min_samples: a smaller group is stray: mixed pixels, insects, dust.
+        flatness: least variance over the largest of a sample and its neighbors, below which they are flat; of samples
+            that fill space it is 0.1 to 0.5.
+        flat_share: a group of which a smaller share of the samples is flat fills space: no surface.
         samples_per_unit: samples of such a group for each new unit. They are sparse, so fewer than usual.
         max_share: the most new units in all, as a share of those wanted.
     """
@@ -39,6 +42,8 @@ class CompletionConfig:
     edge_share: float = 0.75
     link: float = 3.0
     min_samples: int = 12
+    flatness: float = 0.06
+    flat_share: float = 0.35
     samples_per_unit: float = 4.0
     max_share: float = 0.25
 
@@ -71,17 +76,24 @@ def find_uncovered(
     num_neighbors = min(config.neighbors, len(samples) - 1)
     if len(far) < config.min_samples:
         return is_uncovered
-    reach = cKDTree(samples).query(samples[far], k=num_neighbors + 1)[0][:, -1]
-    spacing = reach * np.sqrt(np.pi / num_neighbors)
+    distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
+    spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
     is_far = squared[far] > (config.gap * spacing) ** 2
-    is_uncovered[far[is_far]] = _find_groups(samples[far[is_far]], spacing[is_far], config)
+    offset = samples[neighbors[is_far]] - samples[neighbors[is_far]].mean(axis=1, keepdims=True)
+    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
+    is_flat = variance[:, 0] < config.flatness * variance[:, 2]
+    far = far[is_far]
+    is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat, config)
     return is_uncovered
 
 
 def _find_groups(
-    samples: Float[np.ndarray, "N 3"], spacing: Float[np.ndarray, " N"], config: CompletionConfig
+    samples: Float[np.ndarray, "N 3"],
+    spacing: Float[np.ndarray, " N"],
+    is_flat: Bool[np.ndarray, " N"],
+    config: CompletionConfig,
 ) -> Bool[np.ndarray, " N"]:
-    """Return which samples are in a group that is large enough."""
+    """Return which samples are in a group that is large and flat enough."""
     if len(samples) < config.min_samples:
         return np.zeros(len(samples), dtype=bool)
     distances, others = cKDTree(samples).query(samples, k=config.min_samples)
@@ -89,4 +101,6 @@ def _find_groups(
     first = np.broadcast_to(np.arange(len(samples))[:, None], others.shape)[is_near]
     graph = coo_array((np.ones(len(first)), (first, others[is_near])), shape=(len(samples), len(samples)))
     group = connected_components(graph, directed=False)[1]
-    return (np.bincount(group) >= config.min_samples)[group]
+    size = np.bincount(group)
+    is_surface = np.bincount(group, is_flat) >= config.flat_share * size
+    return (is_surface & (size >= config.min_samples))[group]

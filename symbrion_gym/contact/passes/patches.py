@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import trimesh
+from jaxtyping import Float
 
 from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.contact.acceptance import find_miss
@@ -12,8 +15,16 @@ from symbrion_gym.contact.decomposition import is_solid
 from symbrion_gym.contact.patches import join_faces
 from symbrion_gym.contact.plane_snapping import snap_to_planes
 from symbrion_gym.contact.problem import ContactProblem
-from symbrion_gym.contact.simplification import find_simple, list_counts, simplify_surface
+from symbrion_gym.contact.simplification import (
+    SimplificationConfig,
+    find_simple,
+    list_counts,
+    simplify_surface,
+)
 from symbrion_gym.contact.thickening import find_inner_points, find_thickness
+
+_THICK = 1e-8
+"""A solid with an area times depth of more has a volume in single precision, too [m³]."""
 
 
 def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:
@@ -48,7 +59,7 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
     start = find_simple(surface, problem.distance, problem.accuracy, config.acceptance, config.simplification)
     best: Contact | None = None
     index, step = start, 0
-    while 0 <= index < len(counts) and not (best is not None and problem.deadline.is_over()):
+    while index < len(counts) and not (best is not None and problem.deadline.is_over()):
         simple = simplify_surface(surface, counts[index])
         pieces = thicken_patches(problem, simple, config.joining * problem.accuracy)
         is_few = len(pieces) <= options.max_pieces
@@ -61,8 +72,17 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
         wanted = 1 if is_few else -1
         if step and wanted != step:
             break
-        index, step = index + wanted, wanted
+        step = wanted
+        if index == 0 and not is_few:
+            break
+        change = 1 if is_few else -_count_steps(len(pieces) / options.max_pieces, config.simplification)
+        index = max(index + change, 0)
     return best if best is not None and best.pieces else None
+
+
+def _count_steps(ratio: float, config: SimplificationConfig) -> int:
+    """Return how many steps of `list_counts` divide the number of triangles by a ratio above 1."""
+    return max(math.ceil(math.log(ratio) / math.log(config.growth)), 1)
 
 
 def thicken_patches(
@@ -77,7 +97,11 @@ def thicken_patches(
     """
     config = problem.config
     thickness = config.thickness.scale_to(float(problem.surface.extents.max()))
-    depths = find_thickness(mesh, thickness)
+
+    def find_limits(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        return np.where(problem.is_seen_from_behind(places), thickness.two_sided, np.inf)
+
+    depths = find_thickness(mesh, find_limits, thickness)
     vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if tolerance > 0:
         patches = join_faces(mesh, depths, tolerance, config.patches)
@@ -88,7 +112,10 @@ def thicken_patches(
         inner = find_inner_points(mesh, faces, depths, thickness)
         outer = vertices[np.unique(corners[faces])]
         hull = make_hull(np.concatenate([outer, inner]))
-        if hull is not None and is_solid(hull):
+        if hull is None:
+            continue
+        is_thick = float(mesh.area_faces[faces].sum() * depths[corners[faces]].min()) > _THICK
+        if is_thick or is_solid(hull):
             solids.append(hull)
     return solids
 

@@ -141,6 +141,35 @@ def test_a_header_that_promises_too_much_is_refused(tmp_path: Path) -> None:
             load_cloud(path, max_bytes=1e8)
 
 
+@pytest.mark.parametrize(
+    ("version", "place", "form", "value", "reason"),
+    [
+        ("1.2", 0, "4s", b"LASX", "does not begin"),
+        ("1.2", 100, "<I", 4_000_000_000, "promises records of"),
+        ("1.4", 243, "<I", 4_000_000_000, "promises extended records of"),
+        ("1.2", None, "<q", 10**12, "outside the file"),
+        ("1.2", None, "<q", 0, "outside the file"),
+    ],
+)
+def test_counts_that_cannot_be_true_are_refused_at_once(
+    tmp_path: Path, version: str, place: int | None, form: str, value: object, reason: str
+) -> None:
+    content = bytearray(las(version=version, point_format=2 if version == "1.2" else 7, packed=True))
+    points_at = struct.unpack_from("<I", content, 96)[0]
+    struct.pack_into(form, content, points_at if place is None else place, value)
+    with pytest.raises(ScanError, match=reason):
+        load_cloud(write(tmp_path, "a.laz", bytes(content)))
+
+
+def test_a_table_of_too_many_chunks_is_refused(tmp_path: Path) -> None:
+    """Its reader would reserve 16 bytes for each, and end the process."""
+    content = bytearray(las(packed=True))
+    (table_at,) = struct.unpack_from("<q", content, struct.unpack_from("<I", content, 96)[0])
+    struct.pack_into("<I", content, table_at + 4, 4_000_000_000)
+    with pytest.raises(ScanError, match="promises chunks of 4000000000 bytes"):
+        load_cloud(write(tmp_path, "a.laz", bytes(content)))
+
+
 def test_the_limit_counts_24_bytes_a_point(tmp_path: Path) -> None:
     path = write(tmp_path, "a.laz", las(packed=True))
     big = write(tmp_path, "b.laz", las(np.tile(POINTS, (100, 1)), packed=True))
@@ -150,7 +179,7 @@ def test_the_limit_counts_24_bytes_a_point(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("packed", [False, True])
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_files_give_points_or_the_error(tmp_path: Path, packed: bool, data: st.DataObject) -> None:
     content = bytearray(las(packed=packed, **colored()))
