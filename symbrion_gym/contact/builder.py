@@ -23,7 +23,6 @@ from symbrion_gym.contact.passes.slabs import fit_slabs
 from symbrion_gym.contact.problem import ContactProblem
 from symbrion_gym.errors import ArenaError
 
-
 Pass = Callable[[ContactProblem, Contact | None], Contact | None]
 """From the problem and the best so far to a candidate; None where the pass does not apply."""
 
