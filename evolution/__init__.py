@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from evolution.deprecation import export_former_names
+from reconstruction.deprecation import export_former_names
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "formats": ("PIL", "collada", "laspy", "lazrs", "pye57"),
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
+    "usd": ("pxr",),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 

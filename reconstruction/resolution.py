@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.som.density import DensityConfig, measure_density
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ResolutionConfig:
     sample_size: int = 100_000
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)
 
 
 _DEFAULT = ResolutionConfig()

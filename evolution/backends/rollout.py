@@ -16,7 +16,8 @@ from jaxtyping import Float
 from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, Trials
 from evolution.controllers.controller import Controller, make_controller
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE, coerce_floats
+from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from reconstruction.range_checks import coerce_floats
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
@@ -41,7 +42,7 @@ class RolloutConfig:
     max_environments: int = 12
 
     def __post_init__(self) -> None:
-        coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)})
+        coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
         if not self.batch_sizes or min(self.batch_sizes) < 1 or self.max_environments < 1:
             raise RunError(
                 f"batch_sizes is {self.batch_sizes} and max_environments {self.max_environments}; "

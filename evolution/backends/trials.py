@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from evolution.limits import as_floats, as_range, check_count, coerce_floats
+from evolution.errors import RunError
+from reconstruction.range_checks import as_floats, as_range, check_count, coerce_floats
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
 if TYPE_CHECKING:
@@ -61,9 +62,11 @@ class Randomization:
 
     def __post_init__(self) -> None:
         for name in CONDITIONS:
-            object.__setattr__(self, name, as_range(name, getattr(self, name), *RANDOM_LIMITS[name]))
-        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, *_STRETCH_LIMITS))
-        check_count("stretch", self.stretch, MAX_STRETCHES)
+            object.__setattr__(
+                self, name, as_range(name, getattr(self, name), *RANDOM_LIMITS[name], RunError)
+            )
+        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, *_STRETCH_LIMITS, RunError))
+        check_count("stretch", self.stretch, MAX_STRETCHES, RunError)
 
     def draw(self, seed: Sequence[int], count: int) -> dict[str, Float[np.ndarray, " T"]]:
         """Sample `count` values of each condition; equal seeds give equal values."""
@@ -157,7 +160,9 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        coerce_floats(self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)))
+        coerce_floats(
+            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
+        )
 
     def score(self, outcome: Outcome, modules: int) -> float:
         """Return the fitness, higher is better, always finite."""

@@ -41,7 +41,7 @@ class ScanCommand(SeededCommand):
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
     """A scan log (.npz, .3d), points (.xyz .txt .csv .asc .dat .pts .npy .npz .ply .pcd .vtk .obj .las .laz, also as
-    .gz or .bz2; .e57), or a depth image (.png .tif .npy, with --intrinsics)."""
+    .gz or .bz2; .e57), a depth image (.png .tif .npy, with --intrinsics), or with --vertices a mesh."""
     unit: Literal["m", "cm", "mm", "ft", "us-ft", "in"] | None = None
     """Length unit of the file. Default: what the file says (.las, .e57), otherwise meters."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None

@@ -82,7 +82,7 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
     extent = float(np.ptp(points, axis=0).max())
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         raise ReconstructionError(
-            f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units metres?"
+            f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units meters?"
         )
     farthest = float(np.abs(points).max())
     if farthest > LARGEST_COORDINATE:

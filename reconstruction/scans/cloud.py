@@ -63,6 +63,10 @@ class Cloud:
         return np.array(self.points, dtype, copy=copy)
 
     def __repr__(self) -> str:
+        return f"Cloud({self.describe()})"
+
+    def describe(self) -> str:
+        """Return what the cloud holds, in words."""
         parts = [f"{self.num_points} points"]
         if self.colors is not None:
             parts.append("colors")
@@ -72,7 +76,7 @@ class Cloud:
             parts.append(f"{count} viewpoint{'s' * (count > 1)}{known}")
         if self.offset.any():
             parts.append(f"offset {self.offset.tolist()} m")
-        return f"Cloud({', '.join(parts)})"
+        return ", ".join(parts)
 
     @property
     def num_points(self) -> int:

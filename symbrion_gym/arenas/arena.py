@@ -164,6 +164,36 @@ class Arena:
         }
         save_arena(folder, self.name, self.geometry, self.friction, about)
 
+    def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
+        """Write the arena as a folder that other simulators load without this package.
+
+        Args:
+            folder: new, empty, or that of a former export, whose files are replaced.
+            to: "mjcf", "urdf", "usd" (needs the extra `usd`) or "obj".
+            max_vertices: the most vertices of a convex solid; pieces with more are cut. None for no limit.
+
+        Returns:
+            What was written, as in `export.json`.
+
+        Raises:
+            ArenaError: there is no such format, it cannot hold the arena, the limit is too low, or the folder
+                contains something else.
+            MissingExtraError: the format needs an extra that is not installed.
+        """
+        from symbrion_gym.arenas.export.export import export_arena
+
+        return export_arena(
+            folder,
+            self.geometry,
+            to,
+            max_vertices,
+            name=self.name,
+            friction=self.friction,
+            offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
+            quality=self.quality.as_dict(),
+            provenance=self.provenance,
+        )
+
     @classmethod
     def load(cls, folder: str | Path) -> Arena:
         """Read what `save` wrote.

@@ -12,6 +12,8 @@ _MOST_VALUES = 4_000_000
 """Distances of points from planes that are held at once: 32 MB."""
 _LEAST_LENGTH = 1e-15
 """A triangle whose edges have a shorter cross product has no normal [m²]."""
+_PLANE_DIGITS = 9
+"""Planes that agree in all of these digits are one: the triangles of a flat side share it."""
 _LEAST_SLOPE = 1e-9
 """A plane that turns from a direction by less is parallel to it."""
 
@@ -103,4 +105,4 @@ def find_planes(piece: trimesh.Trimesh) -> Float[np.ndarray, "P 4"]:
     offsets = (normals * corner).sum(axis=1, keepdims=True)
     middle = np.asarray(piece.vertices).mean(axis=0)
     outward = np.where(normals @ middle[:, None] > offsets, -1.0, 1.0)
-    return outward * np.hstack([normals, offsets])
+    return np.unique(np.round(outward * np.hstack([normals, offsets]), _PLANE_DIGITS), axis=0)

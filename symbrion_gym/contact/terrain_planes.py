@@ -30,7 +30,7 @@ class SlabPassConfig:
     few_planes: int = 32
     similar_planes: float = 1.25
     most_planes: int = 40
-    held: float = 0.9
+    held: float = 0.7
     max_slabs: int = 64
     max_united: int = 24
     max_parts: int = 16

@@ -165,7 +165,13 @@ class World:
         """Return the success check of this arena and organism."""
         config = self.config
         return SuccessCheck(
-            self.arena, self.organism, self.route, self.map_route, config.dt, config.abyss, config.criteria
+            self.arena,
+            self.organism,
+            self.route,
+            self.map_route,
+            config.dt,
+            config.bottomless,
+            config.criteria,
         )
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:

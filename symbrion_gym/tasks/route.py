@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from reconstruction.range_checks import check_not_negative
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.ground_ends import Ends, find_ends
 from symbrion_gym.tasks.pit_search import PitSearch, find_pit

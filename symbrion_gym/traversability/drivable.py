@@ -18,7 +18,7 @@ from symbrion_gym.errors import ArenaError
 from symbrion_gym.traversability.columns import SortedHeights, find_spans, find_walls
 from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
 from symbrion_gym.traversability.grid import Grid, make_grid
-from symbrion_gym.traversability.ground import find_ground, find_walkable
+from symbrion_gym.traversability.ground import find_ground, find_rims, find_walkable
 from symbrion_gym.traversability.places import DIRECTIONS, find_places
 
 logger = logging.getLogger(__name__)
@@ -158,7 +158,11 @@ def find_traversability(
     ground = find_ground(grid, places)
     walls = find_walls(grid, pieces, config.wall_slope)
     links = find_walkable(grid, places, ground, walls, footprint)
-    wall_distance = _find_wall_distance(grid, places.height, links, config.max_distance)
+    wall_distance = _spread_distance(
+        _make_graph(grid, links, places.height),
+        find_rims(grid, places, links, spans, walls, footprint),
+        config.max_distance,
+    )
     is_drivable = (wall_distance >= footprint.reach) & (wall_distance > 0.0)
     has_link = np.isfinite(ground.steps).any(axis=1)
     step = np.where(has_link, np.nan_to_num(ground.steps).max(axis=1), np.nan)
@@ -193,18 +197,14 @@ def _make_graph(
     return csr_matrix((np.hypot(flat, height[second] - height[first]), (first, second)), (len(links),) * 2)
 
 
-def _find_wall_distance(
-    grid: Grid, height: Float[np.ndarray, " P"], links: Int[np.ndarray, "P 8"], most: float
+def _spread_distance(
+    graph: csr_matrix, rims: Float[np.ndarray, " P"], most: float
 ) -> Float[np.ndarray, " P"]:
-    """Return distances from walls along the ground: half a cell where a neighbor is missing, and on from there."""
-    is_rim = (links < 0).any(axis=1)
-    distance = np.full(len(links), most)
-    if is_rim.any():
-        found = dijkstra(
-            _make_graph(grid, links, height), indices=np.flatnonzero(is_rim), min_only=True, limit=most
-        )
-        distance = np.minimum(found + grid.cell / 2, most)
-    distance[(links < 0).all(axis=1)] = 0.0
+    """Return distances from walls and rims along the ground, from those of the places next to them."""
+    distance = np.minimum(rims, most)
+    for known in np.unique(rims[rims < most]):
+        near = dijkstra(graph, indices=np.flatnonzero(rims == known), min_only=True, limit=most)
+        distance = np.minimum(distance, near + known)
     return distance
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym.traversability.columns import SortedHeights
+from symbrion_gym.traversability.columns import SortedHeights, Spans
 from symbrion_gym.traversability.footprint import Footprint
 from symbrion_gym.traversability.grid import Grid
 from symbrion_gym.traversability.places import DIRECTIONS, Places
@@ -91,6 +91,41 @@ def _find_steps(links: Int[np.ndarray, "P 8"], rises: Float[np.ndarray, "P 8"]) 
         low, high = np.nanmin(both, axis=0), np.nanmax(both, axis=0)
         steps[:, k] = np.maximum(np.maximum(low - rises[:, k], rises[:, k] - high), 0.0)
     return steps
+
+
+def find_rims(
+    grid: Grid,
+    places: Places,
+    links: Int[np.ndarray, "P 8"],
+    spans: Spans,
+    walls: SortedHeights,
+    body: Footprint,
+) -> Float[np.ndarray, " P"]:
+    """Return the distance of places from walls and rims in the next cells [m]; inf where there are none.
+
+    A wall fills its cell as far as is known, so that it is half a cell away. Ground that ends may end anywhere in
+    between, so that its distance is 0.
+
+    Args:
+        grid: the cells.
+        places: the places.
+        links: those along which the body can drive.
+        spans: what is solid.
+        walls: points of walls.
+        body: its height and the step that it climbs.
+    """
+    distance = np.full(len(links), np.inf)
+    solid = SortedHeights(spans.cell, spans.high)
+    low = np.append(spans.low[solid.order], np.inf)
+    for k, (along_x, along_y) in enumerate(DIRECTIONS):
+        rim = np.flatnonzero(links[:, k] < 0)
+        cell = grid.move(places.cell[rim], along_x, along_y)
+        bottom, top = places.height[rim] + body.max_step, places.height[rim] + body.height
+        above = solid.count_below(cell, bottom)
+        is_wall = (np.append(solid.cells, -1)[above] == cell) & (low[above] < top)
+        is_wall |= walls.count_below(cell, top) > walls.count_below(cell, bottom)
+        distance[rim] = np.minimum(distance[rim], np.where(is_wall & (cell >= 0), grid.cell / 2, 0.0))
+    return distance
 
 
 def _is_in_wall(

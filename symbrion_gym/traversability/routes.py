@@ -11,8 +11,8 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 from symbrion_gym.traversability.drivable import TraversabilityMap
 
 Place = Sequence[float] | np.ndarray

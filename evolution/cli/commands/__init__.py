@@ -6,6 +6,7 @@ from evolution.cli.commands.assets import Assets
 from evolution.cli.commands.compare import Compare
 from evolution.cli.commands.demo import Demo
 from evolution.cli.commands.evolve import Evolve, Resume
+from evolution.cli.commands.export import Export
 from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
@@ -17,6 +18,7 @@ COMMANDS: dict[str, type[Command]] = {
     "reconstruct": Reconstruct,
     "arena": Arena,
     "view": View,
+    "export": Export,
     "evolve": Evolve,
     "resume": Resume,
     "replay": Replay,

@@ -49,6 +49,9 @@ class Reconstruct(ScanCommand):
     def run(self, console: Console) -> dict[str, Any]:
         with console.track(f"Reading {self.source.name}"):
             scan = self.read_scan()
+        console.print_line(
+            f"{self.source.name}: {scan.readings.describe()}; {scan.points.num_points} are used"
+        )
         size = "" if self.units is None else f", {self.units} units"
         with console.track(f"Network {self.method}{size}") as step:
             result = rc.reconstruct(

@@ -29,7 +29,7 @@ def write_demo_page(result: "DemoResult", path: Path) -> None:
     """Write the page of a demo as one self-contained HTML file.
 
     Args:
-        result: what the demo made.
+        result: the result of the demo.
         path: the HTML file.
     """
     page = Page(

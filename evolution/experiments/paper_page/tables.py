@@ -39,7 +39,7 @@ class Table(NamedTuple):
     Attributes:
         columns: headings.
         rows: cells.
-        caption: what the table shows; ends with machine and date.
+        caption: the content of the table; ends with machine and date.
     """
 
     columns: Sequence[str]

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.rows import find_lengths
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class CompletionConfig:
     max_share: float = 0.25
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("passes", "max_share", "edge_share"))
+        check_all_positive(self, may_be_zero=("passes", "max_share", "edge_share"))
 
 
 def find_uncovered(

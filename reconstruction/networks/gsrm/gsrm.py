@@ -19,7 +19,6 @@ from scipy.spatial import cKDTree
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
 from reconstruction.networks.change.detection import ChangeConfig
-from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.gsrm import paper as gsrm_paper
 from reconstruction.networks.gsrm.completion import CompletionConfig, find_uncovered
 from reconstruction.networks.gsrm.growth import Level, grow, make_level
@@ -27,10 +26,12 @@ from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.gsrm.support import make_support
 from reconstruction.networks.gsrm.topology import learn_faces
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import Density, DensityConfig, measure_density
 from reconstruction.networks.som.winners import Tiles, make_tiles, search_all
-from reconstruction.networks.surface_fit import FitConfig, fit_surface
+from reconstruction.networks.surface_fit import fit_surface
 from reconstruction.progress import Progress, silent
+from reconstruction.range_checks import check_all_positive
 from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces
 
@@ -102,7 +103,7 @@ class GSRMConfig:
                 "samples_per_unit and settle_passes must be at least 1, got "
                 f"{self.samples_per_unit} and {self.settle_passes}"
             )
-        check_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
+        check_all_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
 
 
 class State(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from evolution.cli.commands.reconstruct import Reconstruct
-from evolution.cli.main import run
+from evolution.cli.main import _parse, run
 from reconstruction.reconstruct import Reconstruction
 from reconstruction.scans.scan import ScanLog
 
@@ -46,7 +46,9 @@ def test_the_offset_viewpoints_and_all_readings_are_kept(tmp_path: Path, capsys)
 def test_the_offset_is_printed_with_all_digits(tmp_path: Path, capsys) -> None:
     path = write(tmp_path / "far.npz", SHEET + np.array([500_000.0, 5_403_706.0, 300.0]))
     assert run(["reconstruct", str(path), "--out", str(tmp_path / "a.npz"), "--units", "60", "--quiet"]) == 0
-    assert "500000, 5403706, 300 m were subtracted" in capsys.readouterr().out
+    output = capsys.readouterr().out
+    assert "500000, 5403706, 300 m were subtracted" in output
+    assert "far.npz: 2000 points" in output
 
 
 def test_a_surface_seen_from_below_looks_down(tmp_path: Path) -> None:
@@ -95,6 +97,15 @@ def test_units_axes_and_scale_reach_the_points(tmp_path: Path) -> None:
     options = {"unit": "ft", "up": "-y", "scale": 2.0, "raw": True}
     points = Reconstruct(source=path, out=tmp_path / "a.ply", **options).read_scan().points.points
     np.testing.assert_allclose(points, SHEET[:, [0, 2, 1]] * 0.6096 * [1, 1, -1])
+
+
+def test_axes_with_a_sign_are_read_from_the_command_line(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.npz", SHEET)
+    command = _parse(
+        ["reconstruct", str(path), "--up", "-y", "--viewpoint", "-1", "0", "-2.5", "--crop", "auto"]
+    )
+    assert isinstance(command, Reconstruct)
+    assert (command.up, command.viewpoint, command.crop) == ("-y", ((-1.0, 0.0, -2.5),), "auto")
 
 
 def test_a_mesh_is_sent_to_the_arena(tmp_path: Path, capsys) -> None:

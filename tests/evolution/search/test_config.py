@@ -21,7 +21,7 @@ def test_configs_survive_json():
         arena="simple",
         stages=(Stage("simple", 5), Stage("truth")),
         body_lengths=(4, 9),
-        environment={"pit": 0.35, "abyss": True},  # pyright: ignore[reportArgumentType]
+        environment={"pit": 0.35, "bottomless": True},  # pyright: ignore[reportArgumentType]
     )
     again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
     assert again == config

@@ -7,13 +7,14 @@ from scipy.spatial import cKDTree
 from reconstruction.geometry.manifold import (
     find_excess,
     find_hinges,
+    find_loops,
     find_minor_fans,
     find_suspects,
     group_sides,
     make_manifold,
     make_winding,
 )
-from reconstruction.networks.gsrm.hole_patching import close_tips, find_loops, patch_holes
+from reconstruction.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction.networks.gsrm.support import Support
 from reconstruction.networks.gsrm.topology import (
     find_circumcenters,
