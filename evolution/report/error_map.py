@@ -44,26 +44,28 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
     drawn = []
     for direction in DIRECTIONS:
         view = make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
-        drawn.append(_measure(surface, view, lambda points: find_offsets(points, contact)))
-        drawn.append(_measure(front, view, lambda points: find_nearest(points, arena.surface).heights))
-    limit = 1000 * (limit or _find_limit([values for _, values in drawn]))
+        drawn.append(_measure(surface, view, lambda points, normals: find_offsets(points, normals, contact)))
+        drawn.append(_measure(front, view, lambda points, _: find_nearest(points, arena.surface).heights))
+    limit = limit or _find_limit([values for _, values in drawn])
+    unit, factor = ("mm", 1000.0) if limit < 1.0 else ("m", 1.0)
+    limit *= factor
     scale = ScalarMappable(Normalize(-limit, limit), mpl.colormaps[COLORS])
     images = []
     for index, (pixels, values) in enumerate(drawn):
-        colors = scale.to_rgba(np.clip(1000 * values, -limit, limit))[..., :3]
+        colors = scale.to_rgba(np.clip(factor * values, -limit, limit))[..., :3]
         image = shade_pixels(pixels, front if index % 2 else surface, colors)
         if index % 2:
             image = draw_outlines(image, np.append(labels, -1)[pixels.face])
         images.append(reduce_samples(image))
-    return _compose(images, scale, describe_quality(arena.quality))
+    return _compose(images, scale, unit, describe_quality(arena.quality))
 
 
 def _measure(
     triangles: Float[np.ndarray, "F 3 3"],
     view: View,
-    measure: Callable[[Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]],
+    measure: Callable[[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]],
 ) -> tuple[Pixels, Float[np.ndarray, "H W"]]:
-    """Return the pixels of a view, and a measure at what each shows; 0 where there is nothing."""
+    """Return the pixels of a view, and a measure of point and normal in each; 0 where there is nothing."""
     pixels = rasterize(triangles, view)
     rows, columns = np.nonzero(pixels.face >= 0)
     values = np.zeros(pixels.face.shape)
@@ -72,7 +74,10 @@ def _measure(
         cells = np.round((points - points.min(axis=0)) * view.scale / OVERSAMPLING).astype(np.int64)
         keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
         _, first, group = np.unique(keys, return_index=True, return_inverse=True)
-        values[rows, columns] = measure(points[first])[group]
+        corners = triangles[pixels.face[rows, columns][first]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        values[rows, columns] = measure(points[first], normals)[group]
     return pixels, values
 
 
@@ -102,14 +107,16 @@ def describe_quality(quality: ArenaQuality) -> str:
 
 
 def _format(distance: float) -> str:
-    return f"{1000 * distance:.3g} mm"
+    return f"{1000 * distance:.3g} mm" if distance < 1.0 else f"{distance:.3g} m"
 
 
-def _compose(images: Sequence[Float[np.ndarray, "_ _ 3"]], scale: ScalarMappable, text: str) -> Figure:
-    height = max(image.shape[0] for image in images)
-    figure = Figure(figsize=(2 * WIDTH / DPI, 2 * height / DPI + 1.7), dpi=DPI, layout="constrained")
+def _compose(
+    images: Sequence[Float[np.ndarray, "_ _ 3"]], scale: ScalarMappable, unit: str, text: str
+) -> Figure:
+    heights = [image.shape[0] for image in images[::2]]
+    figure = Figure(figsize=(2 * WIDTH / DPI, sum(heights) / DPI + 1.7), dpi=DPI, layout="constrained")
     figure.suptitle(text, fontsize=10)
-    grid = figure.subplots(2, 2)
+    grid = figure.subplots(2, 2, gridspec_kw={"height_ratios": heights})
     titles = ("surface: where its contact geometry lies", "contact geometry: where it lies from the surface")
     for index, (axes, image) in enumerate(zip(grid.ravel(), images, strict=True)):
         axes.imshow(image)
@@ -117,5 +124,7 @@ def _compose(images: Sequence[Float[np.ndarray, "_ _ 3"]], scale: ScalarMappable
         if index < 2:
             axes.set_title(titles[index], fontsize=11)
     bar = figure.colorbar(scale, ax=grid, location="bottom", extend="both", shrink=0.6, aspect=45, pad=0.01)
-    bar.set_label("contact behind or missing  ←  distance [mm]  →  contact in front, a bump", fontsize=10)
+    bar.set_label(
+        f"contact behind or missing  ←  distance [{unit}]  →  contact in front, a bump", fontsize=10
+    )
     return figure

@@ -16,7 +16,6 @@ from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
-from reconstruction.scans.dropped import find_dropped
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -113,8 +112,7 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurf
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
     readings = made.readings
-    is_filtered = readings is not made.cloud and readings.num_points > 0
-    dropped = float(find_dropped(readings.points, made.points).mean()) if is_filtered else None
+    dropped = made.dropped
     return ScannedSurface(
         made.mesh,
         name,
@@ -122,7 +120,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.points,
         readings.viewpoints,
         readings.seen_from,
-        dropped,
+        None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
     )
 

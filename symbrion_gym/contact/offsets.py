@@ -9,10 +9,11 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.contact.inside import find_depths
 from symbrion_gym.contact.kinds import HeightField
+
+_IN_FRONT = 0.5
+"""Cosine between the normal of the surface and the way to contact from which contact stands in front."""
 
 
 class NearestPoints(NamedTuple):
@@ -30,31 +31,32 @@ class NearestPoints(NamedTuple):
 
 
 def find_offsets(
-    points: Float[np.ndarray, "N 3"], contact: Sequence[trimesh.Trimesh] | HeightField
+    points: Float[np.ndarray, "N 3"],
+    normals: Float[np.ndarray, "N 3"],
+    contact: Sequence[trimesh.Trimesh] | HeightField,
 ) -> Float[np.ndarray, " N"]:
     """Return signed distances of points of a surface from contact geometry [m].
 
     Args:
         points: points of the surface [m].
+        normals: unit normals of the surface there.
         contact: convex pieces, or the height field in their place.
 
     Returns:
-        Above 0 where the point is inside a piece, which so stands in front of the surface: its depth. Below 0 where
-        the nearest contact lies behind. -inf where there is no contact at all.
+        Above 0 where contact stands in front of the surface: the point is inside a piece, or the nearest contact lies
+        on the side of the normal, within 60 degrees. Below 0 where it lies behind or beside. -inf where there is no
+        contact at all.
     """
-    if isinstance(contact, HeightField):
-        mesh = contact.as_mesh()
-        distances = find_distances(points, mesh.vertices, mesh.faces)
-        return (
-            np.where(points[:, 2] < Elevation(mesh).height(points[:, 0], points[:, 1]), 1.0, -1.0) * distances
-        )
-    if not len(contact) or not len(points):
+    meshes = [contact.as_mesh()] if isinstance(contact, HeightField) else contact
+    if not len(meshes) or not len(points):
         return np.full(len(points), -np.inf)
+    ways = _find_places(points, *join_meshes(meshes)) - points
+    distances = np.linalg.norm(ways, axis=1)
+    is_in_front = (ways * normals).sum(axis=1) > _IN_FRONT * distances
+    if isinstance(contact, HeightField):
+        return np.where(is_in_front, distances, -distances)
     depths = find_depths(points, contact)
-    is_outside = depths <= 0.0
-    vertices, faces = join_meshes(contact)
-    depths[is_outside] = -find_distances(points[is_outside], vertices, faces)
-    return depths
+    return np.where(depths > 0.0, depths, np.where(is_in_front, distances, -distances))
 
 
 def find_nearest(points: Float[np.ndarray, "N 3"], surface: trimesh.Trimesh) -> NearestPoints:
@@ -84,3 +86,17 @@ def join_meshes(
     vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])
     faces = [np.asarray(mesh.faces) + start for mesh, start in zip(meshes, starts[:-1], strict=True)]
     return vertices, np.concatenate([np.zeros((0, 3), dtype=np.int64), *faces])
+
+
+def _find_places(
+    points: Float[np.ndarray, "N 3"], vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "N 3"]:
+    """Return the nearest points of triangles."""
+    import igl
+
+    found = igl.point_mesh_squared_distance(
+        np.ascontiguousarray(points, dtype=np.float64),
+        np.ascontiguousarray(vertices, dtype=np.float64),
+        np.ascontiguousarray(faces, dtype=np.int64),
+    )
+    return np.asarray(found[2], dtype=np.float64)

@@ -103,7 +103,7 @@ class Arena(SeededCommand):
         )
         return self._summarize(arena, report, step.seconds)
 
-    def _summarize(self, arena: sg.Arena, report: "AccuracyReport", seconds: float) -> dict[str, Any]:
+    def _summarize(self, arena: "sg.Arena", report: "AccuracyReport", seconds: float) -> dict[str, Any]:
         summary = {
             "folder": self.out,
             "pieces": len(arena.pieces),
@@ -114,7 +114,7 @@ class Arena(SeededCommand):
         }
         return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
 
-    def _make(self, progress: rc.Progress) -> sg.Arena:
+    def _make(self, progress: "rc.Progress") -> "sg.Arena":
         options = {
             name: getattr(self, name)
             for name in ("max_pieces", "time_limit")
@@ -130,7 +130,7 @@ class Arena(SeededCommand):
             **options,
         )
 
-    def _draw(self, arena: sg.Arena) -> None:
+    def _draw(self, arena: "sg.Arena") -> None:
         assert self.picture is not None
         from evolution.report.error_map import draw_error_map
         from evolution.report.pictures import to_png

@@ -77,7 +77,7 @@ class View(SeededCommand):
         return summary | {"picture": self.picture}
 
     def _find_ground(
-        self, arena: sg.Arena, console: Console
+        self, arena: "sg.Arena", console: Console
     ) -> tuple["TraversabilityMap | None", "DrivingRoute | None"]:
         """Return drivable ground and a route, as far as they are wanted and exist."""
         if not {"drivable", "route"} & set(self.layers):
@@ -91,14 +91,14 @@ class View(SeededCommand):
             return ground, None
 
     def _show(
-        self, arena: sg.Arena, ground: "TraversabilityMap | None", route: "DrivingRoute | None"
+        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
     ) -> None:
         from symbrion_gym.arenas.viewing import make_view_spec, open_viewer
 
         open_viewer(make_view_spec(arena, self.layers, ground, route))
 
     def _draw(
-        self, arena: sg.Arena, ground: "TraversabilityMap | None", route: "DrivingRoute | None"
+        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
     ) -> None:
         assert self.picture is not None
         from evolution.report.arena_view import draw_arena

@@ -10,20 +10,33 @@ from symbrion_gym.contact.offsets import find_nearest, find_offsets, join_meshes
 SLAB = trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])
 
 
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def find_above(points: np.ndarray, contact) -> np.ndarray:
+    return find_offsets(points, np.tile(UP, (len(points), 1)), contact)
+
+
 def test_offsets_from_a_slab():
     points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [1.0, 1.0, 0.0], [5.0, 1.0, -0.1]])
-    assert find_offsets(points, [SLAB]) == pytest.approx([-0.03, 0.03, 0.0, -1.0])
+    assert find_above(points, [SLAB]) == pytest.approx([-0.03, 0.03, 0.0, -1.0])
+
+
+def test_a_thin_slab_far_before_the_surface_stands_in_front_of_it():
+    below = np.array([[1.0, 1.0, -0.5]])
+    assert find_above(below, [SLAB]) == pytest.approx([0.3])
+    assert find_offsets(below, -UP[None], [SLAB]) == pytest.approx([-0.3])
 
 
 def test_offsets_from_nothing():
-    assert np.isneginf(find_offsets(np.zeros((2, 3)), [])).all()
-    assert len(find_offsets(np.zeros((0, 3)), [SLAB])) == 0
+    assert np.isneginf(find_above(np.zeros((2, 3)), [])).all()
+    assert len(find_above(np.zeros((0, 3)), [SLAB])) == 0
 
 
 def test_offsets_from_a_height_field():
     field = HeightField(np.zeros((3, 3)), np.array([0.0, 0.0]), np.array([4.0, 2.0]))
     points = np.array([[1.0, 1.0, 0.03], [1.0, 1.0, -0.03], [5.0, 1.0, 0.0]])
-    assert find_offsets(points, field) == pytest.approx([-0.03, 0.03, -1.0])
+    assert find_above(points, field) == pytest.approx([-0.03, 0.03, -1.0])
 
 
 def test_side_of_a_closed_box_beyond_its_corner():
