@@ -274,7 +274,9 @@ class Reconstruction:
                 "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
             )
         else:
-            faces, share = orient_to_viewpoints(vertices, faces, self.points, self.viewpoints, self.seen_from)
+            (vertices, faces), share = orient_to_viewpoints(
+                vertices, faces, self.points, self.viewpoints, self.seen_from
+            )
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
         logger.info("orientation: %s", note)
