@@ -52,7 +52,7 @@ def make_cloud(
     return recenter(cloud)
 
 
-def move(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
+def shift_frame(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
     """Return a cloud with an offset subtracted from its positions, and added to its own offset [m]."""
     viewpoints = None if cloud.viewpoints is None else cloud.viewpoints - offset
     return cloud.replace(points=cloud.points - offset, viewpoints=viewpoints, offset=cloud.offset + offset)
@@ -60,7 +60,7 @@ def move(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
 
 def align(readings: Cloud, cloud: Cloud) -> Cloud:
     """Return readings in the frame of a cloud, with its viewpoints where they have none."""
-    readings = move(readings, cloud.offset - readings.offset)
+    readings = shift_frame(readings, cloud.offset - readings.offset)
     if readings.viewpoints is None and cloud.viewpoints is not None:
         readings = readings.replace(viewpoints=cloud.viewpoints)
     return readings
