@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.cloud_file import recenter
+from reconstruction.scans.frames import find_offset
 from reconstruction.scans.point_check import check_points
 
 
@@ -49,7 +49,8 @@ def make_cloud(
         )
     except ScanError as error:
         raise ReconstructionError(str(error)) from error
-    return recenter(cloud)
+    offset = find_offset(cloud.points)
+    return shift_frame(cloud, offset) if offset.any() else cloud
 
 
 def shift_frame(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
