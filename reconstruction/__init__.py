@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
+    from reconstruction.resolution import ResolutionConfig, choose_units
     from reconstruction.scans.cells import SparsePointsConfig
     from reconstruction.scans.cloud import Cloud
     from reconstruction.scans.cloud_file import load_cloud, make_log_cloud, recenter
@@ -50,10 +51,12 @@ __all__ = [
     "Reconstruction",
     "ReconstructionError",
     "ReconstructionPackageError",
+    "ResolutionConfig",
     "ScanError",
     "ScanLog",
     "SmoothingConfig",
     "SparsePointsConfig",
+    "choose_units",
     "crop",
     "describe_odd_size",
     "find_crop_box",

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.cloud_file import recenter
+from reconstruction.scans.frames import find_offset
 from reconstruction.scans.point_check import check_points
 
 
@@ -49,10 +49,11 @@ def make_cloud(
         )
     except ScanError as error:
         raise ReconstructionError(str(error)) from error
-    return recenter(cloud)
+    offset = find_offset(cloud.points)
+    return shift_frame(cloud, offset) if offset.any() else cloud
 
 
-def shift(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
+def shift_frame(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
     """Return a cloud with an offset subtracted from its positions, and added to its own offset [m]."""
     viewpoints = None if cloud.viewpoints is None else cloud.viewpoints - offset
     return cloud.replace(points=cloud.points - offset, viewpoints=viewpoints, offset=cloud.offset + offset)
@@ -60,7 +61,7 @@ def shift(cloud: Cloud, offset: Float[np.ndarray, " 3"]) -> Cloud:
 
 def align(readings: Cloud, cloud: Cloud) -> Cloud:
     """Return readings in the frame of a cloud, with its viewpoints where they have none."""
-    readings = shift(readings, cloud.offset - readings.offset)
+    readings = shift_frame(readings, cloud.offset - readings.offset)
     if readings.viewpoints is None and cloud.viewpoints is not None:
         readings = readings.replace(viewpoints=cloud.viewpoints)
     return readings

@@ -19,7 +19,6 @@ from reconstruction.methods import find_learner, find_method, make_config
 from reconstruction.networks.change.input_checks import check_origins, check_scale
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
-from reconstruction.resolution import choose_units
 from reconstruction.saved_file import Saved, read_saved, write_saved
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.point_check import check_number, check_points
@@ -87,7 +86,12 @@ def reconstruct(
     network, config_type = find_method(method)
     selected = options if mode == "batch" else {"mode": mode, **options}
     is_chosen = units is None and mode == "batch" and "triangles" not in options
-    units = choose_units(cloud.points) if is_chosen else DEFAULT_UNITS if units is None else units
+    if is_chosen:
+        from reconstruction.resolution import choose_units
+
+        units = choose_units(cloud.points)
+    elif units is None:
+        units = DEFAULT_UNITS
     config = make_config(config_type, {"units": units, **selected})
     check_number(cloud.points, getattr(config, "wanted_units", config.units))
     seed = _check_seed(seed)
@@ -274,7 +278,9 @@ class Reconstruction:
                 "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
             )
         else:
-            faces, share = orient_to_viewpoints(vertices, faces, self.points, self.viewpoints, self.seen_from)
+            (vertices, faces), share = orient_to_viewpoints(
+                vertices, faces, self.points, self.viewpoints, self.seen_from
+            )
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
         logger.info("orientation: %s", note)

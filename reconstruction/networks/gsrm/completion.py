@@ -79,9 +79,7 @@ def find_uncovered(
     distances, neighbors = cKDTree(samples).query(samples[far], k=num_neighbors + 1)
     spacing = distances[:, -1] * np.sqrt(np.pi / num_neighbors)
     is_far = squared[far] > (config.gap * spacing) ** 2
-    offset = samples[neighbors[is_far]] - samples[neighbors[is_far]].mean(axis=1, keepdims=True)
-    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
-    is_flat = variance[:, 0] < config.flatness * variance[:, 2]
+    is_flat = _find_flatness(samples[neighbors[is_far]]) < config.flatness
     far = far[is_far]
     is_uncovered[far] = _find_groups(samples[far], spacing[is_far], is_flat, config)
     return is_uncovered
@@ -103,4 +101,14 @@ def _find_groups(
     group = connected_components(graph, directed=False)[1]
     size = np.bincount(group)
     is_surface = np.bincount(group, is_flat) >= config.flat_share * size
+    for number in np.flatnonzero((size >= config.min_samples) & ~is_surface):
+        # Where noise exceeds the spacing, only the whole group shows that it is flat.
+        is_surface[number] = _find_flatness(samples[None, group == number])[0] < config.flatness
     return (is_surface & (size >= config.min_samples))[group]
+
+
+def _find_flatness(neighborhoods: Float[np.ndarray, "M K 3"]) -> Float[np.ndarray, " M"]:
+    """Return the least variance of neighborhoods over their largest."""
+    offset = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
+    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
+    return variance[:, 0] / np.maximum(variance[:, 2], 1e-300)

@@ -64,7 +64,7 @@ def test_components_turn_to_where_they_were_seen_from():
     points = np.concatenate([draw(vertices, faces), draw(small, faces)[:500]])
     viewpoint = np.array([[-1.0, 0.0, 0.0]])
     is_seen = find_visible(points, viewpoint[0])
-    turned, share = orient_to_viewpoints(both, joined, points[is_seen], viewpoint)
+    (_, turned), share = orient_to_viewpoints(both, joined, points[is_seen], viewpoint)
     np.testing.assert_array_equal(turned[: len(faces)], faces[:, ::-1])
     np.testing.assert_array_equal(turned[len(faces) :], joined[len(faces) :, ::-1])
     assert share > 0.95
@@ -72,7 +72,7 @@ def test_components_turn_to_where_they_were_seen_from():
 
 def test_a_component_without_votes_looks_to_the_nearest_viewpoint():
     vertices, faces = make_box()
-    turned, share = orient_to_viewpoints(vertices, faces, np.full((1, 3), 99.0), np.zeros((1, 3)))
+    (_, turned), share = orient_to_viewpoints(vertices, faces, np.full((1, 3), 99.0), np.zeros((1, 3)))
     np.testing.assert_array_equal(turned, faces[:, ::-1])
     assert share == 1.0
     assert orient_to_viewpoints(vertices, faces[:0], np.zeros((1, 3)), np.zeros((1, 3)))[1] == 1.0
