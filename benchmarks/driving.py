@@ -92,7 +92,12 @@ def drive(
 
 
 def measure_scene(
-    arena: Arena, goal: Place | None, body: Organism, num_starts: int, pictures: Path | None, name: str
+    arena: Arena,
+    goal: Place | None,
+    body: Organism,
+    num_starts: int,
+    drivers: Iterable[str],
+    picture: Path | None,
 ) -> dict[str, Any]:
     """Return how many drives arrive, for each driver, and the time that the map takes."""
     begin = time.process_time()
@@ -105,12 +110,12 @@ def measure_scene(
         "num_starts": num_starts,
         "map_seconds": seconds,
     }
-    for driver in DRIVERS:
+    for driver in drivers:
         drives = drive(arena, route, range(num_starts), body, driver)
-        row[driver] = sum(drive.has_arrived for drive in drives)
-        row[f"{driver}_off_ground"] = sum(drive.has_left_ground for drive in drives)
-    if pictures is not None:
-        draw_traversability(ground, pictures / f"{name}.png", route)
+        row[driver] = sum(each.has_arrived for each in drives)
+        row[f"{driver}_off_ground"] = sum(each.has_left_ground for each in drives)
+    if picture is not None:
+        draw_traversability(ground, picture, route)
     return row
 
 
@@ -122,18 +127,22 @@ def run(quick: bool = False, pictures: Path | None = None) -> None:
         arena = make()
         for modules in (1, 2):
             name = f"{scene}, {modules} module{'s' * (modules > 1)}"
-            row = measure_scene(arena, goal, snake(modules), num_starts, pictures, name)
+            drivers = DRIVERS if modules == 1 else ("pursuit",)
+            picture = None if pictures is None else pictures / f"{name}.png"
+            row = measure_scene(arena, goal, snake(modules), num_starts, drivers, picture)
             measured[name] = row
-            print(
-                f"{name:26} region {row['region_area']:5.1f} of {row['ground_area']:5.1f} m²  "
-                + "  ".join(
-                    f"{driver} {row[driver]}/{num_starts} (off ground {row[f'{driver}_off_ground']})"
-                    for driver in DRIVERS
-                )
-                + f"  map {row['map_seconds']:.2f} s",
-                flush=True,
-            )
+            _print_row(name, row)
     write_results("driving", measured)
+
+
+def _print_row(name: str, row: dict[str, Any]) -> None:
+    arrived = "  ".join(
+        f"{driver} {row[driver]}/{row['num_starts']} (off ground {row[f'{driver}_off_ground']})"
+        for driver in DRIVERS
+        if driver in row
+    )
+    areas = f"region {row['region_area']:5.1f} of {row['ground_area']:5.1f} m²"
+    print(f"{name:26} {areas}  {arrived}  map {row['map_seconds']:.2f} s", flush=True)
 
 
 def main() -> None:
