@@ -96,8 +96,8 @@ def find_driving_route(
         config: how the route is chosen; None for the defaults.
 
     Raises:
-        ArenaError: there is no drivable ground, a given place is not drivable, or there is no way between both; the
-            message names the nearest place that is possible.
+        ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
+            both; the message names the nearest place that is possible.
     """
     config = config or RouteConfig()
     if not ground.num_regions:
@@ -217,6 +217,11 @@ def _choose_ends(
     known = first if first is not None else last
     assert known is not None
     other = _find_far(lengths, known, roomy, config.max_length)
+    if other == known:
+        raise ArenaError(
+            f"the drivable region at {_show(ground.positions[known])} has only {ground.region_areas[region]:.2f} m², "
+            "too little for a route; give a smaller body or one that climbs more"
+        )
     return (known, other) if first is not None else (other, known)
 
 
