@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.pit_search import PitSearch
     from symbrion_gym.tasks.route import RouteMargins
     from symbrion_gym.tasks.success_check import SuccessCriteria
+    from symbrion_gym.traversability.drawing import draw_traversability
+    from symbrion_gym.traversability.drivable import TraversabilityMap
+    from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
+    from symbrion_gym.traversability.routes import DrivingRoute, RouteConfig
 
 register()
 
@@ -43,12 +47,15 @@ __all__ = [
     "AuditLimits",
     "Course",
     "Docking",
+    "DrivingRoute",
+    "Footprint",
     "LaserScanner",
     "OptionError",
     "Organism",
     "OrganismError",
     "PitSearch",
     "RangeFinder",
+    "RouteConfig",
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
@@ -62,8 +69,11 @@ __all__ = [
     "SymbrionGymError",
     "Timing",
     "Trajectory",
+    "TraversabilityConfig",
+    "TraversabilityMap",
     "audit",
     "cross",
+    "draw_traversability",
     "letter_h",
     "load_arena",
     "make_arena",

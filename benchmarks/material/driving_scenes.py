@@ -52,7 +52,7 @@ def make_furnished_room(width: float = 4.0, depth: float = 3.0) -> Arena:
     )
 
 
-def make_two_storeys(width: float = 4.0, depth: float = 3.0) -> Arena:
+def make_two_storeys(width: float = 5.0, depth: float = 3.0) -> Arena:
     """Return a hall with a gallery above half of it, to which a ramp of 14 degrees leads."""
     gallery = make_box((0.0, 1.5, GALLERY - 0.06), (2.0, depth, GALLERY))
     run, rise = 1.8, GALLERY

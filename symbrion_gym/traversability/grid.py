@@ -49,7 +49,9 @@ class Grid(NamedTuple):
         steps = np.stack(np.divmod(cells, self.shape[1]), axis=1)
         return np.asarray(self.low) + (steps + 0.5) * self.cell
 
-    def move(self, cells: Int[np.ndarray, " N"], along_x: int, along_y: int) -> Int[np.ndarray, " N"]:
+    def find_neighbors(
+        self, cells: Int[np.ndarray, " N"], along_x: int, along_y: int
+    ) -> Int[np.ndarray, " N"]:
         """Return the cells that lie some cells farther; -1 beyond the grid."""
         i, j = np.divmod(cells, self.shape[1])
         i, j = i + along_x, j + along_y

@@ -103,8 +103,8 @@ def find_rims(
 ) -> Float[np.ndarray, " P"]:
     """Return the distance of places from walls and rims in the next cells [m]; inf where there are none.
 
-    A wall fills its cell as far as is known, so that it is half a cell away. Ground that ends may end anywhere in
-    between, so that its distance is 0.
+    A wall fills its cell as far as is known, and so does ground that is too steep, so that it is half a cell away.
+    Ground that ends may end anywhere in between, so that its distance is 0.
 
     Args:
         grid: the cells.
@@ -119,12 +119,13 @@ def find_rims(
     low = np.append(spans.low[solid.order], np.inf)
     for k, (along_x, along_y) in enumerate(DIRECTIONS):
         rim = np.flatnonzero(links[:, k] < 0)
-        cell = grid.move(places.cell[rim], along_x, along_y)
+        cell = grid.find_neighbors(places.cell[rim], along_x, along_y)
         bottom, top = places.height[rim] + body.max_step, places.height[rim] + body.height
         above = solid.count_below(cell, bottom)
         is_wall = (np.append(solid.cells, -1)[above] == cell) & (low[above] < top)
         is_wall |= walls.count_below(cell, top) > walls.count_below(cell, bottom)
-        distance[rim] = np.minimum(distance[rim], np.where(is_wall & (cell >= 0), grid.cell / 2, 0.0))
+        is_filled = (is_wall & (cell >= 0)) | (places.links[rim, k] >= 0)
+        distance[rim] = np.minimum(distance[rim], np.where(is_filled, grid.cell / 2, 0.0))
     return distance
 
 

@@ -80,7 +80,7 @@ def _looks_up(
     reach = max(distance, _STEEPEST_LINK * grid.cell / 2)
     total = np.zeros(len(cell))
     for along_x, along_y in ((0, 0), *DIRECTIONS):
-        near = grid.move(cell, along_x, along_y)
+        near = grid.find_neighbors(cell, along_x, along_y)
         ends = [seen.count_below(near, height + shift) for shift in (-reach, 0.0, reach)]
         (below, z_below), (above, z_above) = (
             [values[end] - values[start] for values in sums] for start, end in pairwise(ends)
@@ -94,7 +94,7 @@ def _find_links(grid: Grid, places: SortedHeights) -> Int[np.ndarray, "P 8"]:
     """Return the nearest place in height in each neighboring cell, where each is the nearest of the other."""
     links = np.full((len(places.cells), len(DIRECTIONS)), -1)
     for k, (along_x, along_y) in enumerate(DIRECTIONS):
-        near = places.find_nearest(grid.move(places.cells, along_x, along_y), places.heights)
+        near = places.find_nearest(grid.find_neighbors(places.cells, along_x, along_y), places.heights)
         most = _STEEPEST_LINK * grid.cell * np.hypot(along_x, along_y) + _HIGHEST_LINK
         is_same = (near >= 0) & (np.abs(places.heights[near] - places.heights) <= most)
         links[:, k] = np.where(is_same, near, -1)

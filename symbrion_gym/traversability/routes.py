@@ -25,8 +25,8 @@ class RouteConfig:
 
     Attributes:
         max_length: a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s.
-        ample_room: start and goal are chosen where the distance from walls is this many times the body's reach, as
-            far as there is such room.
+        ample_room: start and goal are chosen where the distance from walls is this many times the body's reach, or
+            among the half of the region with the most room.
         wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
             room, so that paths keep off walls where they can.
         snap: a given place is moved to drivable ground no farther away than this in plan [m], beside half a cell.
@@ -96,8 +96,8 @@ def find_driving_route(
         config: how the route is chosen; None for the defaults.
 
     Raises:
-        ArenaError: there is no drivable ground, a given place is not drivable, or there is no way between both; the
-            message names the nearest place that is possible.
+        ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
+            both; the message names the nearest place that is possible.
     """
     config = config or RouteConfig()
     if not ground.num_regions:
@@ -209,7 +209,9 @@ def _choose_ends(
         return first, last
     inside = ground.region == region
     ample = config.ample_room * ground.footprint.reach
-    roomy = np.flatnonzero(inside & (ground.wall_distance >= min(ample, ground.wall_distance[inside].max())))
+    roomy = np.flatnonzero(
+        inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
+    )
     lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]
@@ -217,6 +219,11 @@ def _choose_ends(
     known = first if first is not None else last
     assert known is not None
     other = _find_far(lengths, known, roomy, config.max_length)
+    if other == known:
+        raise ArenaError(
+            f"the drivable region at {_show(ground.positions[known])} has only {ground.region_areas[region]:.2f} m², "
+            "too little for a route; give a smaller body or one that climbs more"
+        )
     return (known, other) if first is not None else (other, known)
 
 

@@ -99,7 +99,7 @@ def test_steps_up_to_the_limit_are_climbed(height, num_regions):
     ground = make_exact_arena("step", boxes, boxes).traversability()
     assert ground.num_regions == num_regions
     assert np.nanmax(ground.step) == pytest.approx(height)
-    assert make_exact_arena("step", boxes, boxes).traversability(snake(2)).num_regions == 1
+    assert make_exact_arena("step", boxes, boxes).traversability(snake(5)).num_regions == 1
 
 
 def test_a_gallery_and_the_hall_below_are_one_region_by_the_ramp():
@@ -183,10 +183,11 @@ def test_impossible_configurations_are_refused(fields):
 def test_footprints_of_organisms(room):
     with pytest.raises(OptionError, match="body must be an Organism or a Footprint"):
         room.traversability("snake")
-    one, two, eight = (Footprint.of(snake(n)) for n in (1, 2, 8))
+    one, two, five, eight = (Footprint.of(snake(n)) for n in (1, 2, 5, 8))
     assert one == Footprint.of(None) == Footprint()
     assert (two.length, two.width) == (pytest.approx(0.2304), pytest.approx(0.105))
-    assert one.max_step < two.max_step < eight.max_step
+    assert one.max_step == two.max_step < five.max_step < eight.max_step
+    assert one.max_slope < two.max_slope == eight.max_slope
     assert Footprint.of(snake(2), friction=0.3).max_slope < two.max_slope
     assert eight.reach == pytest.approx(np.hypot(eight.length, 0.105) / 2)
     assert Footprint.of(eight) is eight

@@ -15,8 +15,8 @@ def test_cells_and_centers_are_inverse():
     cells = np.arange(grid.num_cells)
     assert np.array_equal(grid.find_cells(grid.find_centers(cells)), cells)
     assert grid.find_cells(np.array([[-0.01, 0.5], [0.5, 1.01], [np.nan, 0.0]])).tolist() == [-1, -1, -1]
-    assert grid.move(np.array([0, 99]), 1, 1).tolist() == [11, -1]
-    assert grid.move(np.array([0, 99]), -1, 0).tolist() == [-1, 89]
+    assert grid.find_neighbors(np.array([0, 99]), 1, 1).tolist() == [11, -1]
+    assert grid.find_neighbors(np.array([0, 99]), -1, 0).tolist() == [-1, 89]
 
 
 def test_a_grid_has_no_more_cells_than_allowed():
