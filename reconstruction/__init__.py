@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from reconstruction.scans.scan_log_file import load_scan_log
     from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.surfaces.quality import Quality, measure_quality
+    from reconstruction.tiles.config import TilesConfig
+    from reconstruction.tiles.folder import TiledSurface
+    from reconstruction.tiles.tiling import reconstruct_tiles
 
 __all__ = [
     "GSRMConfig",
@@ -45,6 +48,8 @@ __all__ = [
     "ScanLog",
     "SmoothingConfig",
     "SparsePointsConfig",
+    "TiledSurface",
+    "TilesConfig",
     "crop",
     "level_floor",
     "load_points",
@@ -54,6 +59,7 @@ __all__ = [
     "measure_quality",
     "preprocess",
     "reconstruct",
+    "reconstruct_tiles",
     "remove_mixed_pixels",
     "save_points",
     "silent",

@@ -66,7 +66,8 @@ def join_tile(
     moved = _blend(cut.vertices, neighbors, place, config, max_gap)
     for border, curve in curves.items():
         moved = _meet(cut, moved, border, curve, max_gap, partners)
-    return Surface(_meet_corners(cut.vertices, moved, neighbors, place, config.tile, max_gap), cut.faces)
+    surfaces = {(0, 0): own, **neighbors}
+    return Surface(_meet_corners(cut.vertices, moved, surfaces, place, config.tile, max_gap), cut.faces)
 
 
 def clip(surface: Surface, place: tuple[int, int], tile: float) -> Surface:
@@ -263,7 +264,7 @@ def _meet(
 def _meet_corners(
     vertices: Float[np.ndarray, "V 3"],
     moved: Float[np.ndarray, "V 3"],
-    neighbors: Mapping[tuple[int, int], Surface],
+    surfaces: Mapping[tuple[int, int], Surface],
     place: tuple[int, int],
     tile: float,
     max_gap: float,
@@ -273,16 +274,15 @@ def _meet_corners(
     for x in (-1, 1):
         for y in (-1, 1):
             corner = np.array([(place[0] + (x > 0)) * tile, (place[1] + (y > 0)) * tile])
+            meeting = [surfaces[shift] for shift in ((0, 0), (x, 0), (0, y), (x, y)) if shift in surfaces]
             for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
-                heights = [float(vertices[number, 2])]
-                for shift in ((x, 0), (0, y), (x, y)):
-                    if shift in neighbors:
-                        found = _find_heights(neighbors[shift], corner)
-                        gaps = np.abs(found - vertices[number, 2])
-                        heights += (
-                            [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
-                        )
-                result[number] = [*corner, float(np.mean(sorted(heights)))]
+                heights = []
+                for surface in meeting:  # the tile's own, too: all four compute the same, to the bit
+                    found = _find_heights(surface, corner)
+                    gaps = np.abs(found - vertices[number, 2])
+                    heights += [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
+                if heights:
+                    result[number] = [*corner, float(np.mean(sorted(heights)))]
     return result
 
 

@@ -17,6 +17,7 @@ from evolution.cli.command import (
     require_writable_file,
 )
 from evolution.cli.console import Console
+from evolution.cli.tile_options import TileOptions
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
 
@@ -29,12 +30,14 @@ MINIMUM_UNITS = 4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reconstruct(SeededCommand):
+class Reconstruct(TileOptions, SeededCommand):
     """Reconstruct a surface from a scan log or a point cloud with a self-organizing network.
 
     Example: symbrion reconstruct survey.npz --out pit.npz
 
     Example: symbrion reconstruct scan.dat.bz2 --crop 0.4 9.6 -4.3 1.4 -1 2 --units 1500 --out stairs.ply
+
+    Example: symbrion reconstruct valley.laz --tile 50 --workers 2 --out tiles
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCAN")]
@@ -59,6 +62,9 @@ class Reconstruct(SeededCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_file(self.source, "SCAN")
+        if self.tile is not None:
+            self.check_tiles(self.out)
+            return
         require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
         if self.out == Reconstruct.out:
             require_own_archive(self.out, "--out", "header")
@@ -78,6 +84,16 @@ class Reconstruct(SeededCommand):
             )
 
     def run(self, console: Console) -> dict[str, Any]:
+        if self.tile is not None:
+            return self.run_tiles(
+                console,
+                self.source,
+                self.out,
+                method=self.method,
+                seed=self.seed,
+                unit=self.unit,
+                is_raw=self.raw,
+            )
         with console.track(f"Reading {self.source.name}"):
             points = self._read_points()
         with console.track(f"Network {self.method}, {self.units} units") as step:
