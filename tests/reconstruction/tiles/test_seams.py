@@ -104,8 +104,7 @@ def test_four_rough_tiles_have_no_step() -> None:
         for name, ground in (("raw", raw), ("joined", elevation))
     }
     assert np.percentile(steps["raw"], 90) > 0.03
-    assert np.percentile(steps["joined"], 99) < 0.003
-    assert steps["joined"].mean() < 0.02 * steps["raw"].mean()
+    assert steps["joined"].max() < 1e-5
 
 
 def test_different_surfaces_are_not_joined() -> None:

@@ -40,8 +40,7 @@ def test_the_surface_is_near_the_truth_and_has_no_steps(tiles):
     figures = measure_surface(tiles, LANDSCAPE)
     assert figures["error_mean"] < 2 * NOISE
     assert figures["error_at_seams_mean"] < 2 * NOISE
-    assert figures["step_p99"] < NOISE / 2
-    assert figures["step_mean"] < NOISE / 20
+    assert figures["step_max"] < NOISE / 100
 
 
 def test_the_index_describes_the_tiles(tiles):
@@ -67,14 +66,14 @@ def test_tiles_around_a_place_are_chosen(tiles):
         tiles.mesh((100.0, 0.0), 1.0)
 
 
-def test_the_mesh_is_one_part_without_cracks(tiles):
-    """Seams are joined vertex by vertex, but for few places where two curves cross within a millimeter."""
+def test_the_seams_have_no_cracks(tiles):
+    """Both sides are the same vertex by vertex: but at the rim of the scan, no edge on a seam has a single face."""
     mesh = tiles.mesh()
     edges, counts = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
-    middles = mesh.vertices[edges[counts == 1]].mean(axis=1)[:, :2]
-    inside = ((middles > 1.0) & (middles < EXTENT - 1.0)).all(axis=1)
-    lengths = np.linalg.norm(np.diff(mesh.vertices[edges[counts == 1]], axis=1)[:, 0], axis=1)
-    assert lengths[inside].sum() < 0.05 * 4 * EXTENT
+    ends = mesh.vertices[edges[counts == 1]][:, :, :2]
+    ends = ends[((ends > 1.0) & (ends < EXTENT - 1.0)).all(axis=(1, 2))]
+    on_seam = (np.abs(ends - CONFIG.tile) < 1e-6).all(axis=1).any(axis=1)
+    assert not on_seam.any()
     assert counts.max() == 2
 
 
