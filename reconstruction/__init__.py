@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
     from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.surfaces.quality import Quality, measure_quality
+    from reconstruction.tiles.config import TilesConfig
+    from reconstruction.tiles.folder import TiledSurface
+    from reconstruction.tiles.tiling import reconstruct_tiles
 
 __all__ = [
     "Cloud",
@@ -56,6 +59,8 @@ __all__ = [
     "ScanLog",
     "SmoothingConfig",
     "SparsePointsConfig",
+    "TiledSurface",
+    "TilesConfig",
     "choose_units",
     "crop",
     "describe_odd_size",
@@ -75,6 +80,7 @@ __all__ = [
     "preprocess_cloud",
     "recenter",
     "reconstruct",
+    "reconstruct_tiles",
     "remove_mixed_pixels",
     "save_points",
     "silent",

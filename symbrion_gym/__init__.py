@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
+    from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -76,6 +77,7 @@ __all__ = [
     "draw_traversability",
     "letter_h",
     "load_arena",
+    "load_tiles",
     "make_arena",
     "make_scout",
     "snake",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.progress import Progress, silent
 from reconstruction.tiles.config import TilesConfig
@@ -55,8 +55,9 @@ def fill_buckets(
         points = points[(np.abs(points[:, :2]) < _MOST_PLACE * config.tile).all(axis=1)]
         own = np.floor(points[:, :2] / config.tile).astype(np.int64)
         _count(own, counts)
+        is_near = _find_near(points, own, config)
         for shift in ((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)):
-            chosen = _find_halo(points, own, shift, config)
+            chosen = np.flatnonzero(is_near[0, shift[0]] & is_near[1, shift[1]])
             _append(points[chosen], own[chosen] + shift, folder, config.tile, with_halo)
         progress(f"points into tiles, chunk {number + 1}", 0.0)
     return [Bucket(place, counts[place], with_halo[place]) for place in sorted(counts)]
@@ -72,16 +73,17 @@ def name_bucket(folder: Path, place: Place) -> Path:
     return folder / f"{place[0]}_{place[1]}.f4"
 
 
-def _find_halo(
-    points: Float[np.ndarray, "N 3"], own: Int[np.ndarray, "N 2"], shift: Place, config: TilesConfig
-) -> Int[np.ndarray, " M"]:
-    """Return the points that lie in the halo of the neighbor in a direction; for (0, 0) all."""
-    is_near = np.ones(len(points), dtype=bool)
-    for axis, step in enumerate(shift):
-        if step:
-            border = (own[:, axis] + (step > 0)) * config.tile
-            is_near &= np.abs(points[:, axis] - border) <= config.width
-    return np.flatnonzero(is_near)
+def _find_near(
+    points: Float[np.ndarray, "N 3"], own: Int[np.ndarray, "N 2"], config: TilesConfig
+) -> dict[Place, Bool[np.ndarray, " N"]]:
+    """Return which points are near the border in a direction: (axis, step) -> bool; for step 0 all."""
+    is_near = {}
+    for axis in (0, 1):
+        depth = points[:, axis] - own[:, axis] * config.tile
+        is_near[axis, -1] = depth <= config.width
+        is_near[axis, 0] = np.ones(len(points), dtype=bool)
+        is_near[axis, 1] = depth >= config.tile - config.width
+    return is_near
 
 
 def _append(
@@ -94,9 +96,10 @@ def _append(
     """Append points to the files of their tiles."""
     if not len(points):
         return
-    order = np.lexsort((places[:, 1], places[:, 0]))  # stable: points stay in the order of the source
+    numbers = places[:, 0] * (4 * _MOST_PLACE) + places[:, 1]
+    order = np.argsort(numbers, kind="stable")  # points stay in the order of the source
     points, places = points[order], places[order]
-    starts = np.flatnonzero(np.r_[True, (np.diff(places, axis=0) != 0).any(axis=1)])
+    starts = np.flatnonzero(np.r_[True, np.diff(numbers[order]) != 0])
     for begin, end in zip(starts, [*starts[1:], len(points)], strict=True):
         place = (int(places[begin, 0]), int(places[begin, 1]))
         local = points[begin:end] - [place[0] * tile, place[1] * tile, 0.0]
@@ -106,9 +109,8 @@ def _append(
 
 
 def _count(places: Int[np.ndarray, "N 2"], counts: dict[Place, int]) -> None:
-    if not len(places):
-        return
-    different, numbers = np.unique(places, axis=0, return_counts=True)
+    different, numbers = np.unique(places[:, 0] * (4 * _MOST_PLACE) + places[:, 1], return_counts=True)
     for place, number in zip(different.tolist(), numbers.tolist(), strict=True):
-        key = (place[0], place[1])
+        column = (place + 2 * _MOST_PLACE) // (4 * _MOST_PLACE)
+        key = (column, place - column * 4 * _MOST_PLACE)
         counts[key] = counts.get(key, 0) + number

@@ -86,13 +86,13 @@ def _open_las(path: Path, meters: float) -> PointStream:
         ) from error
 
     def read() -> Iterator[Float[np.ndarray, "N 3"]]:
-        with laspy.open(path) as reader:
+        with path.open("rb") as file, laspy.LasReader(file, closefd=False) as reader:
             for chunk in reader.chunk_iterator(CHUNK):
                 points = np.stack([np.asarray(chunk[axis], dtype=np.float64) for axis in "xyz"], axis=1)
                 yield _as_meters(points[_find_usable(chunk)], meters)
 
     try:
-        with laspy.open(path) as reader:
+        with path.open("rb") as file, laspy.LasReader(file, closefd=False) as reader:
             header = reader.header
             low, high, count = np.array(header.mins), np.array(header.maxs), header.point_count
     except (laspy.LaspyException, OSError, ValueError) as error:

@@ -12,6 +12,11 @@ from reconstruction.tiles.config import TilesConfig
 
 _ON_BORDER = 1e-9
 """A vertex this near to a border lies on it [m]."""
+_LEAST_SQUARE = 1e-30
+"""Squared length of an edge without length [m²]."""
+_STEEP = 4.0
+"""Where the nearest place of a curve is this many times nearer than the one straight above or below, it counts: beyond
+76 degrees, curves of two tiles that are a little apart in plan are far apart in height."""
 
 
 class Surface(NamedTuple):
@@ -66,7 +71,8 @@ def join_tile(
     moved = _blend(cut.vertices, neighbors, place, config, max_gap)
     for border, curve in curves.items():
         moved = _meet(cut, moved, border, curve, max_gap, partners)
-    return Surface(_meet_corners(cut.vertices, moved, neighbors, place, config.tile, max_gap), cut.faces)
+    surfaces = {(0, 0): own, **neighbors}
+    return Surface(_meet_corners(cut.vertices, moved, surfaces, place, config.tile, max_gap), cut.faces)
 
 
 def clip(surface: Surface, place: tuple[int, int], tile: float) -> Surface:
@@ -141,21 +147,38 @@ def _find_seam_edges(surface: Surface, border: Border) -> Int[np.ndarray, "E 3"]
     return np.concatenate(rows)
 
 
-def _find_nearest(
-    points: Float[np.ndarray, "N 3"], begin: Float[np.ndarray, "E 3"], end: Float[np.ndarray, "E 3"]
+def _find_opposite(
+    points: Float[np.ndarray, "N 3"], curve: Surface, edges: Int[np.ndarray, "E 3"], axis: int
 ) -> tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, " N"], Int[np.ndarray, " N"]]:
-    """Return the nearest place on segments, its distance, and the segment."""
+    """Return the place of a curve on a border that belongs to each point of another one, its distance, and the edge.
+
+    It is the place straight above or below: then the curves' vertices alternate in one order, whichever side they are
+    looked at from. Where the curve is so steep that the nearest place is much nearer, it is that one.
+    """
+    begin, end = curve.vertices[edges[:, 1]], curve.vertices[edges[:, 2]]
     along = end - begin
-    squared = np.maximum((along**2).sum(axis=1), 1e-30)
-    places = np.empty_like(points)
-    distances = np.empty(len(points))
+    squared = np.maximum((along**2).sum(axis=1), _LEAST_SQUARE)
+    run = along[:, 1 - axis]
+    is_level = np.abs(run) > _ON_BORDER
+    places, distances = np.empty_like(points), np.empty(len(points))
     segments = np.empty(len(points), dtype=np.int64)
     for i, point in enumerate(points):
         share = np.clip(((point - begin) * along).sum(axis=1) / squared, 0.0, 1.0)
-        candidates = begin + share[:, None] * along
-        gaps = ((candidates - point) ** 2).sum(axis=1)
-        nearest = int(gaps.argmin())
-        places[i], distances[i], segments[i] = candidates[nearest], np.sqrt(gaps[nearest]), nearest
+        gaps = np.linalg.norm(begin + share[:, None] * along - point, axis=1)
+        segment = int(gaps.argmin())
+        chosen = begin[segment] + share[segment] * along[segment]
+        above = np.divide(
+            point[1 - axis] - begin[:, 1 - axis], run, out=np.full(len(run), -1.0), where=is_level
+        )
+        spans = np.flatnonzero((above >= 0.0) & (above <= 1.0))
+        heights = begin[spans, 2] + above[spans] * along[spans, 2]
+        rises = np.abs(heights - point[2])
+        if len(spans) and rises.min() <= _STEEP * gaps[segment] + _ON_BORDER:
+            nearest = int(rises.argmin())
+            segment = int(spans[nearest])
+            chosen = np.array([point[0], point[1], heights[nearest]])
+        places[i], segments[i] = chosen, segment
+        distances[i] = float(np.linalg.norm(chosen - point))
     return places, distances, segments
 
 
@@ -172,7 +195,7 @@ def _insert_vertices(
         return own
     visitors = other.vertices[np.unique(theirs[:, 1:])]
     vertices = own.vertices
-    places, gaps, segments = _find_nearest(visitors, vertices[edges[:, 1]], vertices[edges[:, 2]])
+    places, gaps, segments = _find_opposite(visitors, own, edges, border.axis)
     near = np.flatnonzero(gaps <= max_gap)
     added, new_faces = [], []
     split: dict[int, list[tuple[float, int]]] = {}
@@ -251,7 +274,7 @@ def _meet(
         return moved
     numbers = np.unique(edges[:, 1:])
     points = cut.vertices[numbers]
-    places, gaps, _ = _find_nearest(points, other.vertices[theirs[:, 1]], other.vertices[theirs[:, 2]])
+    places, gaps, _ = _find_opposite(points, other, theirs, border.axis)
     result = moved.copy()
     for number, point, place, gap in zip(numbers, points, places, gaps, strict=True):
         partner = partners.get(point.tobytes())
@@ -263,7 +286,7 @@ def _meet(
 def _meet_corners(
     vertices: Float[np.ndarray, "V 3"],
     moved: Float[np.ndarray, "V 3"],
-    neighbors: Mapping[tuple[int, int], Surface],
+    surfaces: Mapping[tuple[int, int], Surface],
     place: tuple[int, int],
     tile: float,
     max_gap: float,
@@ -273,16 +296,15 @@ def _meet_corners(
     for x in (-1, 1):
         for y in (-1, 1):
             corner = np.array([(place[0] + (x > 0)) * tile, (place[1] + (y > 0)) * tile])
+            meeting = [surfaces[shift] for shift in ((0, 0), (x, 0), (0, y), (x, y)) if shift in surfaces]
             for number in np.flatnonzero((np.abs(vertices[:, :2] - corner) <= _ON_BORDER).all(axis=1)):
-                heights = [float(vertices[number, 2])]
-                for shift in ((x, 0), (0, y), (x, y)):
-                    if shift in neighbors:
-                        found = _find_heights(neighbors[shift], corner)
-                        gaps = np.abs(found - vertices[number, 2])
-                        heights += (
-                            [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
-                        )
-                result[number] = [*corner, float(np.mean(sorted(heights)))]
+                heights = []
+                for surface in meeting:  # the tile's own, too: all four compute the same, to the bit
+                    found = _find_heights(surface, corner)
+                    gaps = np.abs(found - vertices[number, 2])
+                    heights += [float(found[gaps.argmin()])] if len(found) and gaps.min() <= max_gap else []
+                if heights:
+                    result[number] = [*corner, float(np.mean(sorted(heights)))]
     return result
 
 

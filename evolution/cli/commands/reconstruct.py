@@ -8,6 +8,7 @@ import reconstruction as rc
 from evolution.cli.command import UsageError, require_own_archive, require_writable_file
 from evolution.cli.console import Console
 from evolution.cli.scan_source import ScanCommand
+from evolution.cli.tile_options import TileOptions
 from reconstruction.files.atomic_write import write_atomically
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ MINIMUM_UNITS = 4
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Reconstruct(ScanCommand):
+class Reconstruct(TileOptions, ScanCommand):
     """Reconstruct a surface from a scan log or a point cloud with a self-organizing network.
 
     Example: symbrion reconstruct survey.npz --out pit.npz
@@ -27,6 +28,8 @@ class Reconstruct(ScanCommand):
     Example: symbrion reconstruct room.e57 --crop auto --out room.npz
 
     Example: symbrion reconstruct scan.dat.bz2 --crop 0.4 9.6 -4.3 1.4 -1 2 --units 1500 --out stairs.ply
+
+    Example: symbrion reconstruct valley.laz --tile 50 --workers 2 --out tiles
     """
 
     out: Path = Path("surface.npz")
@@ -38,6 +41,9 @@ class Reconstruct(ScanCommand):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.tile is not None:
+            self.check_tiles(self.out)
+            return
         require_writable_file(self.out, "--out", (".npz", *MESH_ENDINGS))
         if self.out == Reconstruct.out:
             require_own_archive(self.out, "--out", "header")
@@ -47,6 +53,16 @@ class Reconstruct(ScanCommand):
             raise UsageError(f"--units {self.units} is too few; give {MINIMUM_UNITS} or more")
 
     def run(self, console: Console) -> dict[str, Any]:
+        if self.tile is not None:
+            return self.run_tiles(
+                console,
+                self.source,
+                self.out,
+                method=self.method,
+                seed=self.seed,
+                unit=self.unit,
+                is_raw=self.raw,
+            )
         with console.track(f"Reading {self.source.name}"):
             scan = self.read_scan()
         console.print_line(

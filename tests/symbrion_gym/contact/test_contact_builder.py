@@ -152,7 +152,9 @@ def test_a_thin_wall_is_not_pierced():
 
 
 def test_faces_seen_from_behind_stay_thin():
-    sheet = trimesh.Trimesh([[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
+    sheet = trimesh.Trimesh(
+        [[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]], process=False
+    )
     contact = make_contact(sheet, ContactOptions(), 0.003, is_two_sided=np.ones(len(sheet.faces), bool))
     assert max(np.ptp(piece.vertices[:, 1]) for piece in contact.pieces) < 0.02
 
