@@ -125,6 +125,9 @@ def format_peers(rows: dict[str, dict[str, Any]]) -> list[str]:
     )
     lines = [f"{'scene':16s}{'contact':14s}" + "".join(f"{title:>10s}" for _, title, *_ in columns)]
     for name, row in rows.items():
+        if "failed" in row:
+            lines.append(f"{name:16s}no arena: {row['failed']}")
+            continue
         surface, poisson = row.get("surface", {}), row.get("poisson", {})
         said = [
             f"{title} {1e3 * part['points_mean']:.1f} / {1e3 * part['points_p95']:.1f} mm"

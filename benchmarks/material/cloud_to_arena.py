@@ -45,7 +45,7 @@ class Made(NamedTuple):
 
 
 class ArenaFailedError(Exception):
-    """No arena came of a cloud; the message is the end of what the process said."""
+    """No arena came of a cloud; the message is the last line that the process said."""
 
 
 def make(case: ScanCase, folder: Path) -> Made:
@@ -74,7 +74,8 @@ def make(case: ScanCase, folder: Path) -> Made:
         process.returncode = os.waitstatus_to_exitcode(status)
     said = log.read_text()
     if process.returncode:
-        raise ArenaFailedError(said.strip()[-300:] or f"exit code {process.returncode}")
+        last = (said.strip().splitlines() or [f"exit code {process.returncode}"])[-1]
+        raise ArenaFailedError(last)
     figures = json.loads(said.splitlines()[-1])
     figures |= {
         "cpu_s": usage.ru_utime + usage.ru_stime,
