@@ -69,7 +69,7 @@ def test_criteria_of_success_have_the_documented_numbers() -> None:
     criteria = SuccessCriteria()
     low, high = (100 * height for height in criteria.ground_band)
     for words in (
-        f"at every tick for {criteria.hold_time:g} s",
+        f"at every control step for {criteria.hold_time:g} s",
         f"a cube of {200 * criteria.corner:g} cm",
         f"z component of its up axis above {criteria.upright:g}",
         f"{low:g} to {high:g} cm above the ground",

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from evolution.backends.trials import Options, Randomization, Scoring
-from evolution.controllers.controller import CONTROLLERS
+from evolution.backends.trials import Options, Randomization, RolloutConfig, Scoring
+from evolution.controllers.controller import CONTROLLERS, ControllerConfig
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
@@ -36,7 +36,12 @@ FORMER_NAMES = {"randomisation": "randomization"}
 """Former name -> present name of fields of `EvolutionConfig`."""
 _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
-_ADDED = {"cmaes": asdict(CmaesConfig()), "success_threshold": Validation.success_threshold}
+_ADDED = {
+    "cmaes": asdict(CmaesConfig()),
+    "success_threshold": Validation.success_threshold,
+    "controller_config": asdict(ControllerConfig()),
+    "rollout": asdict(RolloutConfig()),
+}
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
 _MAX_SIGMA = 1000.0
 _INTEGERS = {
@@ -87,6 +92,8 @@ class EvolutionConfig:
         validation: rules by which candidates for the champion are validated.
         environment: further options of the environment, such as pit, goal or bottomless.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
+        controller_config: parameters of the controller that are not evolved.
+        rollout: parameters of the simulation of trials.
     """
 
     arena: str = "gsrm"
@@ -114,6 +121,8 @@ class EvolutionConfig:
     validation: Validation = field(default_factory=Validation)
     environment: Options = ()
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
+    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
+    rollout: RolloutConfig = field(default_factory=RolloutConfig)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__

@@ -11,14 +11,14 @@ References:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from evolution.backends.trials import Options, Outcome
-from evolution.controllers.controller import CONTROLLERS
+from evolution.controllers.controller import CONTROLLERS, ControllerConfig
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
@@ -117,6 +117,7 @@ class Champion:
         fitness: fitness in that generation, from few trials.
         successes: number of its validation trials that succeeded.
         trials: number of its validation trials; 0 if no genotype became a candidate.
+        controller_config: parameters of the controller that are not evolved.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
@@ -132,6 +133,7 @@ class Champion:
     successes: int = 0
     trials: int = 0
     environment: Options = ()
+    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
 
     def __post_init__(self) -> None:
         genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)

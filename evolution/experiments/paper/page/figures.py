@@ -5,7 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from evolution.experiments.paper_page.numbers import SCANS
+from evolution.experiments.paper.page.numbers import SCANS
 from evolution.report.figures import INK_COLOR, PALETTE, style_axes
 from evolution.report.pictures import CHART_DPI, CHART_WIDTH
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from evolution.experiments.paper.benchmark import load_benchmark
-from evolution.experiments.paper_page import tables
-from evolution.experiments.paper_page.context import PaperContext
-from evolution.experiments.paper_page.figures import draw_costs, draw_scan_growth
+from evolution.experiments.paper.page import tables
+from evolution.experiments.paper.page.context import PaperContext
+from evolution.experiments.paper.page.figures import draw_costs, draw_scan_growth
 from evolution.report.figures import draw_learning_curve, draw_section, draw_tracks
 from evolution.report.provenance import describe_selection
 

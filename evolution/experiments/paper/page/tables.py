@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from evolution.experiments.paper.benchmark import COARSE
-from evolution.experiments.paper_page.numbers import (
+from evolution.experiments.paper.page.numbers import (
     NETWORK_SECONDS,
     PHYSICS,
     PHYSICS_ARENAS,

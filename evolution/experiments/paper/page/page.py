@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from evolution.experiments.paper.config import PaperConfig
-from evolution.experiments.paper_page import tables
-from evolution.experiments.paper_page.context import PaperContext
-from evolution.experiments.paper_page.pipeline import add_arenas, add_cloud, add_networks, add_scene
-from evolution.experiments.paper_page.results import (
+from evolution.experiments.paper.page import tables
+from evolution.experiments.paper.page.context import PaperContext
+from evolution.experiments.paper.page.pipeline import add_arenas, add_cloud, add_networks, add_scene
+from evolution.experiments.paper.page.results import (
     add_laser,
     add_models,
     add_physics,

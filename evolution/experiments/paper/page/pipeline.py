@@ -5,8 +5,8 @@ import numpy as np
 import symbrion_gym as sg
 from evolution.experiments.paper.arenas import load_arena, load_surface
 from evolution.experiments.paper.cloud import find_removed
-from evolution.experiments.paper_page import tables
-from evolution.experiments.paper_page.context import PaperContext
+from evolution.experiments.paper.page import tables
+from evolution.experiments.paper.page.context import PaperContext
 from evolution.report.figures import draw_cloud, draw_pieces, draw_section, draw_surface
 from evolution.report.scene import Scene
 

@@ -17,7 +17,7 @@ import symbrion_gym as sg
 from evolution.errors import RunError
 from evolution.experiments.paper.cloud import CLOUD, LOG
 from evolution.experiments.paper.config import QUICK, PaperConfig
-from evolution.experiments.paper_page.tables import Table
+from evolution.experiments.paper.page.tables import Table
 from evolution.report.page import Page
 from evolution.report.pictures import to_png, to_svg
 from reconstruction.files.atomic_write import write_atomically
