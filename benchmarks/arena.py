@@ -38,7 +38,7 @@ from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.contact.solid import close_downwards
 from symbrion_gym.contact.surface_error import measure_arena
 
-_PIT = 0.40
+_PIT = Course().pit
 _EASY_PIT = 0.30
 """Width of a pit that some random controllers cross and some do not [m]."""
 Rows = dict[str, dict[str, Any]]

@@ -64,7 +64,9 @@ class ContactConfig:
         snapping: how vertices are moved onto planes.
         simplification: how far a surface is simplified.
         patches: how triangles are joined to convex patches.
-        joining: triangles are joined within this share of the accuracy.
+        joining: triangles are joined within this share of what patches aim at.
+        aim: patches aim at this share of the accuracy while they are few enough: beams that graze a wall feel a few
+            millimeters.
         thickness: how thick the solid behind a patch is.
         slab_pass: which terrains become slabs.
         slabs: how a terrain is cut into slabs.
@@ -86,6 +88,7 @@ class ContactConfig:
     simplification: SimplificationConfig = field(default_factory=SimplificationConfig)
     patches: PatchConfig = field(default_factory=PatchConfig)
     joining: float = 0.8
+    aim: float = 0.5
     thickness: ThicknessConfig = field(default_factory=ThicknessConfig)
     slab_pass: SlabPassConfig = field(default_factory=SlabPassConfig)
     slabs: SlabConfig = field(default_factory=SlabConfig)

@@ -47,6 +47,11 @@ class ContactProblem:
         """What tunes each pass."""
         return self.options.config
 
+    @property
+    def aim(self) -> float:
+        """Distance that patches aim at [m]."""
+        return self.config.aim * self.accuracy
+
     @cached_property
     def distance(self) -> SurfaceDistance:
         """Distances of pieces from the surface."""
@@ -84,7 +89,7 @@ class ContactProblem:
     def planes(self) -> Planes:
         """Planes of the whole surface."""
         return find_planes(
-            self.surface, self.accuracy, is_exceeded=self.deadline.is_over, config=self.config.planes
+            self.surface, self.aim, is_exceeded=self.deadline.is_over, config=self.config.planes
         )
 
     @cached_property

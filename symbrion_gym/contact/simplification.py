@@ -17,14 +17,14 @@ class SimplificationConfig:
     """How far a surface is simplified.
 
     Attributes:
-        share: the error of simplification is this share of what is good enough; joining triangles takes the rest.
+        share: the error of simplification is this share of what patches aim at; joining triangles takes the rest.
         fewest: number of triangles that is tried first.
         growth: factor between the numbers that are tried.
     """
 
     share: float = 0.6
     fewest: int = 60
-    growth: float = 1.3
+    growth: float = 1.12
 
 
 SIMPLIFICATION_DEFAULTS = SimplificationConfig()
@@ -48,7 +48,7 @@ def find_simple(
     Args:
         surface: manifold.
         distance: samples of the exact surface.
-        accuracy: wanted mean distance of contact [m].
+        accuracy: mean distance of contact that is aimed at [m].
         acceptance: other wanted figures.
         config: how far it is simplified.
     """

@@ -20,7 +20,8 @@ class ThicknessConfig:
     """How thick the solid behind a surface is.
 
     Attributes:
-        thickness: of the solid where nothing lies behind it [m]: more than a robot sinks in during a few steps.
+        thickness: of the solid where nothing lies behind it [m]: more than a robot sinks in during a few
+            steps; beams that pass a boundary of the surface meet the sides of thicker ones.
         share: of the distance to whatever surface lies behind, where that is nearer: a thin wall stays a wall.
         least: thinner solids are flat to a simulator [m].
         start: a ray into the solid begins this far behind the surface [m].
@@ -31,7 +32,7 @@ class ThicknessConfig:
             a thin wall; a robot sinks in less than this.
     """
 
-    thickness: float = 0.06
+    thickness: float = 0.03
     share: float = 0.9
     least: float = 0.004
     start: float = 5e-4

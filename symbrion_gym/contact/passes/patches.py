@@ -31,7 +31,7 @@ def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact |
     """Return patches of the surface whose flat parts are moved onto planes; None where what is wanted is reached."""
     if best is not None and _is_reached(problem, best):
         return None
-    flat = snap_to_planes(problem.surface, problem.planes, problem.accuracy, problem.config.snapping)
+    flat = snap_to_planes(problem.surface, problem.planes, problem.aim, problem.config.snapping)
     notes = {"way": "patches of planes and triangles", "planes": len(problem.planes.normals)}
     return _fit(problem, flat, notes)
 
@@ -56,12 +56,12 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
     """
     config, options = problem.config, problem.options
     counts = list_counts(len(surface.faces), config.simplification)
-    start = find_simple(surface, problem.distance, problem.accuracy, config.acceptance, config.simplification)
+    start = find_simple(surface, problem.distance, problem.aim, config.acceptance, config.simplification)
     best: Contact | None = None
     index, step = start, 0
     while index < len(counts) and not (best is not None and problem.deadline.is_over()):
         simple = simplify_surface(surface, counts[index])
-        pieces = thicken_patches(problem, simple, config.joining * problem.accuracy)
+        pieces = thicken_patches(problem, simple, config.joining * problem.aim)
         is_few = len(pieces) <= options.max_pieces
         if is_few or index == 0:
             made = problem.measure(pieces, {**notes, "triangles": len(simple.faces)})
