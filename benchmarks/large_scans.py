@@ -1,7 +1,7 @@
 """A scan too large for memory: a made landscape of 1/f noise, reconstructed in tiles.
 
 Run as `python -m benchmarks.large_scans [--quick]`. The whole square kilometer of 100 million points is streamed from a
-file with 2 workers; a square of 250 m is done with 1, 2 and 4 workers. A row has the time, the peak of the memory of
+file with 2 workers; a square of 500 m is done with 1, 2 and 4 workers. A row has the time, the peak of the memory of
 all processes together, the distance of the surface from the true heights, and the steps at the seams of the tiles:
 heights on both sides of a border, a micrometer apart.
 """
@@ -44,7 +44,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         results["whole"] = measure(100.0 if quick else 1000.0, 2, Path(folder))
         results["workers"] = {
-            f"{workers}": measure(100.0 if quick else 250.0, workers, Path(folder)) for workers in WORKERS
+            f"{workers}": measure(100.0 if quick else 500.0, workers, Path(folder)) for workers in WORKERS
         }
     write_results("large_scans", results)
     return results

@@ -10,8 +10,8 @@ from evolution.cli.console import Console
 
 _METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937, "in": 0.0254}
 """Meters in a unit of length."""
-_NOT_IN_TILES = ("crop", "thin", "units")
-"""Options that a tiled reconstruction does not have."""
+_NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "viewpoint", "intrinsics", "vertices")
+"""Options that a tiled reconstruction does not have, where the command has them."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,8 @@ class TileOptions:
         for name in _NOT_IN_TILES:
             default = {field.name: field.default for field in dataclasses.fields(self)}.get(name)
             if getattr(self, name, default) != default:
-                raise UsageError(f"--{name} does not go with --tile; use --units-per-area for the resolution")
+                remedy = "use --units-per-area" if name == "units" else "leave it out"
+                raise UsageError(f"--{name} does not go with --tile; {remedy}")
         try:
             self.make_config()
         except rc.ReconstructionError as error:

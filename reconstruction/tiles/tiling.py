@@ -77,6 +77,8 @@ def reconstruct_tiles(
                 "out": str(working / name_tile(bucket.place)),
             }
             for bucket in buckets
+            if bucket.num_points
+            >= config.points_per_unit  # not the one point that lies on the rim of the scan
         ]
         reports = _collect(run_jobs, reconstruct_tile, jobs, "surface of tile", 0.1, progress)
         places = {tuple(report["place"]) for report in reports if report["units"]}
@@ -153,13 +155,9 @@ def _describe(
 ) -> list[dict[str, Any]]:
     """Return the entries of tiles that have a surface."""
     faces = {tuple(result["place"]): result["faces"] for result in joined}
+    units = {tuple(report["place"]): report["units"] for report in reports}
     return [
-        {
-            "place": list(bucket.place),
-            "points": bucket.num_points,
-            "units": report["units"],
-            "faces": faces[bucket.place],
-        }
-        for bucket, report in zip(buckets, reports, strict=True)
-        if faces.get(bucket.place)
+        {"place": list(place), "points": num_points, "units": units[place], "faces": faces[place]}
+        for place, num_points, _ in buckets
+        if faces.get(place)
     ]

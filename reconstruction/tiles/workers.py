@@ -37,7 +37,7 @@ def run_in_processes(workers: int) -> RunJobs:
     the caller's script again).
 
     Args:
-        workers: number of processes; each takes 0.5 to 1 GB.
+        workers: number of processes; each takes about 0.3 GB, more with larger tiles.
 
     Raises:
         ReconstructionError: fewer than 1, or later: a process has died.

@@ -103,6 +103,13 @@ def test_tiles_with_few_points_are_counted(tmp_path, caplog):
         reconstruct_tiles(points[-40:], tmp_path / "none", CONFIG, is_raw=True)
 
 
+def test_a_point_on_the_rim_makes_no_tile(tmp_path):
+    tiles = reconstruct_tiles(
+        np.concatenate([make_points(), [[EXTENT, 5.0, 0.0]]]), tmp_path / "tiles", CONFIG
+    )
+    assert tiles.places == ((0, 0), (0, 1), (1, 0), (1, 1))
+
+
 def test_a_folder_of_others_is_refused_and_one_of_tiles_replaced(tiles, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "other/notes.txt").write_text("mine")
