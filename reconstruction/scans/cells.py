@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
+from reconstruction.scans.flat_neighbors import find_flat
 
 _HASH_PRIMES = np.array([73856093, 19349663, 83492791])
 """Of Teschner et al. 2003."""
@@ -170,22 +170,16 @@ def _find_flat(
     points: Float[np.ndarray, "N 3"], is_sparse: Bool[np.ndarray, " N"], config: SparsePointsConfig
 ) -> Bool[np.ndarray, " S"]:
     """Return which of the sparse points lie with their neighbors on a plane, as sparse as these."""
-    sparse = points[is_sparse]
-    num_neighbors = config.flat_neighbors
-    if not config.flatness or not len(sparse) or len(points) <= num_neighbors:
-        return np.zeros(len(sparse), bool)
-    tree = cKDTree(points)
-    distances, neighbors = tree.query(sparse, k=num_neighbors + 1)
-    others = np.unique(neighbors)
-    reach = np.zeros(len(points))
-    reach[others] = tree.query(points[others], k=num_neighbors + 1)[0][:, -1]
-    offset = points[neighbors] - points[neighbors].mean(axis=1, keepdims=True)
-    variance = np.linalg.eigvalsh(np.swapaxes(offset, 1, 2) @ offset)
-    is_alike = distances[:, -1] < config.max_loneliness * np.median(reach[neighbors], axis=1)
+    chosen = np.flatnonzero(is_sparse)
+    if not config.flatness:
+        return np.zeros(len(chosen), bool)
+    is_flat, is_alike, neighbors, _ = find_flat(
+        points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness
+    )
     is_kept = ~is_sparse
-    is_kept[is_sparse] = is_flat = is_alike & (variance[:, 0] < config.flatness * variance[:, 2])
+    is_kept[chosen] = is_flat
     # The edge of a far wall is not flat itself, but most of its neighbors are.
-    return is_flat | (is_alike & (is_kept[neighbors[:, 1:]].mean(axis=1) > config.kept_share))
+    return is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > config.kept_share))
 
 
 def _find_cell(points: Float[np.ndarray, "N 3"], config: SparsePointsConfig) -> float:

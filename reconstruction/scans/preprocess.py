@@ -12,7 +12,7 @@ from reconstruction.progress import Progress, silent
 from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_mixed_beams
+from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_mixed_beams, find_needed_beams
 from reconstruction.scans.scan import ScanLog
 from reconstruction.scans.smoothing import SmoothingConfig, smooth_ranges
 
@@ -37,7 +37,7 @@ class PreprocessConfig:
         mixed_pixels: which readings of a log count as mixed.
         smoothing: parameters of the smoothing of the ranges.
         sparse_readings: which points of a log are isolated. Its mixed pixels are found in its scans already, so
-            these are points alone in their cell, and few.
+            these are points alone in their cell, and few. `preprocess_cloud` keeps those of sparse surfaces.
         sparse_points: which points of a cloud without scans are isolated.
         crop_margin: added below and above a log's box [m].
     """
@@ -103,16 +103,39 @@ def preprocess(
     if not isinstance(scans, ScanLog):
         progress("filtering", 0.0)
         return remove_mixed_pixels(as_points(scans), config=config)
+    points = clean_log(scans, across_jumps=across_jumps, progress=progress, config=config).points()
+    if cropped and scans.box is not None:
+        points = crop(points, scans.box, config.crop_margin)
+    return points[~find_sparse_points(points, config.sparse_readings)]
+
+
+def clean_log(
+    log: ScanLog,
+    *,
+    across_jumps: bool | None = None,
+    keep_sparse: bool = False,
+    progress: Progress = silent,
+    config: PreprocessConfig | None = None,
+) -> ScanLog:
+    """Level a log, drop its mixed readings, and smooth it.
+
+    Args:
+        log: the scans.
+        across_jumps: see `preprocess`.
+        keep_sparse: keep mixed readings that a sparsely read surface needs (`find_needed_beams`).
+        progress: called with the current step.
+        config: configuration of the steps.
+    """
+    config = config or PreprocessConfig()
     progress("leveling", 0.0)
-    log = level_floor(scans, config=config.leveling)
+    log = level_floor(log, config=config.leveling)
     progress("filtering", 0.3)
     is_mixed = find_mixed_beams(log.ranges, log.angles, config.mixed_pixels)
+    if keep_sparse:
+        is_mixed &= ~find_needed_beams(log, is_mixed, config.mixed_pixels)
     progress("smoothing", 0.6)
     log = log.replace(ranges=np.where(is_mixed, np.nan, log.ranges))
-    points = smooth_ranges(log, across_jumps=across_jumps, config=config.smoothing).points()
-    if cropped and log.box is not None:
-        points = crop(points, log.box, config.crop_margin)
-    return points[~find_sparse_points(points, config.sparse_readings)]
+    return smooth_ranges(log, across_jumps=across_jumps, config=config.smoothing)
 
 
 @overload
