@@ -11,20 +11,22 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
-from reconstruction.errors import ReconstructionError
+from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
+from reconstruction.scans.frames import find_offset
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction.reconstruct import Reconstruction
 
-_FAR = 1000.0
-"""A surface this many times its extent, or this many meters, from the origin is recentered: MuJoCo stores vertices in
-single precision, which moves UTM coordinates by 0.13 m."""
+_WITH_FRAME = (".glb", ".gltf", ".dae")
+"""Formats that say which way is up and in which unit."""
+_FARTHEST = 1e8
+"""Coordinates beyond this are no place on earth in meters: damaged [m]."""
 
 _ONE_SIDED = 0.6
 """A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
@@ -106,8 +108,24 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurf
                 return _take_reconstruction(Reconstruction.load(surface), name)
             except ReconstructionError as error:
                 raise ArenaError(str(error)) from error
+        if Path(surface).suffix.lower() in _WITH_FRAME:
+            return _take_file(Path(surface), name)
         return ScannedSurface(load_surface(surface), name)
     return _take_reconstruction(surface, "reconstruction")
+
+
+def _take_file(path: Path, name: str) -> ScannedSurface:
+    """Return a mesh file in meters, z up, whatever its format says of both."""
+    from reconstruction.scans.mesh_files import load_mesh
+
+    if not path.is_file():
+        raise ArenaError(f"no mesh file {path}")
+    try:
+        mesh = load_mesh(path)
+    except ScanError as error:
+        raise ArenaError(str(error)) from error
+    offset = np.asarray(mesh.metadata.get("offset", np.zeros(3)), dtype=np.float64)
+    return ScannedSurface(mesh, name, offset=(float(offset[0]), float(offset[1]), float(offset[2])))
 
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
@@ -142,26 +160,25 @@ def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) ->
     faces = np.asarray(mesh.faces, dtype=np.int64)
     points = scanned.points if scanned.points is not None else vertices[faces].mean(axis=1)
     turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints)
-    mesh = trimesh.Trimesh(vertices, turned, process=False)
+    mesh = trimesh.Trimesh(turned.vertices, turned.faces, process=False)
     return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
 
 
 def _recenter(scanned: ScannedSurface) -> ScannedSurface:
     """Return a surface near the origin: what is far off is moved by whole meters."""
     vertices = np.asarray(scanned.mesh.vertices, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        return scanned  # the repair refuses it
     finite = vertices[np.isfinite(vertices).all(axis=1)]
-    if not len(finite):
+    if not len(finite) or float(np.abs(finite).max()) > _FARTHEST:
         return scanned
-    low, high = finite.min(axis=0), finite.max(axis=0)
-    extent, distance = float((high - low).max()), float(np.linalg.norm((low + high) / 2))
-    if distance <= max(_FAR * min(extent, 1.0), extent):
+    step = find_offset(finite)
+    if not step.any():
         return scanned
-    step = np.round((low + high) / 2)
-    moved = trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False)
     total = np.array(scanned.offset) + step
     return replace(
         scanned,
-        mesh=moved,
+        mesh=trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False),
         points=None if scanned.points is None else scanned.points - step,
         viewpoints=None if scanned.viewpoints is None else scanned.viewpoints - step,
         offset=(float(total[0]), float(total[1]), float(total[2])),

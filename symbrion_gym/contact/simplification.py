@@ -23,7 +23,7 @@ class SimplificationConfig:
     """
 
     share: float = 0.6
-    fewest: int = 60
+    fewest: int = 12
     growth: float = 1.12
 
 
