@@ -38,7 +38,6 @@ POSIX_NAMES = {
 """Attributes of `os`, `signal` and `time`, and options of `subprocess`, that Windows lacks."""
 GUARDED = {
     ("reconstruction/files/cache.py", "getuid"): "behind hasattr",
-    ("symbrion_gym/contact/coacd_worker.py", "resource"): "an ImportError is allowed for",
 }
 
 
