@@ -124,7 +124,7 @@ class Baselines:
         """Measure zero actions with six modules, and over a bottomless pit."""
         zero, count = np.zeros(len(REACTIVE_HINT)), self._trials
         six = count_crossings(zero, Course().pit, 6, count)
-        bridge = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, abyss=True) for pit in ABYSSES}
+        bridge = {f"{pit:.2f}": count_crossings(zero, pit, 8, count, bottomless=True) for pit in ABYSSES}
         self._put("other_tasks", {"trials": count, "six modules": six, "abyss": bridge})
 
     def widths(self) -> None:

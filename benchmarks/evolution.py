@@ -113,7 +113,7 @@ class Benchmark:
         """Evolve over a bottomless pit: a trial ends when a module touches the floor."""
         with tempfile.TemporaryDirectory() as folder:
             arena = make_model("gsrm", 2200, Path(folder), ABYSS)
-            self._run("abyss", course=ABYSS, arena=arena, environment=(("abyss", True),))
+            self._run("abyss", course=ABYSS, arena=arena, environment=(("bottomless", True),))
 
     def models(self) -> None:
         """Evolve in coarse and fine models of the same arena; judge in the true one."""

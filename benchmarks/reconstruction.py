@@ -98,9 +98,9 @@ def measure_clouds(repeats: int, names: tuple[str, ...]) -> dict[str, dict]:
         for method in ("gsrm", "gg") if cloud.is_sheet else ("gsrm",):
             seconds, qualities = [], []
             for seed in range(repeats):
-                reconstruct(cloud.points, method, seed=seed)
+                reconstruct(cloud.points, method, units=2200, seed=seed)
                 begin = time.perf_counter()
-                result = reconstruct(cloud.points, method, seed=seed)
+                result = reconstruct(cloud.points, method, units=2200, seed=seed)
                 seconds.append(time.perf_counter() - begin)
                 qualities.append(result.quality(cloud.truth))
             rows[f"{name}, {method}"] = _make_row(cloud, seconds, qualities)
@@ -163,7 +163,7 @@ def measure_cold_start(repeats: int = 5) -> dict[str, float]:
         code = (
             "import time; begin = time.perf_counter(); import numpy as np; "
             "points = np.load({path!r}); from reconstruction.reconstruct import reconstruct; "
-            "reconstruct(points, {method!r}).mesh; print(time.perf_counter() - begin)"
+            "reconstruct(points, {method!r}, units=2200).mesh; print(time.perf_counter() - begin)"
         )
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "cloud.npy"

@@ -60,12 +60,12 @@ def measure_survey(seed: int, surface: trimesh.Trimesh) -> dict[str, float]:
         "mixed": int((is_mixed & in_box).sum()),
         "mixed_removed": float((is_mixed & in_box & ~kept).sum() / (is_mixed & in_box).sum()),
         "others_kept": float((~is_mixed & in_box & kept).sum() / (~is_mixed & in_box).sum()),
-        **summarise("in_plane_before_deg", find_lean_angles(log.truth.robot_poses)[0]),
-        **summarise("in_plane_after_deg", after[0]),
-        **summarise("across_before_deg", find_lean_angles(log.truth.robot_poses)[1]),
-        **summarise("across_after_deg", after[1]),
-        **summarise("across_before_mm", shift[0]),
-        **summarise("across_after_mm", shift[1]),
+        **summarize("in_plane_before_deg", find_lean_angles(log.truth.robot_poses)[0]),
+        **summarize("in_plane_after_deg", after[0]),
+        **summarize("across_before_deg", find_lean_angles(log.truth.robot_poses)[1]),
+        **summarize("across_after_deg", after[1]),
+        **summarize("across_before_mm", shift[0]),
+        **summarize("across_after_mm", shift[1]),
         "localisation_max": log.report["localization_max"],
         "localisation_median": log.report["localization_median"],
         "localisation_max_deg": log.report["localization_max_deg"],
@@ -113,7 +113,7 @@ def find_shifts(levelled: ScanLog) -> tuple[np.ndarray, np.ndarray]:
     return before, after
 
 
-def summarise(name: str, values: np.ndarray) -> dict[str, float]:
+def summarize(name: str, values: np.ndarray) -> dict[str, float]:
     """Return root mean square, 95th percentile and maximum of the values."""
     size = np.abs(values)
     return {

@@ -2,13 +2,14 @@
 
 from typing import TYPE_CHECKING
 
-from evolution.deprecation import export_former_names
+from reconstruction.deprecation import export_former_names
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.backends.trials import Outcome, Randomization, Scoring
+    from evolution.backends.trials import Outcome, Randomization, RolloutConfig, Scoring
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
+    from evolution.controllers.controller import ControllerConfig
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
@@ -22,12 +23,14 @@ __all__ = [
     "Champion",
     "ChampionPolicy",
     "CmaesConfig",
+    "ControllerConfig",
     "Evaluation",
     "EvolutionConfig",
     "EvolutionError",
     "Outcome",
     "Randomization",
     "Recording",
+    "RolloutConfig",
     "Run",
     "RunError",
     "Scoring",

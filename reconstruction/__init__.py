@@ -10,28 +10,41 @@ if TYPE_CHECKING:
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
     from reconstruction.progress import Progress, silent
+    from reconstruction.resolution import ResolutionConfig, choose_units
     from reconstruction.scans.cells import SparsePointsConfig
+    from reconstruction.scans.cloud import Cloud
+    from reconstruction.scans.cloud_file import load_cloud, make_log_cloud, recenter
+    from reconstruction.scans.cloud_preprocess import preprocess_cloud
+    from reconstruction.scans.depth_image import Intrinsics, load_depth_image
     from reconstruction.scans.formats import load_points, save_points
+    from reconstruction.scans.frames import FrameConfig, describe_odd_size
     from reconstruction.scans.leveling import LevelingConfig
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction.scans.mesh_files import is_mesh, load_mesh
     from reconstruction.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction.scans.preprocess import (
         PreprocessConfig,
-        crop,
         level_floor,
         preprocess,
         remove_mixed_pixels,
         smooth_ranges,
-        thin,
     )
     from reconstruction.scans.scan import ScanLog
     from reconstruction.scans.scan_log_file import load_scan_log
+    from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
     from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.surfaces.quality import Quality, measure_quality
+    from reconstruction.tiles.config import TilesConfig
+    from reconstruction.tiles.folder import TiledSurface
+    from reconstruction.tiles.tiling import reconstruct_tiles
 
 __all__ = [
+    "Cloud",
+    "CropConfig",
+    "FrameConfig",
     "GSRMConfig",
     "GrowingGridConfig",
+    "Intrinsics",
     "LevelingConfig",
     "LocalizationConfig",
     "MixedPixelsConfig",
@@ -41,19 +54,33 @@ __all__ = [
     "Reconstruction",
     "ReconstructionError",
     "ReconstructionPackageError",
+    "ResolutionConfig",
     "ScanError",
     "ScanLog",
     "SmoothingConfig",
     "SparsePointsConfig",
+    "TiledSurface",
+    "TilesConfig",
+    "choose_units",
     "crop",
+    "describe_odd_size",
+    "find_crop_box",
+    "is_mesh",
     "level_floor",
+    "load_cloud",
+    "load_depth_image",
+    "load_mesh",
     "load_points",
     "load_scan_log",
     "localise",
     "localize",
+    "make_log_cloud",
     "measure_quality",
     "preprocess",
+    "preprocess_cloud",
+    "recenter",
     "reconstruct",
+    "reconstruct_tiles",
     "remove_mixed_pixels",
     "save_points",
     "silent",

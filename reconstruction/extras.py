@@ -6,8 +6,10 @@ from reconstruction.errors import ReconstructionPackageError
 
 EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
+    "formats": ("PIL", "collada", "laspy", "lazrs", "pye57"),
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
+    "usd": ("pxr",),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 

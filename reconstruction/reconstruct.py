@@ -2,109 +2,123 @@
 
 from __future__ import annotations
 
-import dataclasses
-import importlib
-import json
+import logging
 import os
-from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.files.bounded_read import MAX_BYTES, read_npz
+from reconstruction.files.bounded_read import MAX_BYTES
+from reconstruction.input_cloud import align, join_clouds, make_cloud, make_cloud_of_rays
+from reconstruction.methods import find_learner, find_method, make_config
 from reconstruction.networks.change.input_checks import check_origins, check_scale
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
+from reconstruction.saved_file import Saved, read_saved, write_saved
+from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.point_check import check_number, check_points
 from reconstruction.scans.scan import ScanLog
 
 if TYPE_CHECKING:
     import trimesh
 
-    from reconstruction.networks.change.refinement import Learner
-    from reconstruction.networks.growing_grid import growing_grid
-    from reconstruction.networks.gsrm import gsrm
+    from reconstruction.methods import NetworkConfig, State
+    from reconstruction.scans.dropped import Dropped
     from reconstruction.surfaces.quality import Quality
 
-    NetworkConfig: TypeAlias = gsrm.GSRMConfig | growing_grid.GrowingGridConfig
-    State: TypeAlias = gsrm.State | growing_grid.State
+logger = logging.getLogger(__name__)
 
-FORMAT = "symbrion reconstruction"
-VERSION = 1
-METHODS = {
-    "gsrm": ("reconstruction.networks.gsrm.gsrm", "GSRMConfig"),
-    "gg": ("reconstruction.networks.growing_grid.growing_grid", "GrowingGridConfig"),
-}
-"""Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
-
-
-class Network(Protocol):
-    """What the module of a network offers."""
-
-    @property
-    def State(self) -> type[State]:
-        """The network as plain arrays."""
-        ...
-
-    def train(
-        self, points: Float[np.ndarray, "N 3"], config: NetworkConfig, seed: int, progress: Progress
-    ) -> State:
-        """Return a network that has grown over the points."""
-        ...
+DEFAULT_UNITS = 2200
+"""Of the paper's mode: that of its experiments."""
 
 
 def reconstruct(
-    points: ArrayLike,
+    points: ArrayLike | Cloud,
     method: str = "gsrm",
-    units: int = 2200,
+    units: int | None = None,
     seed: int = 0,
     mode: str = "batch",
     progress: Progress = silent,
     viewpoint: ArrayLike | None = None,
+    *,
+    viewpoints: ArrayLike | None = None,
+    seen_from: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+    readings: ArrayLike | Cloud | None = None,
     **options: object,
 ) -> Reconstruction:
     """Grow a self-organizing network over a point cloud and return its surface.
 
+    A cloud far from the origin is recentered: the mesh and the points of the result are positions minus its
+    `offset`, which are whole meters.
+
     Args:
-        points: `[N, 3]` positions [m], any real number type; 20 for each unit are a good number.
+        points: `[N, 3]` positions [m], any real number type, or a `Cloud` with its viewpoints and colors; 20 for each
+            unit are a good number.
         method: "gsrm" (growing self-reconstruction map: any topology) or "gg" (growing grid: one sheet).
-        units: number of neurons, the resolution.
+        units: number of neurons, the resolution; None: enough for the scan, 500 to 8,000 (`choose_units`), in paper
+            mode 2200.
         seed: equal seeds give equal meshes, byte for byte.
         mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
         progress: called with each step and the fraction done.
-        viewpoint: `[3]` or `[K, 3]` positions of the scanner; the normals point there. Without it they point up,
-            or outwards on closed surfaces.
+        viewpoint: deprecated name of `viewpoints`.
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the points [m]: the surface looks to
+            where it was seen from. Without them sheets look up (along z), closed surfaces outwards.
+        seen_from: `[N]` index of the viewpoint that each point was seen from; without it, of several viewpoints the
+            nearest one from which no other point hides it is taken.
+        colors: `[N, 3]` red, green and blue of the points, 0 to 255.
+        readings: all points of the scan, in the same frame, where `points` are those that pre-processing kept:
+            `quality` is measured on these.
         options: further fields of `GSRMConfig` or `GrowingGridConfig`, such as `triangles=13860` for "gg".
 
     Raises:
         ReconstructionError: the points hold no surface, or an argument is out of its range.
     """
-    cloud = check_points(points)
-    network, config_type = _find_method(method)
+    if viewpoint is not None and viewpoints is not None:
+        raise ReconstructionError("viewpoint is the deprecated name of viewpoints; give only viewpoints")
+    viewpoints = viewpoint if viewpoints is None else viewpoints
+    cloud = make_cloud(points, viewpoints=viewpoints, seen_from=seen_from, colors=colors)
+    network, config_type = find_method(method)
     selected = options if mode == "batch" else {"mode": mode, **options}
-    config = _make_config(config_type, {"units": units, **selected})
-    check_number(cloud, getattr(config, "wanted_units", config.units))
-    seed, seen_from = _check_seed(seed), _check_viewpoint(viewpoint)
+    is_chosen = units is None and mode == "batch" and "triangles" not in options
+    if is_chosen:
+        from reconstruction.resolution import choose_units
+
+        units = choose_units(cloud.points)
+    elif units is None:
+        units = DEFAULT_UNITS
+    config = make_config(config_type, {"units": units, **selected})
+    check_number(cloud.points, getattr(config, "wanted_units", config.units))
+    seed = _check_seed(seed)
+    everything = None if readings is None else align(make_cloud(readings), cloud)
     keep_compiled_programs()
-    state = network.train(cloud, config, seed, progress)
-    return Reconstruction(method, config, state, cloud, seen_from)
+    state = network.train(cloud.points, config, seed, progress)
+    notes = {"units": f"{units}, chosen for the density of the points"} if is_chosen else {}
+    result = Reconstruction(method, config, state, cloud, readings=everything, notes=notes)
+    if result.dropped is not None:
+        result.notes["dropped"] = f"pre-processing dropped {result.dropped}"
+    return result
 
 
 class Reconstruction:
     """A network that has learned a surface: its mesh, its quality, and all that it needs to learn on.
 
+    Positions are in the frame of the points given minus `offset`.
+
     Attributes:
         method: "gsrm" or "gg".
         config: the network's configuration.
         state: the network itself, plain arrays.
-        points: `[N, 3]` the cloud that it was grown over [m].
-        viewpoint: `[3]` or `[K, 3]` positions of the scanner [m], or None.
-        mesh: the surface; consistently wound, normals up, outwards or towards the scanner.
+        cloud: the points that it was grown over, with their colors and viewpoints.
+        readings: all points of the scan, also those that pre-processing dropped; `cloud` where they were not given.
+        mesh: the surface; consistently wound, each component looks to where it was seen from; without viewpoints up,
+            or outwards where it is closed.
+        notes: what a reader of the result should know, by subject; texts and numbers.
     """
 
     def __init__(
@@ -112,26 +126,77 @@ class Reconstruction:
         method: str,
         config: NetworkConfig,
         state: State,
-        points: Float[np.ndarray, "N 3"],
-        viewpoint: Float[np.ndarray, "*K 3"] | None,
+        cloud: Cloud,
+        *,
+        readings: Cloud | None = None,
+        notes: dict[str, Any] | None = None,
     ):
         """Wrap a network; `reconstruct` and `load` are the ways to get one."""
         self.method = method
         self.config = config
         self.state = state
-        self.points = points
-        self.viewpoint = viewpoint
-        self.mesh = _make_mesh(state.units.reshape(-1, 3), state.faces, viewpoint)
+        self.cloud = cloud
+        self.readings = cloud if readings is None else readings
+        self.notes = dict(notes or {})
+        self.mesh = self._make_mesh()
+        if cloud.offset.any():
+            self.notes["offset"] = (
+                f"{', '.join(f'{value:.15g}' for value in cloud.offset)} m were subtracted from the coordinates"
+            )
+
+    @cached_property
+    def dropped(self) -> Dropped | None:
+        """The readings that pre-processing left no point for; None where the readings are the points."""
+        from reconstruction.scans.dropped import measure_dropped
+
+        return None if self.readings is self.cloud else measure_dropped(self.readings, self.points)
+
+    @property
+    def points(self) -> Float[np.ndarray, "N 3"]:
+        """The points that it was grown over [m]."""
+        return self.cloud.points
+
+    @property
+    def viewpoints(self) -> Float[np.ndarray, "K 3"] | None:
+        """Positions of the sensor [m], or None."""
+        return self.cloud.viewpoints
+
+    @property
+    def seen_from(self) -> Int[np.ndarray, " N"] | None:
+        """Index of the viewpoint of every point, or None."""
+        return self.cloud.seen_from
+
+    @property
+    def colors(self) -> UInt8[np.ndarray, "N 3"] | None:
+        """Red, green and blue of every point, or None."""
+        return self.cloud.colors
+
+    @property
+    def offset(self) -> Float[np.ndarray, " 3"]:
+        """What was subtracted from the coordinates given [m]."""
+        return self.cloud.offset
+
+    @property
+    def viewpoint(self) -> Float[np.ndarray, "*K 3"] | None:
+        """Deprecated: `viewpoints`, of which a single one is `[3]`."""
+        viewpoints = self.viewpoints
+        return viewpoints[0] if viewpoints is not None and len(viewpoints) == 1 else viewpoints
 
     def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
-        """Measure the mesh against its cloud, and against the true surface where it is known."""
+        """Measure the mesh against all readings, and against the true surface where it is known.
+
+        Args:
+            truth: the true surface, in the frame of the points given: `offset` is subtracted.
+        """
         from reconstruction.surfaces.quality import measure_quality
 
-        return measure_quality(self.mesh, self.points, truth)
+        if truth is not None and self.offset.any():
+            truth = truth.copy().apply_translation(-self.offset)
+        return measure_quality(self.mesh, self.readings.points, truth)
 
     def refine(
         self,
-        new_points: ArrayLike | ScanLog,
+        new_points: ArrayLike | ScanLog | Cloud,
         seed: int = 0,
         progress: Progress = silent,
         *,
@@ -142,32 +207,39 @@ class Reconstruction:
         Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays.
 
         Args:
-            new_points: `[N, 3]` readings made since [m], in the frame and unit of the first; or a scan log, which
-                is levelled, filtered and smoothed, and knows its origins itself.
+            new_points: `[N, 3]` readings made since [m], in the frame and unit of those given first: `offset` is
+                subtracted; or a cloud; or a scan log, which is levelled, filtered and smoothed. Clouds and logs
+                know their origins themselves.
             seed: seed of the order of the signals.
             progress: called with each step and the fraction done.
-            origins: `[N, 3]` sensor position of each reading, or `[3]` one for all [m]: surface that their rays pass
-                through is removed. Without them a part is removed where it is not read again but all around it is.
+            origins: `[N, 3]` sensor position of each reading, or `[3]` one for all, in the same frame [m]: surface
+                that their rays pass through is removed. Without them a part is removed where it is not read again
+                but all around it is.
 
         Raises:
             ReconstructionError: the points or origins are no points, or in another unit.
         """
+        if isinstance(new_points, ScanLog | Cloud) and origins is not None:
+            raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
         if isinstance(new_points, ScanLog):
-            if origins is not None:
-                raise ReconstructionError("a scan log holds its own origins; leave out origins")
             from reconstruction.scans.rays import read_rays
 
             new_points, origins = read_rays(new_points)
-        cloud = check_points(new_points)
-        check_scale(cloud, self.points)
-        seen_from = None if origins is None else check_origins(origins, len(cloud))
+        elif isinstance(new_points, Cloud):
+            origins = None if new_points.origins is None else new_points.origins + new_points.offset
+            new_points = new_points.points + new_points.offset
+        new = check_points(new_points) - self.offset
+        check_scale(new, self.points)
+        seen_from = None if origins is None else check_origins(origins, len(new)) - self.offset
         seed = _check_seed(seed)
         keep_compiled_programs()
-        from reconstruction.networks.change.refinement import refine
+        from reconstruction.networks.change.refinement import learn_changes
 
-        learner = _find_learner(self.method)(self.state, self.config)
-        state, points = refine(learner, self.points, cloud, seed, progress, seen_from)
-        return Reconstruction(self.method, self.config, state, points, self.viewpoint)
+        learner = find_learner(self.method)(self.state, self.config)
+        state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from)
+        added = make_cloud_of_rays(new, seen_from, self.offset)
+        cloud = join_clouds(self.cloud.select(is_valid), added)
+        return Reconstruction(self.method, self.config, state, cloud)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as plain arrays (.npz, no pickle), atomically.
@@ -175,19 +247,8 @@ class Reconstruction:
         Raises:
             OSError: the file cannot be written.
         """
-        path = Path(path)
-        header = {
-            "format": FORMAT,
-            "version": VERSION,
-            "method": self.method,
-            "config": dataclasses.asdict(self.config),
-        }
-        arrays = {f"state_{name}": np.asarray(value) for name, value in self.state._asdict().items()}
-        arrays["points"] = self.points
-        if self.viewpoint is not None:
-            arrays["viewpoint"] = self.viewpoint
-        with write_atomically(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
+        readings = None if self.readings is self.cloud else self.readings
+        write_saved(Path(path), Saved(self.method, self.config, self.state, self.cloud, readings, self.notes))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
@@ -200,121 +261,33 @@ class Reconstruction:
         Raises:
             ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
-        try:
-            arrays = read_npz(path, max_bytes=max_bytes)
-            header = json.loads(str(arrays.pop("header")))
-            is_known = header["format"] == FORMAT and header["version"] <= VERSION
-        except Exception as error:  # a file from outside can be wrong in any way
-            raise ReconstructionError(f"{path} is not a saved reconstruction: {error}") from error
-        if not is_known:
-            raise ReconstructionError(
-                f"{path} is {header['format']!r} of version {header['version']}; "
-                f"this program reads {FORMAT!r} up to version {VERSION}"
+        saved = read_saved(path, max_bytes)
+        return cls(*saved[:4], readings=saved.readings, notes=saved.notes)
+
+    def _make_mesh(self) -> trimesh.Trimesh:
+        """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
+        import trimesh
+
+        from reconstruction.geometry.orientation import orient_outwards, orient_to_viewpoints
+
+        used, flat = np.unique(self.state.faces, return_inverse=True)
+        vertices, faces = self.state.units.reshape(-1, 3)[used], flat.reshape(-1, 3)
+        if self.viewpoints is None:
+            faces = orient_outwards(vertices, faces)
+            note = (
+                "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
             )
-        try:
-            network, config_type = _find_method(header["method"])
-            config = _make_config(config_type, header["config"])
-            state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
-            _check_saved(state, arrays["points"])
-            return cls(header["method"], config, state, arrays["points"], arrays.get("viewpoint"))
-        except ReconstructionError as error:
-            raise ReconstructionError(f"{path}: {error}") from error
-        except Exception as error:
-            raise ReconstructionError(
-                f"{path} is no complete reconstruction ({error!r}); was it written by another version?"
-            ) from error
-
-
-def _check_saved(state: State, points: np.ndarray) -> None:
-    """Refuse arrays of a file that no network leaves behind.
-
-    Raises:
-        ReconstructionError: naming the array.
-    """
-    for name, array in (("points", points), ("units", state.units)):
-        is_right = array.dtype.kind == "f" and array.ndim > 1 and array.shape[-1] == 3
-        if not is_right or not np.isfinite(array).all():
-            raise ReconstructionError(f"{name} must be finite numbers [..., 3]; restore the file from a copy")
-    faces, count = np.asarray(state.faces), state.units.size // 3
-    if not len(faces) or faces.dtype.kind not in "iu" or faces.min() < 0 or faces.max() >= count:
-        raise ReconstructionError(f"faces must name units, 0 to {count - 1}; restore the file from a copy")
-
-
-def _find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
-    """Return the network and the configuration of a method.
-
-    Raises:
-        ReconstructionError: there is no such method.
-    """
-    if method not in METHODS:
-        raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
-    module, config = METHODS[method]
-    network = importlib.import_module(module)
-    return cast("Network", network), getattr(network, config)
-
-
-def _find_learner(method: str) -> Callable[[State, NetworkConfig], Learner[State, Any]]:
-    """Return the class that lets a network of this method learn from new readings."""
-    folder = METHODS[method][0].rpartition(".")[0]
-    return importlib.import_module(f"{folder}.refinement").Learner
-
-
-def _make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:
-    """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
-    known = {field.name for field in dataclasses.fields(config_type)}
-    unknown = sorted(set(values) - known)
-    if unknown:
-        raise ReconstructionError(
-            f"unknown option {', '.join(unknown)}; there are {', '.join(sorted(known))}"
-        )
-    units = values.get("units")
-    if isinstance(units, bool) or not isinstance(units, int | np.integer):
-        raise ReconstructionError(f"units must be a whole number, got {units!r}")
-    return _restore(config_type(), values)
-
-
-def _restore(default: Any, values: dict[str, Any]) -> Any:
-    """Return a configuration with the values that JSON holds, those absent as in the default."""
-    restored = {}
-    for name, value in values.items():
-        if isinstance(value, dict):
-            restored[name] = _restore(getattr(default, name), value)
         else:
-            restored[name] = _freeze(value)
-    return dataclasses.replace(default, **restored)
-
-
-def _freeze(value: Any) -> Any:
-    return tuple(map(_freeze, value)) if isinstance(value, list) else value
+            (vertices, faces), share = orient_to_viewpoints(
+                vertices, faces, self.points, self.viewpoints, self.seen_from
+            )
+            note = f"{100 * share:.1f} % of the area looks to where it was seen from"
+        self.notes["orientation"] = note
+        logger.info("orientation: %s", note)
+        return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _check_seed(seed: int) -> int:
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise ReconstructionError(f"seed must be a whole number from 0 on, got {seed!r}")
     return int(seed)
-
-
-def _check_viewpoint(viewpoint: ArrayLike | None) -> Float[np.ndarray, "*K 3"] | None:
-    if viewpoint is None:
-        return None
-    array = np.asarray(viewpoint, dtype=np.float64)
-    if array.shape[-1:] != (3,) or array.ndim > 2 or not np.isfinite(array).all():
-        raise ReconstructionError(
-            f"viewpoint must be one or more finite positions x, y, z, got {viewpoint!r}"
-        )
-    return array
-
-
-def _make_mesh(
-    units: Float[np.ndarray, "U 3"],
-    faces: Int[np.ndarray, "F 3"],
-    viewpoint: Float[np.ndarray, "*K 3"] | None,
-) -> trimesh.Trimesh:
-    """Return the oriented mesh of the units that have a face."""
-    import trimesh
-
-    from reconstruction.geometry.orientation import orient_outwards
-
-    used, flat = np.unique(faces, return_inverse=True)
-    vertices, faces = units[used], flat.reshape(-1, 3)
-    return trimesh.Trimesh(vertices, orient_outwards(vertices, faces, viewpoint), process=False)

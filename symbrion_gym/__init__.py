@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
+    from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.pit_search import PitSearch
     from symbrion_gym.tasks.route import RouteMargins
     from symbrion_gym.tasks.success_check import SuccessCriteria
+    from symbrion_gym.traversability.drawing import draw_traversability
+    from symbrion_gym.traversability.drivable import TraversabilityMap
+    from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
+    from symbrion_gym.traversability.routes import DrivingRoute, RouteConfig
 
 register()
 
@@ -43,12 +48,15 @@ __all__ = [
     "AuditLimits",
     "Course",
     "Docking",
+    "DrivingRoute",
+    "Footprint",
     "LaserScanner",
     "OptionError",
     "Organism",
     "OrganismError",
     "PitSearch",
     "RangeFinder",
+    "RouteConfig",
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
@@ -62,10 +70,14 @@ __all__ = [
     "SymbrionGymError",
     "Timing",
     "Trajectory",
+    "TraversabilityConfig",
+    "TraversabilityMap",
     "audit",
     "cross",
+    "draw_traversability",
     "letter_h",
     "load_arena",
+    "load_tiles",
     "make_arena",
     "make_scout",
     "snake",

@@ -8,7 +8,7 @@ import pytest
 
 from evolution.controllers.controller import CONTROLLERS, make_controller
 from evolution.search.evaluation import BACKENDS
-from reconstruction.scans.formats import _READERS
+from reconstruction.scans.point_files import READABLE
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.contact.kinds import CONTACT_KINDS
 from symbrion_gym.registration import ENVIRONMENTS
@@ -58,7 +58,7 @@ def test_named_arenas_are_documented(name: str) -> None:
     assert f"`{name}`" in (ROOT / "docs/packages/symbrion-gym.md").read_text()
 
 
-@pytest.mark.parametrize("ending", sorted(_READERS))
+@pytest.mark.parametrize("ending", sorted(READABLE))
 def test_every_kind_of_point_file_is_documented(ending: str) -> None:
     for page in ("docs/own-scan.md", "docs/packages/reconstruction.md"):
         assert ending in (ROOT / page).read_text(), page
@@ -69,7 +69,7 @@ def test_criteria_of_success_have_the_documented_numbers() -> None:
     criteria = SuccessCriteria()
     low, high = (100 * height for height in criteria.ground_band)
     for words in (
-        f"at every tick for {criteria.hold_time:g} s",
+        f"at every control step for {criteria.hold_time:g} s",
         f"a cube of {200 * criteria.corner:g} cm",
         f"z component of its up axis above {criteria.upright:g}",
         f"{low:g} to {high:g} cm above the ground",

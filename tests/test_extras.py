@@ -89,6 +89,7 @@ def test_nothing_is_said_where_all_is_there() -> None:
         (["assets", "--out", "{folder}/arenas"], "the extra 'scan'"),
         (["replay", "{folder}", "--video", "{folder}/film.mp4"], "the extra 'report'"),
         (["compare", "{folder}", "--out", "{folder}/runs.png"], "the extra 'report'"),
+        (["export", "truth", "--to", "usd", "--out", "{folder}/usd"], "the extra 'usd'"),
     ],
 )
 @pytest.mark.usefixtures("without_extras")
@@ -99,7 +100,7 @@ def test_a_command_says_which_extra_it_lacks(
     assert run([word.format(folder=tmp_path) for word in words]) == 1
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
     assert wanted in line
-    assert re.search(r"pip install 'symbrion-gym\[(scan|report|,)+\]'$", line)
+    assert re.search(r"pip install 'symbrion-gym\[(scan|report|usd|,)+\]'$", line)
     assert [path.name for path in tmp_path.iterdir()] == ["config.json"], "nothing was begun"
 
 

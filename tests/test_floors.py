@@ -1,4 +1,4 @@
-"""The floors of the house: among the children of each folder, imports form no circle and none runs back up."""
+"""Imports form no cycle, neither between modules nor between the folders that contain them."""
 
 import ast
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ def find_imports(source: str, package: tuple[str, ...], modules: set[str]) -> se
 
     Args:
         source: Python code.
-        package: the package it stands in, from which relative imports count.
-        modules: all there are; what is imported out of one of them counts as that module.
+        package: the package of the source; relative imports start there.
+        modules: names of all modules; a name imported from one of them counts as that module.
     """
     found = set()
     for node in ast.walk(ast.parse(source)):
@@ -33,8 +33,8 @@ def find_imports(source: str, package: tuple[str, ...], modules: set[str]) -> se
     return found & modules
 
 
-def find_arrows(root: Path, packages: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Yield importer and imported, all files but the faces of packages (`__init__`)."""
+def list_imports(root: Path, packages: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """Yield importer and imported of every import between modules, without `__init__`."""
     paths = [
         path for package in packages for path in (root / package).rglob("*.py") if path.stem != "__init__"
     ]
@@ -45,15 +45,15 @@ def find_arrows(root: Path, packages: tuple[str, ...]) -> Iterator[tuple[str, st
             yield ".".join(parts), imported
 
 
-def find_circle(arrows: list[tuple[str, str]], folder: str) -> list[str]:
-    """Return the children of a folder, files and folders, that import each other in a circle."""
+def find_cycle(imports: list[tuple[str, str]], folder: str) -> list[str]:
+    """Return the modules and subfolders of a folder that import each other in a cycle."""
     depth = folder.count(".") + 1 if folder else 0
     graph: dict[str, set[str]] = {}
-    for importer, imported in arrows:
+    for importer, imported in imports:
         if all(name.startswith(f"{folder}." if folder else "") for name in (importer, imported)):
-            above, below = (".".join(name.split(".")[: depth + 1]) for name in (importer, imported))
-            if above != below:
-                graph.setdefault(above, set()).add(below)
+            importing, other = (".".join(name.split(".")[: depth + 1]) for name in (importer, imported))
+            if importing != other:
+                graph.setdefault(importing, set()).add(other)
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
@@ -61,37 +61,37 @@ def find_circle(arrows: list[tuple[str, str]], folder: str) -> list[str]:
     return []
 
 
-ARROWS = list(find_arrows(ROOT, PACKAGES))
+IMPORTS = list(list_imports(ROOT, PACKAGES))
 
 
 @pytest.mark.parametrize("folder", ["", *(".".join(path.relative_to(ROOT).parts) for path in FOLDERS)])
-def test_children_of_a_folder_stand_on_floors(folder: str) -> None:
-    circle = find_circle(ARROWS, folder)
-    among = [arrow for arrow in ARROWS if _is_between(arrow, circle)]
-    assert not circle, f"{' -> '.join(reversed(circle))}: {among}"
+def test_modules_and_subfolders_of_a_folder_import_without_a_cycle(folder: str) -> None:
+    cycle = find_cycle(IMPORTS, folder)
+    among = [each for each in IMPORTS if _is_between(each, cycle)]
+    assert not cycle, f"{' -> '.join(reversed(cycle))}: {among}"
 
 
-def test_circles_are_seen_on_every_level(tmp_path: Path) -> None:
+def test_cycles_are_found_on_every_level(tmp_path: Path) -> None:
     sources = {
-        "house/ground/a.py": "",
-        "house/ground/b.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import house.upper.c\n",
-        "house/upper/c.py": "def f():\n    from house.ground import a\n",
-        "house/upper/d.py": "from .c import f\n",
+        "package/lower/a.py": "",
+        "package/lower/b.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import package.upper.c\n",
+        "package/upper/c.py": "def f():\n    from package.lower import a\n",
+        "package/upper/d.py": "from .c import f\n",
     }
     for name, source in sources.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(source)
-    arrows = list(find_arrows(tmp_path, ("house",)))
-    assert sorted(arrows) == [
-        ("house.ground.b", "house.upper.c"),
-        ("house.upper.c", "house.ground.a"),
-        ("house.upper.d", "house.upper.c"),
+    imports = list(list_imports(tmp_path, ("package",)))
+    assert sorted(imports) == [
+        ("package.lower.b", "package.upper.c"),
+        ("package.upper.c", "package.lower.a"),
+        ("package.upper.d", "package.upper.c"),
     ]
-    assert set(find_circle(arrows, "house")) == {"house.ground", "house.upper"}
-    assert not find_circle(arrows, "house.upper")
-    assert not find_circle(arrows, "")
+    assert set(find_cycle(imports, "package")) == {"package.lower", "package.upper"}
+    assert not find_cycle(imports, "package.upper")
+    assert not find_cycle(imports, "")
 
 
-def _is_between(arrow: tuple[str, str], names: list[str]) -> bool:
-    ends = [next((name for name in names if f"{end}.".startswith(f"{name}.")), None) for end in arrow]
+def _is_between(pair: tuple[str, str], names: list[str]) -> bool:
+    ends = [next((name for name in names if f"{end}.".startswith(f"{name}.")), None) for end in pair]
     return None not in ends and ends[0] != ends[1]

@@ -13,7 +13,8 @@ from reconstruction.lazy import export_lazily
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
-OPTIONAL = {"matplotlib", "plotly", "imageio", "jinja2", "markupsafe", "PIL", "small_gicp", "pypcd4"}
+OPTIONAL = {"matplotlib", "plotly", "imageio", "jinja2", "markupsafe", "PIL", "small_gicp", "pypcd4", "pxr"}
+OPTIONAL |= {"collada", "laspy", "lazrs", "pye57"}
 LIBRARIES = {"coacd", "cma", "fast_simplification", "igl", "jax", "manifold3d"}
 BASE = {"mujoco", "scipy", "trimesh"}
 COMMAND_LINE = {"rich", "tyro"}

@@ -2,14 +2,11 @@
 
 import ast
 import errno
-import importlib.util
 import os
-import signal
 import subprocess
 import sys
 from multiprocessing import connection
 from pathlib import Path
-from types import ModuleType
 
 import mujoco
 import mujoco.viewer
@@ -23,7 +20,6 @@ from evolution.report.provenance import describe_machine
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.cache import CACHE_VARIABLE, find_cache_folder
 from symbrion_gym import headless
-from symbrion_gym.contact import coacd_worker, decomposition
 from symbrion_gym.environment.rendering import SceneRenderer
 
 ROOT = Path(__file__).parents[1]
@@ -42,7 +38,6 @@ POSIX_NAMES = {
 """Attributes of `os`, `signal` and `time`, and options of `subprocess`, that Windows lacks."""
 GUARDED = {
     ("reconstruction/files/cache.py", "getuid"): "behind hasattr",
-    ("symbrion_gym/contact/coacd_worker.py", "resource"): "an ImportError is allowed for",
 }
 
 
@@ -175,24 +170,6 @@ def test_a_cache_without_user_ids(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         == find_cache_folder("arenas")
         == tmp_path / "symbrion-gym-user" / "arenas"
     )
-
-
-def test_a_decomposition_without_limits_of_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delattr(signal, "SIGXCPU")
-    monkeypatch.setitem(sys.modules, "resource", None)
-    coacd_worker.limit_processor_time(1)
-    assert load_copy(decomposition)._OUT_OF_PROCESSOR_TIME == 0
-
-
-def load_copy(module: ModuleType) -> ModuleType:
-    """Return a module executed again, beside the one that everybody uses."""
-    assert module.__file__ is not None
-    spec = importlib.util.spec_from_file_location("copy_of_module", module.__file__)
-    assert spec is not None
-    assert spec.loader is not None
-    copy = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(copy)
-    return copy
 
 
 def test_a_drive_that_does_not_exist_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,15 +35,24 @@ OF_MODULES = {("os", "replace"), ("os", "remove"), ("np", "save"), ("Image", "sa
 ALLOWED = {
     ("symbrion_gym/arenas/saving.py", "unlink"): "files that the arena's manifest names",
     ("symbrion_gym/arenas/saving.py", "rmdir"): "folders of the arena that are empty",
+    ("symbrion_gym/arenas/export/saving.py", "unlink"): "files that the export's manifest names",
+    ("symbrion_gym/arenas/export/saving.py", "rmdir"): "the folder of pieces that is empty",
+    ("evolution/cli/commands/export.py", "export"): "an arena, by its own method",
     ("evolution/search/run.py", "unlink"): "the four files of a run",
     ("symbrion_gym/contact/decomposition.py", "savez"): "into a temporary folder",
     ("symbrion_gym/contact/coacd_worker.py", "savez"): "into the same",
     ("evolution/report/video.py", "get_writer"): "into a temporary folder",
     ("benchmarks/material/c_gsrm.py", "savetxt"): "into a temporary folder",
+    (
+        "benchmarks/material/open3d_peer.py",
+        "savez",
+    ): "into a temporary folder, where this project is not installed",
     ("benchmarks/reconstruction.py", "save"): "into a temporary folder",
     ("benchmarks/ages.py", "dump"): "a syntax tree as text",
     ("evolution/cli/streams.py", "open"): "where output goes that nobody reads",
     ("reconstruction/files/bounded_read.py", "open"): "a member of an archive, for reading",
+    ("reconstruction/tiles/buckets.py", "open"): "points of a tile, in a temporary folder",
+    ("reconstruction/tiles/folder.py", "unlink"): "tiles of a former reconstruction",
     ("reconstruction/files/cache.py", "mkdtemp"): "a private cache where the shared one is not ours",
 }
 

@@ -23,6 +23,15 @@ _ROBOT = (
 _READY_MADE = ("assets/arenas",)
 _SCANS = ("reconstruction/scans", "benchmarks/scans.py")
 _SURFACES = ("benchmarks/material/arena_surfaces.py",)
+_REAL_SCANS = (
+    "cloud_to_arena",
+    "contact_judge",
+    "made_scenes",
+    "open3d_peer",
+    "pursuit",
+    "scan_sources",
+    "snake_steps",
+)
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
 _SEARCH = (
@@ -70,6 +79,12 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "arena/scans": (*_NETWORKS, *_PIECES, "symbrion_gym/sensing", "benchmarks/material/ray_casts.py"),
     "arena/random_rays": (*_NETWORKS, *_PIECES, "symbrion_gym/sensing", "benchmarks/material/ray_casts.py"),
     "arena/steps_us": (*_NETWORKS, *_PIECES, *_ROBOT, "benchmarks/material/arena_drives.py"),
+    "real_scans": (
+        *_NETWORKS,
+        *_PIECES,
+        "reconstruction/scans",
+        *(f"benchmarks/material/{name}.py" for name in _REAL_SCANS),
+    ),
     "environment": (*_ROBOT, *_READY_MADE),
     "environment/cheats": (*_ROBOT, "benchmarks/material/cheats.py", "benchmarks/material/crossings.py"),
     "environment/robustness": (*_ROBOT, "benchmarks/material/robustness.py"),

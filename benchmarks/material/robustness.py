@@ -65,7 +65,7 @@ def _draw_options(rng: np.random.Generator) -> dict[str, Any]:
         "frame_skip": int(rng.choice([1, 1, 1, 1, 1, 1, 1, 3])),
         "start": str(rng.choice(["floor", "pit"])),
         "noise": float(rng.choice([0.0, 1.0, 10.0])),
-        "abyss": bool(rng.integers(2)),
+        "bottomless": bool(rng.integers(2)),
         "track_control": str(rng.choice(["constant", "body", "modules"])),
         "stuck_time": float(rng.uniform(0.5, 10.0)),
         "sensors": tuple(rng.permutation([*_CHEAP, *(_RAYS if rng.random() < 0.2 else ())]).tolist()),

@@ -41,8 +41,8 @@ class Line(NamedTuple):
 
     Attributes:
         axis: 0 along the course, 1 across it.
-        start: where it starts on that axis [m].
-        end: where it ends [m].
+        start: its start on that axis [m].
+        end: its end on that axis [m].
         offset: the other coordinate [m].
     """
 

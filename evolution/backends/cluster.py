@@ -30,6 +30,37 @@ class _Actor:
         return run_isolated(self._simulate, jobs, 1)
 
 
+def connect_cluster(ray: Any, workers: int, address: str | None, timeout: float) -> None:
+    """Connect to a running cluster, or start one on this machine; its workers find the same modules.
+
+    Args:
+        ray: the module.
+        workers: CPUs of a cluster on this machine.
+        address: address of a running cluster ("auto" finds it); None starts one.
+        timeout: how long a cluster may take to answer [s].
+
+    Raises:
+        RunError: no cluster answers.
+    """
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        try:
+            socket.create_connection((host, int(port)), timeout=timeout).close()
+        except OSError as error:
+            raise RunError(f"no Ray cluster at {address}: {error}") from error
+    path = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
+    try:
+        ray.init(
+            runtime_env={"env_vars": {"PYTHONPATH": path}},
+            include_dashboard=None if address else False,
+            log_to_driver=False,
+            **options,
+        )
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
+
+
 class RayBackend(WorkerPool[Handle]):
     """Workers are actors; if the node of one dies, another is started elsewhere.
 
@@ -61,28 +92,9 @@ class RayBackend(WorkerPool[Handle]):
         self._simulate = name_simulate(simulate)
         self._owns_cluster = not ray.is_initialized()
         if self._owns_cluster:
-            self._connect(workers, address)
+            connect_cluster(ray, workers, address, self._config.connect_timeout)
         self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
         self._running: dict[Handle, Handle] = {}
-
-    def _connect(self, workers: int, address: str | None) -> None:
-        host, _, port = (address or "").removeprefix("ray://").rpartition(":")
-        if host and port.isdigit():
-            try:
-                socket.create_connection((host, int(port)), timeout=self._config.connect_timeout).close()
-            except OSError as error:
-                raise RunError(f"no Ray cluster at {address}: {error}") from error
-        path = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
-        try:
-            self._ray.init(
-                runtime_env={"env_vars": {"PYTHONPATH": path}},
-                include_dashboard=None if address else False,
-                log_to_driver=False,
-                **options,
-            )
-        except (ConnectionError, RuntimeError, ValueError) as error:
-            raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
 
     def _start(self) -> Handle:
         return self._actor.remote(self._simulate)

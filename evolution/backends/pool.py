@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 from evolution.backends.trials import Job, Outcome, make_failure
-from evolution.limits import MAX_MAGNITUDE, MAX_TRIALS, coerce_floats, coerce_integers
+from evolution.errors import RunError
+from evolution.limits import MAX_MAGNITUDE, MAX_TRIALS
+from reconstruction.range_checks import coerce_floats, coerce_integers
 
 Worker = TypeVar("Worker")
 
@@ -37,9 +39,9 @@ class PoolConfig:
     start_timeout: float = 15.0
 
     def __post_init__(self) -> None:
-        coerce_integers(self, dict.fromkeys(("batches_per_worker", "max_deaths"), (1, MAX_TRIALS)))
+        coerce_integers(self, dict.fromkeys(("batches_per_worker", "max_deaths"), (1, MAX_TRIALS)), RunError)
         timeouts = ("exit_timeout", "connect_timeout", "first_start_timeout", "start_timeout")
-        coerce_floats(self, dict.fromkeys(timeouts, (0.0, MAX_MAGNITUDE)))
+        coerce_floats(self, dict.fromkeys(timeouts, (0.0, MAX_MAGNITUDE)), RunError)
 
 
 class Reply(NamedTuple, Generic[Worker]):

@@ -6,47 +6,17 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
-from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, Trials
+from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, RolloutConfig, Trials
 from evolution.controllers.controller import Controller, make_controller
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE, coerce_floats
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
-
-
-@dataclass(frozen=True)
-class RolloutConfig:
-    """How trials are simulated.
-
-    To use other values, pass `simulate` a function that calls `rollout.simulate` with them.
-
-    Attributes:
-        stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
-            otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
-            will make none. Changes results.
-        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used. Few
-            sizes mean few compilations. Changes the speed only.
-        max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
-    """
-
-    stuck_time: float = 5.0
-    batch_sizes: tuple[int, ...] = (8, 16, 24, 36, 48)
-    max_environments: int = 12
-
-    def __post_init__(self) -> None:
-        coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)})
-        if not self.batch_sizes or min(self.batch_sizes) < 1 or self.max_environments < 1:
-            raise RunError(
-                f"batch_sizes is {self.batch_sizes} and max_environments {self.max_environments}; "
-                "at least one each, from 1, is needed"
-            )
 
 
 class Trial(NamedTuple):
@@ -91,12 +61,11 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     Args:
         jobs: genotypes and their trials.
         threads: number of threads of `mujoco.batch`; they change nothing but the time.
-        config: parameters of the simulation of trials.
+        config: parameters of the simulation of trials; None for those of the jobs.
 
     Raises:
         RunError: the environment cannot be made.
     """
-    config = config or RolloutConfig()
     groups: dict[Hashable, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
         key = find_environment_key(job.trials), job.trials.randomization.stretch
@@ -104,8 +73,8 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     results: dict[tuple[int, int], TrialResult] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
-        controller = make_controller(first.controller, first.modules)
-        for environment, own_trials in _group_by_environment(first, trials, threads, config):
+        controller = make_controller(first.controller, first.modules, first.controller_config)
+        for environment, own_trials in _group_by_environment(first, trials, threads, config or first.rollout):
             results |= _run_trials(environment, controller, own_trials)
     return [
         _summarize([results[index, number] for number in range(job.trials.count)])
@@ -116,17 +85,19 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
     arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
-    return arena, trials.modules, trials.controller, trials.start, trials.environment
+    rollout, laws = trials.rollout, trials.controller_config
+    return arena, trials.modules, trials.controller, trials.start, trials.environment, rollout, laws
 
 
-def make_environment_options(trials: Trials, stuck_time: float = RolloutConfig.stuck_time) -> dict[str, Any]:
+def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
     """Return the options of the environment in which trials take place.
 
     Args:
         trials: arena, body and further options.
-        stuck_time: as in `RolloutConfig`.
+        stuck_time: as in `RolloutConfig`; None for that of the trials.
     """
     sensors = make_controller(trials.controller, trials.modules).sensors
+    stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
     options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
 

@@ -14,7 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from evolution.limits import as_floats, as_range, check_count, coerce_floats
+from evolution.controllers.controller import ControllerConfig
+from evolution.errors import RunError
+from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from reconstruction.range_checks import as_floats, as_range, check_count, coerce_floats
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
 if TYPE_CHECKING:
@@ -61,9 +64,11 @@ class Randomization:
 
     def __post_init__(self) -> None:
         for name in CONDITIONS:
-            object.__setattr__(self, name, as_range(name, getattr(self, name), *RANDOM_LIMITS[name]))
-        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, *_STRETCH_LIMITS))
-        check_count("stretch", self.stretch, MAX_STRETCHES)
+            object.__setattr__(
+                self, name, as_range(name, getattr(self, name), *RANDOM_LIMITS[name], RunError)
+            )
+        object.__setattr__(self, "stretch", as_floats("stretch", self.stretch, *_STRETCH_LIMITS, RunError))
+        check_count("stretch", self.stretch, MAX_STRETCHES, RunError)
 
     def draw(self, seed: Sequence[int], count: int) -> dict[str, Float[np.ndarray, " T"]]:
         """Sample `count` values of each condition; equal seeds give equal values."""
@@ -80,6 +85,33 @@ def _sample_stratified(rng: np.random.Generator, limits: Range, count: int) -> F
 
 
 @dataclass(frozen=True)
+class RolloutConfig:
+    """How trials are simulated.
+
+    Attributes:
+        stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
+            otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
+            will make none. Changes results.
+        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used. Few
+            sizes mean few compilations. Changes the speed only.
+        max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
+    """
+
+    stuck_time: float = 5.0
+    batch_sizes: tuple[int, ...] = (8, 16, 24, 36, 48)
+    max_environments: int = 12
+
+    def __post_init__(self) -> None:
+        coerce_floats(self, {"stuck_time": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
+        object.__setattr__(self, "batch_sizes", tuple(self.batch_sizes))
+        if not self.batch_sizes or min(self.batch_sizes) < 1 or self.max_environments < 1:
+            raise RunError(
+                f"batch_sizes is {self.batch_sizes} and max_environments {self.max_environments}; "
+                "at least one each, from 1, is needed"
+            )
+
+
+@dataclass(frozen=True)
 class Trials:
     """The trials of a genotype.
 
@@ -92,6 +124,8 @@ class Trials:
         seed: seed of the conditions; equal seeds mean equal conditions.
         randomization: ranges from which the conditions are sampled.
         environment: further options of the environment, as sorted pairs.
+        controller_config: parameters of the controller that are not evolved.
+        rollout: parameters of the simulation.
     """
 
     arena: ArenaSource = "truth"
@@ -102,6 +136,8 @@ class Trials:
     seed: tuple[int, ...] = (0,)
     randomization: Randomization = field(default_factory=Randomization)
     environment: Options = ()
+    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
+    rollout: RolloutConfig = field(default_factory=RolloutConfig)
 
 
 class Job(NamedTuple):
@@ -157,7 +193,9 @@ class Scoring:
     module: float = 0.05
 
     def __post_init__(self) -> None:
-        coerce_floats(self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)))
+        coerce_floats(
+            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
+        )
 
     def score(self, outcome: Outcome, modules: int) -> float:
         """Return the fitness, higher is better, always finite."""

@@ -11,9 +11,9 @@ from jaxtyping import Float, UInt8
 from evolution.backends.rollout import make_environment_options
 from evolution.backends.trials import Job, Outcome, Randomization, Trials
 from evolution.controllers.controller import make_controller
-from evolution.deprecation import accept_former_arguments
 from evolution.search.evaluation import make_backend
 from evolution.search.validation import Champion
+from reconstruction.deprecation import accept_former_arguments
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ def judge(
         seed=(seed, _JUDGE_SEED),
         randomization=randomization,
         environment=champion.environment,
+        controller_config=champion.controller_config,
     )
     backend = make_backend("batch", workers)
     (outcome,) = backend.run([Job(np.array(champion.genotype), conditions)])
@@ -127,6 +128,7 @@ def play(
         controller=champion.controller,
         start=start,
         environment=champion.environment,
+        controller_config=champion.controller_config,
     )
     environment = SnakePitEnv(
         render_mode="human" if window else "rgb_array",
@@ -143,7 +145,7 @@ def play(
 def _run(
     environment: SnakePitEnv, champion: Champion, seed: int, film: bool, speed: float, fps: int
 ) -> Recording:
-    controller = make_controller(champion.controller, champion.modules)
+    controller = make_controller(champion.controller, champion.modules, champion.controller_config)
     genotype = np.array(champion.genotype)
     observation, info = environment.reset(seed=seed)
     state = controller.begin(1)

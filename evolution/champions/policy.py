@@ -24,7 +24,9 @@ class ChampionPolicy:
 
     def __init__(self, champion: Champion | str | Path, structure: Structure) -> None:
         self.champion = champion if isinstance(champion, Champion) else load_champion(champion)
-        self._controller = make_controller(self.champion.controller, self.champion.modules)
+        self._controller = make_controller(
+            self.champion.controller, self.champion.modules, self.champion.controller_config
+        )
         self._genotype = np.array(self.champion.genotype)
         self._controller.check(self._genotype)
         self._structure = structure

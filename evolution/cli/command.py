@@ -9,6 +9,9 @@ from typing import Any
 
 from evolution.cli.console import Console
 
+MISSED = 3
+"""Exit code where the work is done, but misses what was asked for, under `--strict`."""
+
 
 class UsageError(ValueError):
     """A command line cannot be executed; the message names the value and a remedy."""
@@ -25,7 +28,7 @@ class Command(abc.ABC):
 
     @abc.abstractmethod
     def run(self, console: Console) -> dict[str, Any]:
-        """Do the work and return a summary; with `ok: False` in it the exit code is 1."""
+        """Do the work and return a summary; with `ok: False` in it the exit code is 1, or else its `exit_code`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

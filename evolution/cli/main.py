@@ -1,7 +1,7 @@
 """The command `symbrion`: one subcommand for each step of the pipeline, and `demo` for all of them.
 
-Exit codes: 0 success, 1 the work failed, 2 wrong usage, 130 interrupted by the keyboard. Errors are one line on
-standard error; results go to standard output, as JSON with `--json`.
+Exit codes: 0 success, 1 the work failed, 2 wrong usage, 3 an accuracy was missed under `--strict`, 130 interrupted by
+the keyboard. Errors are one line on standard error; results go to standard output, as JSON with `--json`.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ from symbrion_gym.errors import ArenaError, OrganismError
 DESCRIPTION = """From a laser scan to a snake of docked robots that crosses the pit.
 
 The pipeline, one subcommand for each step:
-survey (scan an arena) -> reconstruct (points to surface) -> arena (surface to MuJoCo geometry)
+survey (scan an arena) -> reconstruct (points to surface) -> arena (surface to MuJoCo geometry; `view` shows it)
 -> evolve (CMA-ES) -> replay (judge the champion, record a video). `symbrion demo` runs all of them.
 `symbrion --version` prints the version."""
 
@@ -66,7 +66,7 @@ def run(arguments: Sequence[str]) -> int:
         arguments: the words after `symbrion`.
 
     Returns:
-        The exit code: 0 success, 1 failure, 2 wrong usage, 130 interrupted by the keyboard.
+        The exit code: 0 success, 1 failure, 2 wrong usage, 3 missed under `--strict`, 130 interrupted by the keyboard.
     """
     if list(arguments) == ["--version"]:
         sys.stdout.write(f"symbrion-gym {version('symbrion-gym')}\n")
@@ -88,7 +88,7 @@ def run(arguments: Sequence[str]) -> int:
         return _fail("interrupted by the keyboard", 130)
     if command.json:
         _print_json(summary)
-    return 0 if summary.get("ok", True) else 1
+    return int(summary.get("exit_code", 0 if summary.get("ok", True) else 1))
 
 
 def _parse(arguments: Sequence[str]) -> Command:

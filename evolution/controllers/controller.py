@@ -22,14 +22,8 @@ from evolution.controllers.laws import (
     travelling,
 )
 from evolution.errors import RunError
-from evolution.limits import (
-    MAX_MAGNITUDE,
-    MIN_POSITIVE,
-    as_range,
-    check_choice,
-    coerce_floats,
-    coerce_integers,
-)
+from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from reconstruction.range_checks import as_range, check_choice, coerce_floats, coerce_integers
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Structure = Mapping[str, slice]
@@ -78,10 +72,14 @@ class ControllerConfig:
     def __post_init__(self) -> None:
         ticks = (0, _MAX_TICKS)
         coerce_integers(
-            self, {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)}
+            self,
+            {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)},
+            RunError,
         )
-        coerce_floats(self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)))
-        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE)
+        coerce_floats(
+            self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)), RunError
+        )
+        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
         if not low < high:
             raise RunError(f"knot_range is {self.knot_range!r}; first < last is needed")
         object.__setattr__(self, "knot_range", (low, high))
@@ -192,7 +190,7 @@ def make_controller(name: str, modules: int, config: ControllerConfig | None = N
     """
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
-    check_choice("controller", name, CONTROLLERS)
+    check_choice("controller", name, CONTROLLERS, RunError)
     return _MAKERS[name](modules, config or ControllerConfig())
 
 

@@ -11,7 +11,7 @@ def refuse_foreign_files(folder: Path, marker: str, names: Iterable[str]) -> Non
     """Refuse a folder in which a command would overwrite files that it did not write.
 
     Args:
-        folder: where the command writes; need not exist.
+        folder: the output folder of the command; need not exist.
         marker: the file that the command writes there first; where it exists, the other files are the command's, too.
         names: files and folders that the command makes.
 

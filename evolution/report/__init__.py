@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
+    from evolution.report.arena_view import draw_arena
+    from evolution.report.error_map import draw_error_map
     from evolution.report.figures import (
         draw_cloud,
         draw_learning_curve,
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Page",
     "Scene",
+    "draw_arena",
     "draw_cloud",
+    "draw_error_map",
     "draw_learning_curve",
     "draw_pieces",
     "draw_section",

@@ -19,8 +19,8 @@ MARGIN = 12
 """White border around a figure [pixel]."""
 
 
-def to_png(figure: Figure) -> bytes:
-    """Return the figure as PNG, cropped to the drawing."""
+def to_png(figure: Figure, is_reduced: bool = True) -> bytes:
+    """Return the figure as PNG, cropped to the drawing; `is_reduced`: to 256 colors, too few for color scales."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     pixels = np.asarray(canvas.buffer_rgba())[..., :3]
@@ -28,14 +28,15 @@ def to_png(figure: Figure) -> bytes:
     cut = pixels[
         max(rows[0] - MARGIN, 0) : rows[-1] + MARGIN, max(columns[0] - MARGIN, 0) : columns[-1] + MARGIN
     ]
-    return encode_png(cut, figure.dpi)
+    return encode_png(cut, figure.dpi, is_reduced)
 
 
-def encode_png(pixels: UInt8[np.ndarray, "H W 3"], dpi: float = DPI) -> bytes:
-    """Return an image as PNG with its resolution; it is reduced to 256 colors, which figures hardly exceed."""
+def encode_png(pixels: UInt8[np.ndarray, "H W 3"], dpi: float = DPI, is_reduced: bool = True) -> bytes:
+    """Return an image as PNG with its resolution; `is_reduced`: to 256 colors, which figures hardly exceed."""
     buffer = io.BytesIO()
     image = Image.fromarray(np.ascontiguousarray(pixels))
-    image.quantize(256, dither=Image.Dither.NONE).save(buffer, format="png", optimize=True, dpi=(dpi, dpi))
+    image = image.quantize(256, dither=Image.Dither.NONE) if is_reduced else image
+    image.save(buffer, format="png", optimize=True, dpi=(dpi, dpi))
     return buffer.getvalue()
 
 

@@ -20,7 +20,9 @@ from types import ModuleType
 import numpy as np
 from jaxtyping import Float, Int
 
-from evolution.limits import MAX_TRIALS, as_range, coerce_integers
+from evolution.errors import RunError
+from evolution.limits import MAX_TRIALS
+from reconstruction.range_checks import as_range, coerce_integers
 
 _MAX_DOUBLINGS = 16
 
@@ -42,8 +44,12 @@ class CmaesConfig:
     max_trials_factor: int = 8
 
     def __post_init__(self) -> None:
-        coerce_integers(self, {"max_doublings": (0, _MAX_DOUBLINGS), "max_trials_factor": (1, MAX_TRIALS)})
-        object.__setattr__(self, "restart_range", as_range("restart_range", self.restart_range, 0.0, 1.0))
+        coerce_integers(
+            self, {"max_doublings": (0, _MAX_DOUBLINGS), "max_trials_factor": (1, MAX_TRIALS)}, RunError
+        )
+        object.__setattr__(
+            self, "restart_range", as_range("restart_range", self.restart_range, 0.0, 1.0, RunError)
+        )
 
 
 @dataclass(frozen=True)

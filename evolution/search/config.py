@@ -6,9 +6,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from evolution.backends.trials import Options, Randomization, Scoring
-from evolution.controllers.controller import CONTROLLERS
-from evolution.deprecation import accept_former_fields, rename_keys
+from evolution.backends.trials import Options, Randomization, RolloutConfig, Scoring
+from evolution.controllers.controller import CONTROLLERS, ControllerConfig
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
@@ -18,17 +17,15 @@ from evolution.limits import (
     MAX_TRIALS,
     MAX_WORKERS,
     MIN_POSITIVE,
-    as_integers,
-    check_choice,
-    coerce_floats,
-    coerce_integers,
 )
 from evolution.search.cmaes import CmaesConfig
 from evolution.search.environment_options import open_options, sort_options
 from evolution.search.evaluation import BACKENDS
 from evolution.search.stages import Stage
 from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
+from reconstruction.deprecation import accept_former_fields, rename_keys
 from reconstruction.files.typed_json import JsonError, as_type
+from reconstruction.range_checks import as_integers, check_choice, coerce_floats, coerce_integers
 from symbrion_gym.environment.config import STARTS
 
 RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
@@ -39,7 +36,12 @@ FORMER_NAMES = {"randomisation": "randomization"}
 """Former name -> present name of fields of `EvolutionConfig`."""
 _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
-_ADDED = {"cmaes": asdict(CmaesConfig()), "success_threshold": Validation.success_threshold}
+_ADDED = {
+    "cmaes": asdict(CmaesConfig()),
+    "success_threshold": Validation.success_threshold,
+    "controller_config": asdict(ControllerConfig()),
+    "rollout": asdict(RolloutConfig()),
+}
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
 _MAX_SIGMA = 1000.0
 _INTEGERS = {
@@ -88,8 +90,10 @@ class EvolutionConfig:
         randomization: ranges from which the conditions of the trials are sampled.
         scoring: weights with which an outcome becomes a fitness.
         validation: rules by which candidates for the champion are validated.
-        environment: further options of the environment, such as pit, goal or abyss.
+        environment: further options of the environment, such as pit, goal or bottomless.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
+        controller_config: parameters of the controller that are not evolved.
+        rollout: parameters of the simulation of trials.
     """
 
     arena: str = "gsrm"
@@ -117,6 +121,8 @@ class EvolutionConfig:
     validation: Validation = field(default_factory=Validation)
     environment: Options = ()
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
+    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
+    rollout: RolloutConfig = field(default_factory=RolloutConfig)
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
@@ -134,16 +140,16 @@ class EvolutionConfig:
         self._check()
 
     def _check(self) -> None:
-        coerce_integers(self, _INTEGERS)
-        coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)))
+        coerce_integers(self, _INTEGERS, RunError)
+        coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)), RunError)
         if self.restart_after is not None:
-            coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)})
-        check_choice("backend", self.backend, BACKENDS)
-        check_choice("controller", self.controller, CONTROLLERS)
-        check_choice("start", self.start, STARTS)
-        check_choice("origin", self.origin, ORIGINS)
+            coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)}, RunError)
+        check_choice("backend", self.backend, BACKENDS, RunError)
+        check_choice("controller", self.controller, CONTROLLERS, RunError)
+        check_choice("start", self.start, STARTS, RunError)
+        check_choice("origin", self.origin, ORIGINS, RunError)
         if self.body_lengths is not None:
-            lengths = as_integers("body_lengths", self.body_lengths, 2, MAX_MODULES)
+            lengths = as_integers("body_lengths", self.body_lengths, 2, MAX_MODULES, RunError)
             object.__setattr__(self, "body_lengths", lengths)
             if len(lengths) != 2 or not lengths[0] < lengths[1]:
                 raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")

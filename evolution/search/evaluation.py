@@ -10,9 +10,9 @@ from evolution.backends.batch import BatchBackend
 from evolution.backends.pool import PoolConfig
 from evolution.backends.simulation import Simulate, find_simulate
 from evolution.backends.trials import Job, Outcome, Randomization, Scoring, Trials
-from evolution.deprecation import accept_former_arguments
 from evolution.errors import RunError
-from evolution.limits import check_choice
+from reconstruction.deprecation import accept_former_arguments
+from reconstruction.range_checks import check_choice
 
 if TYPE_CHECKING:
     from evolution.backends.trials import ArenaSource
@@ -53,7 +53,7 @@ def make_backend(
     """
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
-    check_choice("backend", name, BACKENDS)
+    check_choice("backend", name, BACKENDS, RunError)
     simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
     if name == "batch":
         return BatchBackend(simulate, workers)

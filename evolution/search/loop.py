@@ -269,6 +269,8 @@ class _Evolution:
             seed=(config.seed, kind, self._record.num_generations, *own_seed),
             randomization=config.randomization,
             environment=config.environment,
+            controller_config=config.controller_config,
+            rollout=config.rollout,
         )
         return Job(self._search.select_controller_genes(genotype), trials)
 
@@ -330,6 +332,7 @@ class _Evolution:
             successes=entry.outcome.successes if is_validated else 0,
             trials=entry.outcome.trials if is_validated else 0,
             environment=config.environment,
+            controller_config=config.controller_config,
         )
 
     def _is_solved(self) -> bool:

@@ -29,7 +29,7 @@ class RestartingSearch:
     def __init__(self, config: EvolutionConfig) -> None:
         self._config = config
         self._max_modules = config.body_lengths[1] if config.body_lengths else config.modules
-        self.controller = make_controller(config.controller, self._max_modules)
+        self.controller = make_controller(config.controller, self._max_modules, config.controller_config)
         self.strategy = Strategy(
             _make_space(config, self.controller),
             config.sigma,

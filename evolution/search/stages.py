@@ -7,14 +7,8 @@ import numpy as np
 from jaxtyping import Shaped
 
 from evolution.errors import RunError
-from evolution.limits import (
-    MAX_GENERATIONS,
-    MAX_TRIALS,
-    MIN_POSITIVE,
-    check_choice,
-    coerce_floats,
-    coerce_integers,
-)
+from evolution.limits import MAX_GENERATIONS, MAX_TRIALS, MIN_POSITIVE
+from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
 
 Promotion = Literal["success", "stagnation", "either", "budget"]
 PROMOTIONS: tuple[Promotion, ...] = get_args(Promotion)
@@ -43,13 +37,15 @@ class Stage:
     trials: int | None = None
 
     def __post_init__(self) -> None:
-        check_choice("promotion", self.promotion, PROMOTIONS)
+        check_choice("promotion", self.promotion, PROMOTIONS, RunError)
         optional = {"generations": (1, MAX_GENERATIONS), "trials": (1, MAX_TRIALS)}
         coerce_integers(
-            self, {name: limits for name, limits in optional.items() if getattr(self, name) is not None}
+            self,
+            {name: limits for name, limits in optional.items() if getattr(self, name) is not None},
+            RunError,
         )
-        coerce_integers(self, {"patience": (1, MAX_GENERATIONS)})
-        coerce_floats(self, {"success_share": (MIN_POSITIVE, 1.0)})
+        coerce_integers(self, {"patience": (1, MAX_GENERATIONS)}, RunError)
+        coerce_floats(self, {"success_share": (MIN_POSITIVE, 1.0)}, RunError)
         if self.generations is None and self.promotion == "budget":
             raise RunError("a stage promoted by budget needs a number of generations")
 

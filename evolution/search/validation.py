@@ -11,15 +11,14 @@ References:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from evolution.backends.trials import Options, Outcome
-from evolution.controllers.controller import CONTROLLERS
-from evolution.deprecation import accept_former_fields
+from evolution.controllers.controller import CONTROLLERS, ControllerConfig
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
@@ -28,6 +27,12 @@ from evolution.limits import (
     MAX_MODULES,
     MAX_TRIALS,
     MIN_POSITIVE,
+)
+from evolution.search.environment_options import open_options, sort_options
+from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
+from reconstruction.deprecation import accept_former_fields
+from reconstruction.files.typed_json import JsonError, as_type
+from reconstruction.range_checks import (
     as_floats,
     as_integers,
     check_choice,
@@ -35,9 +40,6 @@ from evolution.limits import (
     coerce_floats,
     coerce_integers,
 )
-from evolution.search.environment_options import open_options, sort_options
-from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
-from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.environment.config import STARTS
 
 MAX_ROUNDS = 100
@@ -83,12 +85,14 @@ class Validation:
         return trials >= self.trials and successes >= self.solved_share * trials
 
     def __post_init__(self) -> None:
-        coerce_integers(self, {"candidates": (0, MAX_GENOTYPES)})
-        object.__setattr__(self, "rounds", as_integers("rounds", self.rounds, 1, MAX_TRIALS))
-        check_count("rounds", self.rounds, MAX_ROUNDS)
+        coerce_integers(self, {"candidates": (0, MAX_GENOTYPES)}, RunError)
+        object.__setattr__(self, "rounds", as_integers("rounds", self.rounds, 1, MAX_TRIALS, RunError))
+        check_count("rounds", self.rounds, MAX_ROUNDS, RunError)
         shares = ("continue_share", "solved_share", "success_threshold")
-        coerce_floats(self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)})
-        check_choice("start", self.start, STARTS)
+        coerce_floats(
+            self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
+        )
+        check_choice("start", self.start, STARTS, RunError)
 
     def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
@@ -113,6 +117,7 @@ class Champion:
         fitness: fitness in that generation, from few trials.
         successes: number of its validation trials that succeeded.
         trials: number of its validation trials; 0 if no genotype became a candidate.
+        controller_config: parameters of the controller that are not evolved.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
@@ -128,19 +133,20 @@ class Champion:
     successes: int = 0
     trials: int = 0
     environment: Options = ()
+    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
 
     def __post_init__(self) -> None:
-        genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE)
+        genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
         object.__setattr__(self, "genotype", genotype)
         if len(self.genotype) != len(self.names):
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
             )
-        check_choice("controller", self.controller, CONTROLLERS)
+        check_choice("controller", self.controller, CONTROLLERS, RunError)
         counts = {"modules": (1, MAX_MODULES), "generation": (0, MAX_GENERATIONS)}
         trials = MAX_TRIALS * MAX_ROUNDS
-        coerce_integers(self, counts | {"trials": (0, trials), "successes": (0, self.trials)})
-        coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)})
+        coerce_integers(self, counts | {"trials": (0, trials), "successes": (0, self.trials)}, RunError)
+        coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)}, RunError)
         object.__setattr__(self, "environment", sort_options(self.environment))
 
     @property

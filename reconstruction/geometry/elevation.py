@@ -76,12 +76,25 @@ class Elevation:
         """
         return self.find_top(x, y)[0]
 
-    def find_top(self, x: ArrayLike, y: ArrayLike) -> tuple[Float[np.ndarray, " *S"], Int[np.ndarray, " *S"]]:
+    def height_below(self, x: ArrayLike, y: ArrayLike, limit: ArrayLike) -> Float[np.ndarray, " ..."]:
+        """Return the height of the highest part of the mesh that is no higher than a limit; NaN where there is none.
+
+        Args:
+            x: [m], of any shape; broadcasts against `y`.
+            y: [m].
+            limit: what is higher is not there [m], of the shape of x and y, or one number.
+        """
+        return self.find_top(x, y, limit)[0]
+
+    def find_top(
+        self, x: ArrayLike, y: ArrayLike, limit: ArrayLike | None = None
+    ) -> tuple[Float[np.ndarray, " *S"], Int[np.ndarray, " *S"]]:
         """Return the height of the mesh and the face that is highest at each (x, y); NaN and -1 for none.
 
         Args:
             x: [m], of any shape; broadcasts against `y`.
             y: [m].
+            limit: what is higher is not there [m], of the shape of x and y, or one number; None for no limit.
 
         Returns:
             Heights [m], and numbers of faces: of all meshes, in order.
@@ -97,6 +110,8 @@ class Elevation:
         slot = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         triangle = self._triangles[self._starts[cell][point] + slot]
         z = self._height_in(triangle, points[point])
+        if limit is not None:
+            z = np.where(z <= np.broadcast_to(limit, x.shape).ravel()[point], z, -np.inf)
         np.maximum.at(heights, point, z)
         is_top = z == heights[point]
         faces = np.full(len(points), -1)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Float64, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from reconstruction.geometry.rows import find_lengths, sum_rows
+from reconstruction.geometry.rows import find_lengths, sum_by_owner, sum_rows
 
 FOLD_COSINE = 0.5
 """Cosine of the angle that two faces at an edge enclose at least, 60 degrees: the sharpest wedge that a network of
@@ -25,11 +25,13 @@ class Sides(NamedTuple):
         slots: which side: 3 * face + k.
         starts: where each edge's sides begin in `slots`.
         counts: how many faces each edge has.
+        keys: the lower of its two vertices times the number of vertices, plus the higher; ascending.
     """
 
     slots: Int[np.ndarray, " S"]
     starts: Int[np.ndarray, " E"]
     counts: Int[np.ndarray, " E"]
+    keys: Int[np.ndarray, " E"]
 
 
 class Hinges(NamedTuple):
@@ -55,7 +57,7 @@ def group_sides(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Sides:
     keys = np.sort(edge * num_slots + np.arange(num_slots))
     edge, slots = np.divmod(keys, max(num_slots, 1))
     starts = np.flatnonzero(np.diff(edge, prepend=-1))
-    return Sides(slots, starts, np.diff(starts, append=num_slots))
+    return Sides(slots, starts, np.diff(starts, append=num_slots), edge[starts])
 
 
 def find_ends(
@@ -87,6 +89,14 @@ def find_normals(
     import igl
 
     return np.asarray(igl.per_face_normals(vertices, faces, np.zeros(3)))
+
+
+def find_vertex_normals(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "V 3"]:
+    """Return the sum of the unit normals of the faces around every vertex, not normalized."""
+    normals = find_normals(vertices, faces)
+    return sum_by_owner(faces.ravel(), np.repeat(normals, 3, axis=0), len(vertices))
 
 
 def find_excess(sides: Sides, quality: Num[np.ndarray, " F"]) -> Int[np.ndarray, " D"]:
@@ -188,6 +198,27 @@ def _find_adjacent_corners(num_faces: int, hinges: Hinges) -> Int[np.ndarray, "2
     adjacent[0, other] = np.where(is_alike, after_one, one)
     adjacent[1, after_other] = np.where(is_alike, one, after_one)
     return adjacent
+
+
+def find_loops(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> list[list[int]]:
+    """Return the boundary loops; a face wound along a loop is wound like its neighbors.
+
+    Args:
+        faces: vertex indices of an oriented two-manifold: one fan a vertex.
+        num_vertices: how many vertices there are.
+    """
+    sides = group_sides(faces, num_vertices)
+    tail, head = find_ends(faces, sides.slots[sides.starts[sides.counts == 1]])
+    following = dict(zip(head.tolist(), tail.tolist(), strict=True))
+    loops = []
+    while following:
+        start, vertex = following.popitem()
+        loop = [start]
+        while vertex != start:
+            loop.append(vertex)
+            vertex = following.pop(vertex)
+        loops.append(loop)
+    return loops
 
 
 def find_suspects(

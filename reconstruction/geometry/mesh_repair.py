@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.decimation import drop_flat_faces, merge_vertices, simplify
+from reconstruction.geometry.rows import find_areas
 
 LARGEST_COORDINATE = 1e6
 """[m]; numbers in single precision are 6 cm apart out there."""
@@ -29,10 +30,13 @@ class RepairConfig:
     Attributes:
         max_faces: larger meshes are simplified first: planes need no more, and time is bounded.
         min_part: loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air.
+        keeps_winding: the winding tells where free space is: each part stays wound as most of its area is. Else closed
+            parts are turned outwards, open ones up.
     """
 
     max_faces: int = 30_000
-    min_part: float = 0.02
+    min_part: float = 0.002
+    keeps_winding: bool = False
 
 
 REPAIR_DEFAULTS = RepairConfig()
@@ -65,7 +69,7 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     faces = _drop_small_parts(vertices, faces, config.min_part)
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
-    faces = _wind(vertices, faces)
+    faces = _wind(vertices, faces, config.keeps_winding)
     vertices, faces = _split_pinched(vertices, faces)
     repaired = trimesh.Trimesh(vertices, faces, process=False)
     # A solid has four vertices or more, and simulators want no fewer of a surface.
@@ -78,7 +82,7 @@ def _refuse_odd_sizes(points: Float[np.ndarray, "N 3"]) -> None:
     extent = float(np.ptp(points, axis=0).max())
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         raise ReconstructionError(
-            f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units metres?"
+            f"the mesh is {extent:g} m large; 1 mm to 10 km is possible: are its units meters?"
         )
     farthest = float(np.abs(points).max())
     if farthest > LARGEST_COORDINATE:
@@ -153,8 +157,10 @@ def _spread_signs(
     return turn[:count], part
 
 
-def _wind(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "F 3"]:
-    """Turn faces so that neighbors agree, then each part outwards (closed) or up (open)."""
+def _wind(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], keeps_winding: bool
+) -> Int[np.ndarray, "F 3"]:
+    """Turn faces so that neighbors agree, then each part as it was (kept), or outwards (closed), or up (open)."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     owner = np.repeat(np.arange(len(faces)), 3)
     is_up = edges[:, 0] < edges[:, 1]
@@ -167,6 +173,9 @@ def _wind(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> 
     first, second = owner[pairs[:, 0]], owner[pairs[:, 1]]
     turn, part = _spread_signs(first, second, np.where(agrees, 1.0, -1.0), len(faces))
     faces = np.where(turn[:, None] < 0, faces[:, ::-1], faces)
+    if keeps_winding:
+        is_turned = np.bincount(part, turn * find_areas(vertices, faces)) < 0
+        return np.where(is_turned[part][:, None], faces[:, ::-1], faces)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     volume = np.bincount(

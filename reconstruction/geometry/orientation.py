@@ -5,7 +5,9 @@ from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
+from reconstruction.geometry.reversals import TurnedMesh, turn_reversed_parts
+from reconstruction.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction.geometry.visibility import count_votes
 
 OPEN_SHARE = 0.2
 """A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
@@ -52,6 +54,45 @@ def orient_outwards(
         towards = np.where(is_sheet, total[:, 2], volume)
     is_turned = towards[part] < 0
     return np.where(is_turned[:, None], faces[:, ::-1], faces)
+
+
+def orient_to_viewpoints(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"],
+    seen_from: Int[np.ndarray, " N"] | None = None,
+) -> tuple[TurnedMesh, float]:
+    """Return the mesh, each component turned to the side that it was seen from, and how far that holds.
+
+    The points vote (`count_votes`), each face counts with its area: far walls have few readings. Large parts of a
+    component that look away from where they were seen are cut off and turned (`turn_reversed_parts`). Components
+    without a vote look to the nearest viewpoint.
+
+    Args:
+        vertices: [m].
+        faces: wound alike within a component.
+        points: readings of the surface [m].
+        viewpoints: positions of the sensor [m].
+        seen_from: viewpoint of every point; None: unknown.
+
+    Returns:
+        The mesh, and the share of the area with votes that looks to where it was seen from; 1 without votes.
+    """
+    if len(faces) == 0:
+        return TurnedMesh(vertices, faces), 1.0
+    turned = orient_outwards(vertices, faces, viewpoints)
+    votes, weights = count_votes(vertices, turned, points, viewpoints, seen_from)
+    shares = votes / np.where(weights > 0, weights, 1.0)
+    area = np.where(weights > 0, find_areas(vertices, turned), 0.0)
+    part = find_components(turned, len(vertices))
+    is_turned = (np.bincount(part, area * shares) < 0)[part]
+    turned = np.where(is_turned[:, None], turned[:, ::-1], turned)
+    shares = np.where(is_turned, -shares, shares)
+    mesh = turn_reversed_parts(vertices, turned, shares)
+    was_reversed = (mesh.vertices[mesh.faces[:, 0]] != vertices[turned[:, 0]]).any(axis=1)
+    agrees = np.where(was_reversed, shares < 0, shares > 0)
+    return mesh, float(area[agrees].sum() / area.sum()) if area.any() else 1.0
 
 
 def find_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:

@@ -1,70 +1,30 @@
-"""Fit a finished mesh to its samples by least squares: crests get sharp, the rim comes out to the data.
+"""Fit a finished mesh to its samples by least squares: creases get sharp, the boundary comes out to the data.
 
-A self-organizing map ends with every unit at the mean of the samples it wins. That rounds off edges and draws
-the rim inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
+A self-organizing map ends with every unit at the mean of the samples it wins. That rounds off edges and draws the
+boundary inwards by half a cell. The fit takes the surface for what it is, a union of triangles, and moves the
 vertices until the triangles, not the vertices, lie on the samples.
 """
 
-from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int, Num
+from jaxtyping import Bool, Float, Int, Num
 
 from reconstruction.geometry.rows import find_lengths
-from reconstruction.networks.config_checks import check_positive
-from reconstruction.networks.som.padding import pad_rows, padded_length
+from reconstruction.networks.least_squares import FitConfig, find_chunk, fit_once
+from reconstruction.networks.som.padding import half_octave_length, pad_rows, padded_length
 from reconstruction.networks.som.winners import find_winners
 
-_CPU_CHUNK, _GPU_CHUNK = 4096, 2**20
-"""Samples treated at once: what fits the cache of a core, and plenty for a GPU. Powers of two, as array lengths are."""
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """How a mesh is fitted to its samples. Lengths are in mean edges.
-
-    Attributes:
-        stiffness: share of the identity in every vertex's normal matrix: unwillingness to slide within the surface.
-            Higher, and creases stay round; near 0 vertices without a crease drift.
-        step_limit: longest step of a vertex in one iteration; longer steps overshoot where the mesh is folded.
-        reach: samples farther from the surface do not belong to it.
-        neighbor_share: share of the neighbors' moments that every vertex adds to its own; above 0 for noisy
-            data or fewer than about 20 samples a vertex.
-        outlier_scale: a sample this many times the mean residual from the faces around it has half its weight
-            (Cauchy); lower ignores more outliers, and more of the creases.
-        max_residual: residuals count up to this for the mean, so that outliers do not raise it.
-    """
-
-    stiffness: float = 0.03
-    step_limit: float = 0.4
-    reach: float = 2.0
-    neighbor_share: float = 0.0
-    outlier_scale: float = 6.0
-    max_residual: float = 0.5
-
-    def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("neighbor_share",))
-
-
+_MIN_SAMPLES = 1024
+"""There is room for at least this many samples: smaller meshes share their programs."""
+_SAMPLES_PER_VERTEX = 4
+"""Where few programs are to be compiled, there is room for one vertex for this many samples."""
+_MIN_DEPTH = 12
+"""Where few programs are to be compiled, there is room for this many faces around a vertex, or for twice as many, and
+so on."""
 _DEFAULT = FitConfig()
-
-
-class Moments(NamedTuple):
-    """What the samples determine about the vertices; rows of vertices without samples are zero.
-
-    Attributes:
-        normal: sum of b n nᵀ, upper triangle (xx, xy, xz, yy, yz, zz), n the unit residual.
-        residual: sum of b r, the pull.
-        weight: sum of b, the barycentric weights.
-    """
-
-    normal: Float[jax.Array, "V 6"]
-    residual: Float[jax.Array, "V 3"]
-    weight: Float[jax.Array, " V"]
 
 
 def fit_surface(
@@ -75,13 +35,12 @@ def fit_surface(
     iterations: int = 3,
     winners: Int[np.ndarray, " N"] | None = None,
     weights: Num[np.ndarray, " N"] | None = None,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
     config: FitConfig = _DEFAULT,
 ) -> Float[np.ndarray, "V 3"]:
-    """Return vertices moved so that the faces lie on the samples.
+    """Return vertices moved so that the faces lie on the samples (see `least_squares`).
 
-    Per sample the closest point on the faces around its winner gives barycentric weights b and the residual r.
-    Per vertex the moments of both are summed (`Moments`), and the vertex moves by (A/c + aI)⁻¹ g/c, a the stiffness.
-    Samples beyond the rim pull it out. Outliers count little: the weight falls with the part of r along
+    Samples beyond the boundary pull it out. Outliers count little: the weight falls with the part of the residual along
     the face's normal (Cauchy), and vanishes beyond `FitConfig.reach`.
 
     Args:
@@ -91,7 +50,9 @@ def fit_surface(
         iterations: how often to repeat; more than about four fit the noise.
         winners: nearest vertex of every sample; searched for if absent.
         weights: weight of every sample, for clouds of uneven density; 1 if absent.
-        config: how.
+        is_movable: which vertices of a part of a mesh may move; all if absent. Parts are of any size, so there are
+            fewer array lengths for them, with more padding: few programs are compiled.
+        config: configuration of the fit.
 
     Returns:
         The vertices, in float64. Those without faces or samples stay where they are.
@@ -105,24 +66,32 @@ def fit_surface(
     center, scale = vertices.mean(axis=0), mean_edge_length(vertices, faces)
     if not scale > 0:
         return vertices.copy()
-    num_vertices = padded_length(len(vertices))
-    num_samples = padded_length(len(samples), minimum=1024)
-    ring = pad_rows(make_ring(faces, len(vertices)), num_vertices, -1)
-    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
+    ring = make_ring(faces, len(vertices), doubling=is_movable is not None)
+    if is_movable is not None:
+        num_samples = half_octave_length(max(len(samples), _SAMPLES_PER_VERTEX * len(vertices), _MIN_SAMPLES))
+        num_vertices = num_samples // _SAMPLES_PER_VERTEX
+    else:
+        num_samples, num_vertices = padded_length(len(samples), _MIN_SAMPLES), padded_length(len(vertices))
+    weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
     scaled = pad_rows(np.asarray((vertices - center) / scale, dtype=np.float32), num_vertices)
-    sample_weights = np.ones(len(samples), np.float32) if weights is None else np.asarray(weights, np.float32)
+    ring = pad_rows(ring, num_vertices, -1)
+    is_movable = None if is_movable is None else pad_rows(is_movable, num_vertices, False)
+    samples = pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples)
+    winners = pad_rows(np.asarray(winners, dtype=np.int32), num_samples)
+    weights = pad_rows(weights, num_samples)
     moved = _fit(
         scaled,
         ring,
-        pad_rows(np.asarray((samples - center) / scale, dtype=np.float32), num_samples),
+        is_movable,
+        samples,
         winners,
-        sort_by_degree(ring, winners),
-        pad_rows(sample_weights, num_samples),
+        sort_by_degree(ring, winners) if is_movable is None else None,
+        weights,
         np.int32(iterations),
         config=config,
         chunk=find_chunk(num_samples),
     )
-    step = np.asarray(moved)[: len(vertices)] - scaled[: len(vertices)]
+    step = np.asarray(moved - scaled)[: len(vertices)]
     return vertices + step.astype(np.float64) * scale
 
 
@@ -132,13 +101,24 @@ def mean_edge_length(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, 
     return float(find_lengths(corners - np.roll(corners, 1, axis=1)).mean())
 
 
-def make_ring(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, "V D 2"]:
-    """Return the faces around every vertex: the other two corners of each in order, -1 where none."""
+def make_ring(
+    faces: Int[np.ndarray, "F 3"], num_vertices: int, *, doubling: bool = False
+) -> Int[np.ndarray, "V D 2"]:
+    """Return the faces around every vertex: the other two corners of each in order, -1 where none.
+
+    Args:
+        faces: vertex indices.
+        num_vertices: how many vertices there are.
+        doubling: whether D is 12, 24, 48 and so on instead of a multiple of 4: few lengths, so few programs.
+    """
     owner = faces.ravel()
     others = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1).reshape(-1, 2)
     order = np.argsort(owner, kind="stable")
     count = np.bincount(owner, minlength=num_vertices)
-    depth = -(-int(count.max(initial=1)) // 4) * 4
+    widest = int(count.max(initial=1))
+    depth = -(-widest // 4) * 4
+    if doubling:
+        depth = _MIN_DEPTH * 2 ** max(0, (-(-widest // _MIN_DEPTH) - 1).bit_length())
     slot = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     ring = np.full((num_vertices, depth, 2), -1, dtype=np.int32)
     ring[owner[order], slot] = others[order]
@@ -151,194 +131,49 @@ def sort_by_degree(ring: Int[np.ndarray, "V D 2"], winners: Int[np.ndarray, " N"
     return np.argsort(degree[winners], kind="stable").astype(np.int32)
 
 
-def find_chunk(num_samples: int) -> int:
-    """Return how many samples to treat at once, a divisor of their number."""
-    wanted = _CPU_CHUNK if jax.default_backend() == "cpu" else _GPU_CHUNK
-    while wanted > 1 and num_samples % wanted:
-        wanted //= 2
-    return wanted
-
-
 @partial(jax.jit, static_argnames=("config", "chunk"))
 def _fit(
     vertices: Float[jax.Array, "V 3"],
     ring: Int[jax.Array, "V D 2"],
+    is_movable: Bool[jax.Array, " V"] | None,
     samples: Float[jax.Array, "N 3"],
     winners: Int[jax.Array, " N"],
-    order: Int[jax.Array, " N"],
+    order: Int[jax.Array, " N"] | None,
     weights: Float[jax.Array, " N"],
     iterations: Int[jax.Array, ""],
     *,
     config: FitConfig,
     chunk: int,
 ) -> Float[jax.Array, "V 3"]:
-    """Repeat moments and step; all lengths in mean edges."""
+    """Repeat the step; all lengths in mean edges. Only whole meshes share moments and need an order."""
+    spread = partial(_share, ring=ring, share=config.neighbor_share) if is_movable is None else None
 
     def iterate(_, positions):
-        moments = sum_moments(positions, ring, samples, winners, weights, config, order, chunk=chunk)
-        moments = _share(moments, ring, config.neighbor_share)
-        return positions + solve_moments(moments, config.stiffness, config.step_limit)
+        return fit_once(
+            positions,
+            ring,
+            samples,
+            winners,
+            weights,
+            config,
+            chunk=chunk,
+            order=order,
+            is_movable=is_movable,
+            spread=spread,
+        )
 
     return jax.lax.fori_loop(0, iterations, iterate, vertices)
 
 
-def sum_moments(
-    vertices: Float[jax.Array, "V 3"],
-    ring: Int[jax.Array, "V D 2"],
-    samples: Float[jax.Array, "N 3"],
-    winners: Int[jax.Array, " N"],
-    weights: Float[jax.Array, " N"],
-    config: FitConfig,
-    order: Int[jax.Array, " N"] | None = None,
-    *,
-    chunk: int,
-) -> Moments:
-    """Sum the samples' residuals to the surface at the vertices.
-
-    Args:
-        vertices: positions in mean edges, as all lengths here.
-        ring: result of `make_ring`.
-        samples: positions, N a multiple of `chunk`.
-        winners: the vertex whose faces are tried.
-        weights: weights of the samples; 0 for padding.
-        config: reach and treatment of outliers.
-        order: result of `sort_by_degree`: chunks whose fans have few faces take less time; None: in the order given.
-        chunk: how many samples at once.
-    """
-    is_face = ring[..., 0] >= 0
-    own = vertices[:, None]
-    first = jnp.where(is_face[..., None], vertices[ring[..., 0]] - own, 0.0)
-    second = jnp.where(is_face[..., None], vertices[ring[..., 1]] - own, 0.0)
-    table = jnp.concatenate([first, second], axis=-1).transpose(1, 2, 0)  # [D, 6, V]
-    degree = is_face.sum(axis=1)
-
-    def select(batch):
-        points, winner = batch
-        offset = (points - vertices[winner]).T  # [3, n]
-        return _closest_on_ring(offset, winner, table, degree[winner].max())
-
-    def split(arrays):
-        return jax.tree.map(lambda a: a.reshape(-1, chunk, *a.shape[1:]), arrays)
-
-    def describe(batch):
-        points, winner, weight, slot, second_weight, third_weight = batch
-        offset = (points - vertices[winner]).T  # [3, n]
-        sides = table.transpose(2, 0, 1)[winner, slot]  # [n, 6]
-        side, other = sides[:, :3], sides[:, 3:]
-        residual = offset.T - second_weight[:, None] * side - third_weight[:, None] * other
-        corner = jnp.concatenate([winner[:, None], jnp.maximum(ring[winner, slot], 0)], axis=1)
-        barycentric = jnp.stack([1 - second_weight - third_weight, second_weight, third_weight], axis=1)
-        along = jnp.abs(_along_normal(side, other, residual))
-        is_usable = is_face[winner, 0] & (jnp.sum(residual**2, axis=1) < config.reach**2)
-        return residual, corner, barycentric, along, jnp.where(is_usable, weight, 0.0)
-
-    sorted_by_degree = (samples, winners) if order is None else (samples[order], winners[order])
-    found = [a.ravel() for a in jax.lax.map(select, split(sorted_by_degree))]
-    if order is not None:
-        found = [jnp.zeros_like(a).at[order].set(a, unique_indices=True) for a in found]
-    residual, corner, barycentric, along, weight = jax.lax.map(
-        describe, split((samples, winners, weights, *found))
-    )
-    capped = jnp.minimum(along, config.max_residual)
-    typical = jnp.sum(weight * capped) / jnp.maximum(jnp.sum(weight), 1e-9)
-    weight = weight / (1 + (along / (config.outlier_scale * typical + 1e-6)) ** 2)
-    num_vertices = vertices.shape[0]
-
-    def accumulate(total, batch):
-        r, corners, b, w = batch
-        n = r / jnp.maximum(jnp.linalg.norm(r, axis=1, keepdims=True), 1e-12)
-        outer = jnp.stack(
-            [n[:, i] * n[:, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))], axis=1
-        )
-        row = jnp.concatenate([outer, r, jnp.ones_like(r[:, :1])], axis=1)
-        rows = (b * w[:, None])[:, :, None] * row[:, None, :]
-        return total.at[corners.ravel()].add(rows.reshape(-1, 10)), None
-
-    start = jnp.zeros((num_vertices, 10), vertices.dtype)
-    total, _ = jax.lax.scan(accumulate, start, (residual, corner, barycentric, weight))
-    return Moments(total[:, :6], total[:, 6:9], total[:, 9])
-
-
-def solve_moments(moments: Moments, stiffness: float, step_limit: float) -> Float[jax.Array, "V 3"]:
-    """Return every vertex's step (A/c + aI)⁻¹ g/c, a the stiffness, no longer than `step_limit`."""
-    weight = jnp.maximum(moments.weight, 1e-12)[:, None]
-    xx, xy, xz, yy, yz, zz = (moments.normal / weight).T
-    xx, yy, zz = xx + stiffness, yy + stiffness, zz + stiffness
-    gx, gy, gz = (moments.residual / weight).T
-    # The inverse of a symmetric 3x3 matrix by its cofactors.
-    cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    determinant = xx * cxx + xy * cxy + xz * cxz
-    step = jnp.stack(
-        [cxx * gx + cxy * gy + cxz * gz, cxy * gx + cyy * gy + cyz * gz, cxz * gx + cyz * gy + czz * gz], 1
-    )
-    step = jnp.where(moments.weight[:, None] > 1e-9, step / determinant[:, None], 0.0)
-    length = jnp.linalg.norm(step, axis=1, keepdims=True)
-    return step * jnp.minimum(1.0, step_limit / jnp.maximum(length, 1e-12))
-
-
-def _closest_on_ring(
-    offset: Float[jax.Array, "3 n"],
-    winner: Int[jax.Array, " n"],
-    table: Float[jax.Array, "D 6 V"],
-    depth: Int[jax.Array, ""],
-) -> tuple[Int[jax.Array, " n"], Float[jax.Array, " n"], Float[jax.Array, " n"]]:
-    """Return slot and the two barycentric weights of the closest point on a fan of faces.
-
-    Args:
-        offset: from the fan's own vertex to the sample.
-        winner: the fan's own vertex.
-        table: the two sides of every face that start at each vertex.
-        depth: how many faces the largest of these fans has.
-    """
-
-    def compare(slot, best):
-        face = table[slot][:, winner]
-        side, other = face[:3], face[3:]
-        d00, d01, d11 = (side * side).sum(0), (side * other).sum(0), (other * other).sum(0)
-        d20, d21 = (offset * side).sum(0), (offset * other).sum(0)
-        determinant = d00 * d11 - d01 * d01
-        inverse = 1 / jnp.where(determinant > 1e-9, determinant, 1.0)
-        v, w = (d11 * d20 - d01 * d21) * inverse, (d00 * d21 - d01 * d20) * inverse
-        is_inside = (v >= 0) & (w >= 0) & (v + w <= 1) & (determinant > 1e-9)
-        on_side = jnp.clip(d20 / jnp.maximum(d00, 1e-12), 0, 1)
-        on_other = jnp.clip(d21 / jnp.maximum(d11, 1e-12), 0, 1)
-        across = d00 + d11 - 2 * d01
-        on_across = jnp.clip((d21 - d20 - d01 + d00) / jnp.maximum(across, 1e-12), 0, 1)
-        for cv, cw, allowed in (
-            (v, w, is_inside),
-            (on_side, 0.0 * on_side, ~is_inside),
-            (0.0 * on_other, on_other, ~is_inside),
-            (1 - on_across, on_across, ~is_inside),
-        ):
-            # |offset - v side - w other|² without its constant |offset|².
-            distance = cv * (cv * d00 - 2 * d20 + 2 * cw * d01) + cw * (cw * d11 - 2 * d21)
-            distance = jnp.where(allowed, distance, jnp.inf)
-            is_closer = distance < best[0]
-            best = jax.tree.map(partial(jnp.where, is_closer), (distance, slot, cv, cw), best)
-        return best
-
-    nothing = jnp.zeros(offset.shape[1], offset.dtype)
-    start = (nothing + jnp.inf, jnp.zeros(offset.shape[1], jnp.int32), nothing, nothing)
-    return jax.lax.fori_loop(0, depth, compare, start)[1:]
-
-
-def _along_normal(
-    side: Float[jax.Array, "n 3"], other: Float[jax.Array, "n 3"], residual: Float[jax.Array, "n 3"]
-) -> Float[jax.Array, " n"]:
-    """Return the part of the residual along the normal of the face between two sides."""
-    normal = jnp.cross(side, other)
-    return jnp.sum(normal * residual, axis=1) / jnp.maximum(jnp.linalg.norm(normal, axis=1), 1e-12)
-
-
-def _share(moments: Moments, ring: Int[jax.Array, "V D 2"], share: float) -> Moments:
+def _share(
+    moments: Float[jax.Array, "V 10"], ring: Int[jax.Array, "V D 2"], share: float
+) -> Float[jax.Array, "V 10"]:
     """Add a share of the neighbors' moments to every vertex's own."""
     is_face = (ring[..., 0] >= 0)[..., None]
     count = jnp.maximum(is_face.sum(axis=1), 1)
 
-    def add(values):
-        columns = values.reshape(values.shape[0], -1)
+    def add(columns):
         around = jnp.where(is_face, columns[ring[..., 0]], 0.0).sum(axis=1) / count
-        return (columns + share * around).reshape(values.shape)
+        return columns + share * around
 
-    return Moments(*(add(values) for values in moments))
+    return jnp.concatenate([add(moments[:, :6]), add(moments[:, 6:9]), add(moments[:, 9:])], axis=1)

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ScanError
+from reconstruction.scans.flat_neighbors import find_flat
 
 _HASH_PRIMES = np.array([73856093, 19349663, 83492791])
 """Of Teschner et al. 2003."""
@@ -39,6 +40,12 @@ class SparsePointsConfig:
         num_bisections: steps of the search for the first cell; 8 leave it uncertain by 4 %.
         max_halvings: the search begins between the extent of the cloud and this many halvings of it.
         sample_size: points that the search counts, about: it bounds the time on large clouds.
+        flatness: a sparse point stays where its neighbors are as sparse as itself and lie on a plane: a far wall.
+            Their least variance over the largest is below this then; that of points in the air is 0.1 to 0.5. 0 keeps
+            none.
+        flat_neighbors: so many neighbors; below 8, points in the air look flat by chance.
+        kept_share: or where more than this share of its neighbors stay.
+        max_loneliness: as sparse is what is at most this many times farther from its neighbors than they from theirs.
     """
 
     cell: float | None = None
@@ -50,15 +57,32 @@ class SparsePointsConfig:
     num_bisections: int = 8
     max_halvings: int = 14
     sample_size: int = 40_000
+    flatness: float = 0.04
+    flat_neighbors: int = 10
+    kept_share: float = 0.5
+    max_loneliness: float = 1.5
 
     def __post_init__(self) -> None:
         if self.cell is not None and not 0 < self.cell < math.inf:
             raise ScanError(f"cell must be above 0, got {self.cell}")
-        if not 0 <= self.max_share <= 1:
-            raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
+        for name in ("max_share", "kept_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ScanError(f"{name} must be from 0 to 1, got {getattr(self, name)}")
         if not 1 < self.cell_growth < math.inf:
             raise ScanError(f"cell_growth must be above 1, got {self.cell_growth}")
-        for name in ("threshold", "points_per_cell", "max_growth_steps", "num_bisections", "sample_size"):
+        if not self.flatness >= 0 or not self.max_loneliness > 0:
+            raise ScanError(
+                f"flatness must not be negative and max_loneliness above 0, got {self.flatness} and "
+                f"{self.max_loneliness}"
+            )
+        for name in (
+            "threshold",
+            "points_per_cell",
+            "flat_neighbors",
+            "max_growth_steps",
+            "num_bisections",
+            "sample_size",
+        ):
             if getattr(self, name) < 1:
                 raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
 
@@ -108,7 +132,7 @@ def thin(points: ArrayLike, voxel: float) -> Float[np.ndarray, "M 3"]:
         raise ScanError(f"voxel must be above 0, got {voxel}")
     if not len(points):
         return points
-    keys = _find_cell_keys(points, voxel)
+    keys = find_cell_keys(points, voxel)
     _, index, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return np.stack([np.bincount(index.ravel(), points[:, k]) / counts for k in range(3)], axis=1)
 
@@ -116,7 +140,8 @@ def thin(points: ArrayLike, voxel: float) -> Float[np.ndarray, "M 3"]:
 def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = None) -> Bool[np.ndarray, " N"]:
     """Find the points whose cell of a 3-D histogram holds fewer points than a threshold.
 
-    The count of a point is the higher one of two histograms, shifted against each other by half a cell.
+    The count of a point is the higher one of two histograms, shifted against each other by half a cell. Where the
+    cells are found from the density, points that are part of a sparse surface stay (`SparsePointsConfig.flatness`).
 
     Args:
         points: `[N, 3]` [m].
@@ -135,9 +160,26 @@ def find_sparse_points(points: ArrayLike, config: SparsePointsConfig | None = No
     for _ in range(config.max_growth_steps):
         is_sparse = _count_in_cells(points, cell) < config.threshold
         if is_sparse.mean() <= config.max_share:
+            is_sparse[is_sparse] = ~_find_flat(points, is_sparse, config)
             return is_sparse
         cell *= config.cell_growth
     return np.zeros(len(points), bool)
+
+
+def _find_flat(
+    points: Float[np.ndarray, "N 3"], is_sparse: Bool[np.ndarray, " N"], config: SparsePointsConfig
+) -> Bool[np.ndarray, " S"]:
+    """Return which of the sparse points lie with their neighbors on a plane, as sparse as these."""
+    chosen = np.flatnonzero(is_sparse)
+    if not config.flatness:
+        return np.zeros(len(chosen), bool)
+    is_flat, is_alike, neighbors, _ = find_flat(
+        points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness
+    )
+    is_kept = ~is_sparse
+    is_kept[chosen] = is_flat
+    # The edge of a far wall is not flat itself, but most of its neighbors are.
+    return is_flat | (is_alike & (is_kept[neighbors].mean(axis=1) > config.kept_share))
 
 
 def _find_cell(points: Float[np.ndarray, "N 3"], config: SparsePointsConfig) -> float:
@@ -173,7 +215,7 @@ def _count_in_cells(
     return counts
 
 
-def _find_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
+def find_cell_keys(points: Float[np.ndarray, "N 3"], cell: float) -> Int[np.ndarray, " N"]:
     """Return a number for each point, that of its cell."""
     place = np.floor((points - points.min(axis=0)) / cell)
     size = place.max(axis=0) + 1

@@ -12,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import uniform_filter1d
+from scipy.spatial import cKDTree
 
 from reconstruction.errors import ScanError
+from reconstruction.geometry.rows import find_lengths, sum_rows
+from reconstruction.scans.flat_neighbors import find_flat
+from reconstruction.scans.scan import ScanLog
 
 _MEDIAN_OF_NORMAL = 0.6745
 """Median of |x| for x from the standard normal distribution."""
@@ -45,6 +49,14 @@ class MixedPixelsConfig:
             (four readings) within nine beams are an edge along the scan plane.
         clutter_height: what a reading in clutter counts [m], compared with the heights of jumps, where `max_share`
             leaves room for some only: less than any jump.
+        max_gap: a mixed reading stays where no other is left within this [m], and it lies with its neighbors on a
+            surface (`find_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is
+            read less densely has such steps on any slanted surface.
+        flat_neighbors: neighbors that show whether it lies on one.
+        flatness: their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05.
+        min_cosine: least cosine between the beam and the normal of that plane. A veil along a straight edge lies in
+            the beams: 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away.
+        max_loneliness: and they are as far from one another as it is from them, up to this factor.
     """
 
     step: float = 0.10
@@ -58,9 +70,23 @@ class MixedPixelsConfig:
     clutter_window: int = 9
     clutter_count: int = 4
     clutter_height: float = 1e-3
+    max_gap: float = 0.10
+    flat_neighbors: int = 10
+    flatness: float = 0.1
+    min_cosine: float = 0.05
+    max_loneliness: float = 1.5
 
     def __post_init__(self) -> None:
-        for name in ("step", "step_spacing", "max_edge_noise", "clutter_height"):
+        for name in (
+            "step",
+            "step_spacing",
+            "max_edge_noise",
+            "clutter_height",
+            "max_gap",
+            "flatness",
+            "min_cosine",
+            "max_loneliness",
+        ):
             if not getattr(self, name) > 0:
                 raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
         for name in ("jump", "jump_per_meter"):
@@ -70,7 +96,7 @@ class MixedPixelsConfig:
             raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
         if not self.max_noise_factor >= 1:
             raise ScanError(f"max_noise_factor must be 1 or more, got {self.max_noise_factor}")
-        for name in ("noise_stride", "clutter_window", "clutter_count"):
+        for name in ("noise_stride", "clutter_window", "clutter_count", "flat_neighbors"):
             if getattr(self, name) < 1:
                 raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
 
@@ -119,6 +145,36 @@ def find_mixed_beams(
         place = height.size - max_count - 1
         height[height <= np.partition(height, place, axis=None)[place]] = 0.0
     return (is_veil | (height > 0)) & is_valid
+
+
+def find_needed_beams(
+    log: ScanLog, is_mixed: Bool[np.ndarray, "S B"], config: MixedPixelsConfig | None = None
+) -> Bool[np.ndarray, "S B"]:
+    """Return which mixed readings stay: without them a sparsely read surface would have a hole.
+
+    A far wall, or one at a low angle, has steps between neighboring beams that look like veil points in a single
+    scan. In space its readings lie on a plane, among others as far apart; those of a veil do not, or the plane
+    contains the beam.
+
+    Args:
+        log: the scans.
+        is_mixed: result of `find_mixed_beams`.
+        config: the gap that is left open, and what counts as a surface.
+    """
+    config = config or MixedPixelsConfig()
+    is_needed = np.zeros(is_mixed.shape, bool)
+    points, place = log.points(), np.flatnonzero(log.is_valid)
+    is_dropped = is_mixed[log.is_valid]
+    chosen = np.flatnonzero(is_dropped)
+    if not len(chosen) or is_dropped.all():
+        return is_needed
+    gap, _ = cKDTree(points[~is_dropped]).query(points[chosen])
+    chosen = chosen[gap > config.max_gap]
+    found = find_flat(points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness)
+    ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
+    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(find_lengths(ray), 1e-300)
+    is_needed.ravel()[place[chosen[found.is_flat & (cosine > config.min_cosine)]]] = True
+    return is_needed
 
 
 def _find_jump_heights(

@@ -18,6 +18,8 @@ from jaxtyping import Float
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import BoundedFile
 from reconstruction.scans import point_rows
+from reconstruction.scans.point_rows import COLORS
+from reconstruction.scans.raw_points import RawPoints, as_colors
 
 _NUMBERS = {
     "char": "i1",
@@ -79,8 +81,10 @@ class _Element(NamedTuple):
         return any(one.length_type for one in self.properties)
 
 
-def read_ply(file: BoundedFile) -> Float[np.ndarray, "N 3"]:
-    """Read x, y, z of the element `vertex`; ascii numbers keep all their digits, whatever their type says.
+def read_ply(file: BoundedFile) -> RawPoints:
+    """Read x, y, z and the colors of the element `vertex`.
+
+    Numbers in text keep all their digits, whatever their type says.
 
     Raises:
         ScanError: the header is incomplete, contradicts the data, or asks for too many rows with lists.
@@ -102,7 +106,7 @@ def read_ply(file: BoundedFile) -> Float[np.ndarray, "N 3"]:
     for element in before:
         _skip(file, element, byte_order)
     if vertex.has_lists:
-        return _collect(file, vertex, _iterate_rows(file, vertex, byte_order))
+        return RawPoints(_collect(file, vertex, _iterate_rows(file, vertex, byte_order)))
     names, types = zip(*((one.name, byte_order + one.type) for one in vertex.properties), strict=True)
     return point_rows.read_records(file, np.dtype(list(zip(names, types, strict=True))), vertex.num_rows)
 
@@ -145,7 +149,18 @@ def _find_type(name: str) -> str:
     return _TYPES[name]
 
 
-def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> Float[np.ndarray, "N 3"]:
+def find_num_faces(file: BoundedFile) -> int:
+    """Return how many faces the header of a .ply file promises.
+
+    Raises:
+        ScanError: no .ply file, or a broken header.
+        UnreadableFileError: the file ends within its header.
+    """
+    _, elements = _read_header(file)
+    return sum(element.num_rows for element in elements if element.name == "face")
+
+
+def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> RawPoints:
     num_lines = sum(element.num_rows for element in (*before, vertex) if element.properties)
     if num_lines > file.num_lines:
         raise ScanError(f"the .ply header promises {num_lines} rows in {file.num_lines} lines")
@@ -154,14 +169,18 @@ def _read_ascii(file: BoundedFile, before: list[_Element], vertex: _Element) -> 
         if element.properties:
             next(itertools.islice(lines, element.num_rows, element.num_rows), None)
     rows = itertools.islice(lines, vertex.num_rows)
+    colors = None
     if vertex.has_lists:
         points = _collect(file, vertex, _parse_rows(rows, vertex))
     else:
         names = [one.name for one in vertex.properties]
-        points = point_rows.read_text_rows(file, rows, [names.index(name) for name in "xyz"], comments=None)
+        wanted = ["x", "y", "z", *(COLORS if {*COLORS} <= set(names) else ())]
+        values = point_rows.read_text_rows(file, rows, [names.index(name) for name in wanted], comments=None)
+        points = np.ascontiguousarray(values[:, :3])
+        colors = as_colors(values[:, 3:]) if len(wanted) > 3 else None
     if len(points) != vertex.num_rows:
         raise ScanError(f"the .ply header promises {vertex.num_rows} vertices, the data hold {len(points)}")
-    return points
+    return RawPoints(points, colors)
 
 
 def _check_num_values(elements: list[_Element]) -> None:

@@ -5,11 +5,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from io import TextIOWrapper
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Num, Shaped, UInt8, UInt32
 
 from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import BoundedFile, UnreadableFileError, check_size
+from reconstruction.scans.raw_points import RawPoints, as_colors
 
+COLORS = ("red", "green", "blue")
+"""Names of the columns of a point's color."""
 _POINT_BYTES = 3 * np.dtype(np.float64).itemsize
 _MAX_LINE = 1 << 20
 """Longest line of a text file and largest record of a binary one [characters, bytes]: no point has more fields."""
@@ -88,21 +91,22 @@ def read_text_rows(
     columns: Sequence[int],
     delimiter: str | None = None,
     comments: str | None = "#",
-) -> Float[np.ndarray, "N 3"]:
-    """Read three columns of numbers, one row a line; blank lines are skipped.
+) -> Float[np.ndarray, "N C"]:
+    """Read columns of numbers, one row a line; blank lines are skipped.
 
     Args:
         file: where the lines come from.
         lines: the text.
-        columns: which three.
+        columns: which ones, three or more.
         delimiter: between columns; blanks unless given.
         comments: what begins a comment.
 
     Raises:
-        ScanError: a row does not hold three numbers.
+        ScanError: a row does not hold these numbers.
         UnreadableFileError: the file has more lines than its limit allows points.
     """
-    points, num_read, remaining = allocate_points(file, file.num_lines), 0, iter(lines)
+    check_num_points(file, file.num_lines)
+    points, num_read, remaining = np.empty((file.num_lines, len(columns))), 0, iter(lines)
     while block := next_block(remaining):
         try:
             with warnings.catch_warnings(action="ignore"):  # a block of comments alone
@@ -114,8 +118,10 @@ def read_text_rows(
     return points[:num_read]
 
 
-def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> Float[np.ndarray, "N 3"]:
-    """Read binary records with the fields x, y, z as points.
+def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> RawPoints:
+    """Read binary records with the fields x, y, z as points, and their colors.
+
+    Colors are the fields red, green and blue, or the field rgb: a whole number 0xRRGGBB.
 
     Raises:
         ScanError: the file ends before the last record, or a record is too large.
@@ -127,12 +133,33 @@ def read_records(file: BoundedFile, record: np.dtype, num_records: int) -> Float
             f"but {file.num_left} bytes follow"
         )
     points, step = allocate_points(file, num_records), max(_MAX_LINE // record.itemsize, 1)
+    has_colors = {*COLORS} <= set(record.names or ()) or "rgb" in (record.names or ())
+    colors = np.empty((num_records, 3), _find_color_type(record)) if has_colors else None
     for first in range(0, num_records, step):
         num_rows = min(step, num_records - first)
         rows = np.frombuffer(file.read_exactly(num_rows * record.itemsize), record)
         for axis, name in enumerate("xyz"):
             points[first : first + num_rows, axis] = rows[name]
-    return points
+        if colors is not None:
+            colors[first : first + num_rows] = _find_colors(rows)
+    return RawPoints(points, None if colors is None else as_colors(colors))
+
+
+def unpack_rgb(packed: UInt32[np.ndarray, " N"]) -> UInt8[np.ndarray, "N 3"]:
+    """Return red, green and blue of whole numbers 0xRRGGBB."""
+    return np.stack([(packed >> shift) & 0xFF for shift in (16, 8, 0)], axis=1).astype(np.uint8)
+
+
+def _find_color_type(record: np.dtype) -> np.dtype:
+    """Return the type of the colors of a record in memory: their own, where it takes no more than four bytes."""
+    kind = record["red"] if "red" in (record.names or ()) else np.dtype(np.uint8)
+    return kind.newbyteorder("=") if kind.itemsize <= 4 else np.dtype(np.float32)
+
+
+def _find_colors(rows: Shaped[np.ndarray, " N"]) -> Num[np.ndarray, "N 3"]:
+    if "rgb" in (rows.dtype.names or ()):
+        return unpack_rgb(rows["rgb"])
+    return np.stack([rows[name] for name in COLORS], axis=1)
 
 
 def parse_count(word: str) -> int:

@@ -47,10 +47,10 @@ def load_3dtk(
     """
     try:
         with open_bounded(path, max_bytes) as file:
-            points = read_text(file)
+            points = read_text(file).points
     except (ScanError, UnreadableFileError) as error:
         raise ScanError(f"{path}: {error}") from error
-    pose = _read_pose(path.with_suffix(".pose"))
+    pose = read_pose(path.with_suffix(".pose"))
     num_beams = _count_beams(path, points)
     sweeps = to_right_handed(points).reshape(-1, num_beams, 3)
     ranges = np.linalg.norm(sweeps, axis=2)
@@ -85,8 +85,12 @@ def _count_beams(path: Path, points: Float[np.ndarray, "N 3"]) -> int:
     return num_beams
 
 
-def _read_pose(path: Path) -> Float[np.ndarray, "4 4"]:
-    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose, sensor -> world."""
+def read_pose(path: Path) -> Float[np.ndarray, "4 4"]:
+    """Read position [cm] and Euler angles [deg] about x, y, z (left-handed) as a pose, sensor -> world.
+
+    Raises:
+        ScanError: the file is absent or holds no pose.
+    """
     try:
         with open_bounded(path, _MAX_POSE_BYTES) as file:
             values = np.array(file.read_exactly(file.size).split(), dtype=float)

@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float, Int
 from reconstruction.geometry.manifold import (
     Hinges,
     Sides,
-    find_ends,
     find_hinges,
     find_normals,
     group_sides,
@@ -105,7 +104,7 @@ def _flip_once(
     gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates, config)
     worth = np.flatnonzero(gain)
     touched = np.concatenate([candidates.faces, outer], axis=1)[worth]
-    gain = np.where(_are_joined(corners[worth, 2:], faces, sides, len(vertices)), 0, gain[worth])
+    gain = np.where(_are_joined(corners[worth, 2:], sides, len(vertices)), 0, gain[worth])
     selected = worth[_select_apart(gain, touched, len(faces))]
     a, b, c, d = corners[selected].T
     flipped = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
@@ -136,14 +135,16 @@ def _rate_flips(
     c, d = faces[first, (side[:, 0] + 2) % 3], faces[second, (side[:, 1] + 2) % 3]
     corners = np.stack([a, b, c, d], axis=1)
     outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
-    rims = [(b, c), (c, a), (a, d), (d, b)]
+    outer_edges = [(b, c), (c, a), (a, d), (d, b)]
     left, is_sound = _make_normals(vertices, a, d, c, config.min_corner_sine)
     right, is_sound_too = _make_normals(vertices, d, b, c, config.min_corner_sine)
     before = _length(vertices, a, b) * _angle(normals[first], normals[second])
     after = _length(vertices, c, d) * _angle(left, right)
     inner_before = (normals[first], normals[first], normals[second], normals[second])
-    for k, (rim, old, new) in enumerate(zip(rims, inner_before, (right, left, left, right), strict=True)):
-        length = np.where(outer[:, k] >= 0, _length(vertices, *rim), 0)
+    for k, (ends, old, new) in enumerate(
+        zip(outer_edges, inner_before, (right, left, left, right), strict=True)
+    ):
+        length = np.where(outer[:, k] >= 0, _length(vertices, *ends), 0)
         before = before + length * _angle(old, normals[outer[:, k]])
         after = after + length * _angle(new, normals[outer[:, k]])
     gain = np.where(is_sound & is_sound_too & (after < (1 - config.min_gain) * before), before - after, 0)
@@ -179,16 +180,10 @@ def _angle(first: Float[np.ndarray, "P 3"], second: Float[np.ndarray, "P 3"]) ->
     return np.arccos(np.clip(sum_rows(first * second), -1, 1))
 
 
-def _are_joined(
-    pairs: Int[np.ndarray, "P 2"], faces: Int[np.ndarray, "F 3"], sides: Sides, num_vertices: int
-) -> Bool[np.ndarray, " P"]:
+def _are_joined(pairs: Int[np.ndarray, "P 2"], sides: Sides, num_vertices: int) -> Bool[np.ndarray, " P"]:
     """Return which pairs of vertices have an edge."""
-    slots = sides.slots[sides.starts]
-    ends = np.stack(find_ends(faces, slots), axis=1)
-    keys, wanted = (
-        part.min(axis=1).astype(np.int64) * num_vertices + part.max(axis=1) for part in (ends, pairs)
-    )
-    return is_in_sorted(wanted, keys)
+    wanted = pairs.min(axis=1).astype(np.int64) * num_vertices + pairs.max(axis=1)
+    return is_in_sorted(wanted, sides.keys)
 
 
 def _select_apart(

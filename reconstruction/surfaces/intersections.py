@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction.geometry.manifold import find_hinges, find_normals, group_sides
+from reconstruction.geometry.manifold import Hinges, find_hinges, find_normals, group_sides
 from reconstruction.geometry.rows import all_rows, any_rows, cross_rows, find_lengths, sum_rows
 
 FOLD_ANGLE = np.deg2rad(120)
@@ -39,10 +39,16 @@ def find_folded_edges(
         angle: by how much the normals differ there, at least [rad].
     """
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
+    return hinges.faces[measure_bends(vertices, faces, hinges) < np.cos(angle)]
+
+
+def measure_bends(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], hinges: Hinges
+) -> Float[np.ndarray, " P"]:
+    """Return the cosine between the normals of the two faces at every hinge; 1 where the surface is flat."""
     normals = find_normals(vertices, faces)
     cosine = sum_rows(normals[hinges.faces[:, 0]] * normals[hinges.faces[:, 1]])
-    cosine = np.where(hinges.is_consistent, cosine, -cosine)
-    return hinges.faces[cosine < np.cos(angle)]
+    return np.where(hinges.is_consistent, cosine, -cosine)
 
 
 def find_intersections(

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 
-from reconstruction.geometry.manifold import Sides, find_ends, group_sides
+from reconstruction.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
 from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
-from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
+from reconstruction.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
 _SHORTEST = 1e-300
 """Divided by instead of 0: the direction of an edge without length is 0."""
@@ -22,11 +22,11 @@ class UnfoldConfig:
         step: share of the way to the center of its neighbors that a tangled face's vertex moves in a round; above 1 it
             would overshoot.
         stages: what moves, one stage after another: this many rings around the tangled faces, without or with the
-            vertices on the rim. A rim that stays keeps the ears of the mesh; where its teeth lie across one another,
-            it must move.
+            vertices on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one
+            another, it must move.
         rounds: a stage ends after this many without success; the next begins with the best result.
-        rim_angle: where the rim turns by more, its faces may lie across one another without any fold [rad]: the teeth
-            of a closing slit.
+        boundary_angle: where the boundary turns by more, its faces may lie across one another without any fold [rad]:
+            the teeth of a closing slit.
         sharp_angle: where the normals at an edge differ by more, its faces may intersect others without any fold [rad]:
             lips over a narrow groove.
     """
@@ -41,7 +41,7 @@ class UnfoldConfig:
         (3, True),
     )
     rounds: int = 8
-    rim_angle: float = np.deg2rad(60)
+    boundary_angle: float = np.deg2rad(60)
     sharp_angle: float = np.deg2rad(75)
 
 
@@ -59,6 +59,7 @@ def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"
 def find_tangled(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
+    hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
     sharp_angle: float = UnfoldConfig.sharp_angle,
 ) -> Bool[np.ndarray, " F"]:
@@ -67,15 +68,15 @@ def find_tangled(
     Args:
         vertices: [m].
         faces: faces of an oriented two-manifold.
+        hinges: their hinges.
         is_suspect: these, and those at sharp edges, are tested for intersections with others.
         sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
     """
     is_tangled = find_folded(vertices, faces)
-    sharp = find_folded_edges(vertices, faces, sharp_angle)
-    if len(sharp):
-        is_tangled[find_folded_edges(vertices, faces)] = True
+    cosine = measure_bends(vertices, faces, hinges)
+    is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
     is_suspect = is_suspect | is_tangled
-    is_suspect[sharp] = True
+    is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
     if is_suspect.any():
         is_tangled[find_intersections(vertices, faces, is_suspect)] = True
     return is_tangled
@@ -86,8 +87,8 @@ def unfold_faces(
 ) -> Float[np.ndarray, "V 3"]:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
-    A vertex on the rim moves between its neighbors on the rim. Only where this does not suffice, the vertices around
-    them move, too.
+    A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
+    vertices around them move, too.
 
     Args:
         vertices: [m].
@@ -96,24 +97,27 @@ def unfold_faces(
     """
     config = config or UnfoldConfig()
     sides = group_sides(faces, len(vertices))
-    is_suspect = any_corner(_find_turns(vertices, faces, sides, config.rim_angle), faces)
-    is_tangled = find_tangled(vertices, faces, is_suspect, config.sharp_angle)
+    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
+    is_boundary_edge = sides.counts == 1
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+    is_suspect = any_corner(is_turn, faces)
+    is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle)
     if not is_tangled.any():
         return vertices
-    neighbors, is_rim = _join_neighbors(faces, len(vertices), sides)
+    neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     best, fewest = vertices, is_tangled.sum()
-    for rings, moves_rim in config.stages:
+    for rings, moves_boundary in config.stages:
         current, left = best, config.rounds
-        is_tangled = find_tangled(current, faces, is_suspect, config.sharp_angle)
+        is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle)
         while left > 0 and fewest > 0:
-            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_rim | moves_rim)
+            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_boundary | moves_boundary)
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += config.step * (around @ current / share - current[moved])
             is_suspect = is_suspect | any_corner(is_moved, faces)
-            is_tangled = find_tangled(current, faces, is_suspect, config.sharp_angle)
+            is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle)
             left -= 1
             if is_tangled.sum() < fewest:
                 best, fewest, left = current, is_tangled.sum(), config.rounds
@@ -132,29 +136,36 @@ def _widen(
 
 
 def _find_turns(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], sides: Sides, rim_angle: float
+    vertices: Float[np.ndarray, "V 3"],
+    tail: Int[np.ndarray, " B"],
+    head: Int[np.ndarray, " B"],
+    boundary_angle: float,
 ) -> Bool[np.ndarray, " V"]:
-    """Return at which vertices the rim turns by more than an angle [rad]."""
-    tail, head = find_ends(faces, sides.slots[sides.starts[sides.counts == 1]])
+    """Return at which vertices the boundary, edges from tail to head, turns by more than an angle [rad]."""
     along = vertices[head] - vertices[tail]
     along /= np.maximum(find_lengths(along)[:, None], _SHORTEST)
     arriving, leaving = np.zeros((2, len(vertices), 3))
     arriving[head], leaving[tail] = along, along
     is_turn = np.zeros(len(vertices), dtype=bool)
-    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(rim_angle)
+    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(boundary_angle)
     return is_turn
 
 
 def _join_neighbors(
-    faces: Int[np.ndarray, "F 3"], num_vertices: int, sides: Sides
+    tail: Int[np.ndarray, " E"],
+    head: Int[np.ndarray, " E"],
+    is_boundary_edge: Bool[np.ndarray, " E"],
+    num_vertices: int,
 ) -> tuple[csr_array, Bool[np.ndarray, " {num_vertices}"]]:
-    """Return a matrix `[V, V]`, 1 where two vertices share an edge, on the rim a rim edge; and which are on the rim."""
-    tail, head = find_ends(faces, sides.slots[sides.starts])
-    is_rim_edge = np.tile(sides.counts == 1, 2)
+    """Return a matrix `[V, V]`, 1 where two vertices share an edge, and which vertices are on the boundary.
+
+    Vertices on the boundary are joined by boundary edges only.
+    """
+    is_boundary_edge = np.tile(is_boundary_edge, 2)
     owner, other = np.concatenate([tail, head]), np.concatenate([head, tail])
-    is_rim = np.zeros(num_vertices, dtype=bool)
-    is_rim[owner[is_rim_edge]] = True
-    is_kept = ~is_rim[owner] | is_rim_edge
+    is_boundary = np.zeros(num_vertices, dtype=bool)
+    is_boundary[owner[is_boundary_edge]] = True
+    is_kept = ~is_boundary[owner] | is_boundary_edge
     owner, other = owner[is_kept], other[is_kept]
     shape = (num_vertices, num_vertices)
-    return csr_array((np.ones(len(owner)), (owner, other)), shape=shape), is_rim
+    return csr_array((np.ones(len(owner)), (owner, other)), shape=shape), is_boundary

@@ -23,6 +23,10 @@ from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.traversability.drivable import TraversabilityMap, find_traversability
+from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
+from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Arena:
         kind: the kind of contact geometry.
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
+        offset: what was subtracted from the coordinates of the scan [m].
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -53,6 +58,7 @@ class Arena:
     kind: str = "convex"
     height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -90,6 +96,52 @@ class Arena:
         """What has a shape: contact and surface."""
         return ArenaGeometry(self.surface, self.pieces, self.height_field)
 
+    @cached_property
+    def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
+        return {}
+
+    def traversability(
+        self, body: Organism | Footprint | None = None, config: TraversabilityConfig | None = None
+    ) -> TraversabilityMap:
+        """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
+
+        The map is made once for each footprint.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            config: how ground is found; None for the defaults.
+
+        Raises:
+            ArenaError: the arena has no contact geometry.
+            OptionError: the body is of another kind.
+        """
+        key = Footprint.of(body, self.friction), config or TraversabilityConfig()
+        if key not in self._maps:
+            self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
+        return self._maps[key]
+
+    def find_route(
+        self,
+        body: Organism | Footprint | None = None,
+        start: Place | None = None,
+        goal: Place | None = None,
+        config: RouteConfig | None = None,
+    ) -> DrivingRoute:
+        """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
+            goal: likewise.
+            config: how the route is chosen; None for the defaults.
+
+        Raises:
+            ArenaError: there is no drivable ground, a given place is not drivable, or there is no way from start to
+                goal; the message names the nearest place that is possible.
+            OptionError: the body is of another kind.
+        """
+        return find_driving_route(self.traversability(body), start, goal, self.name, config)
+
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
         return make_arena_spec(self.name, self.geometry, self.friction)
@@ -108,8 +160,39 @@ class Arena:
             "course": self.course.as_dict() if self.course is not None else None,
             "quality": self.quality.as_dict(),
             "provenance": self.provenance,
+            "offset": list(self.offset),
         }
         save_arena(folder, self.name, self.geometry, self.friction, about)
+
+    def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
+        """Write the arena as a folder that other simulators load without this package.
+
+        Args:
+            folder: new, empty, or that of a former export, whose files are replaced.
+            to: "mjcf", "urdf", "usd" (needs the extra `usd`) or "obj".
+            max_vertices: the most vertices of a convex solid; pieces with more are cut. None for no limit.
+
+        Returns:
+            What was written, as in `export.json`.
+
+        Raises:
+            ArenaError: there is no such format, it cannot hold the arena, the limit is too low, or the folder
+                contains something else.
+            MissingExtraError: the format needs an extra that is not installed.
+        """
+        from symbrion_gym.arenas.export.export import export_arena
+
+        return export_arena(
+            folder,
+            self.geometry,
+            to,
+            max_vertices,
+            name=self.name,
+            friction=self.friction,
+            offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
+            quality=self.quality.as_dict(),
+            provenance=self.provenance,
+        )
 
     @classmethod
     def load(cls, folder: str | Path) -> Arena:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from filelock import FileLock
+from jaxtyping import Bool
 
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
@@ -21,17 +22,20 @@ from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.quality import ArenaQuality
 
-_FORMAT = 7
+_FORMAT = 8
 """Raised whenever the way pieces are made or kept changes: old entries are then left alone."""
-_LIBRARIES = ("coacd", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
+_LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 
 _logger = logging.getLogger(__name__)
 
 
-def hash_arena(mesh: trimesh.Trimesh, options: ContactOptions) -> str:
+def hash_arena(
+    mesh: trimesh.Trimesh, options: ContactOptions, is_two_sided: Bool[np.ndarray, " F"] | None = None
+) -> str:
     """Return the key of a surface, options and library versions."""
     digest = hashlib.sha256()
-    for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8")):
+    two_sided = np.zeros(0, dtype=bool) if is_two_sided is None else is_two_sided
+    for array, kind in ((mesh.vertices, "<f8"), (mesh.faces, "<i8"), (two_sided, "?")):
         digest.update(repr(np.shape(array)).encode())
         digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
     digest.update(json.dumps([_FORMAT, options.as_dict(), find_versions()], sort_keys=True).encode())
@@ -54,11 +58,12 @@ def get_or_make(
     options: ContactOptions,
     make: Callable[[], Contact],
     folder: Path | None = None,
+    is_two_sided: Bool[np.ndarray, " F"] | None = None,
 ) -> Contact:
     """Return the cached contact of a surface, or make it and keep it.
 
     Two processes that want one entry at the same time make it once: the second waits. An entry that cannot be
-    read is made again. A cache that cannot be written costs a warning, not the arena. What a busy machine has cut
+    read is made again. A cache that cannot be written costs a warning, not the arena. What the time limit has cut
     short is not kept.
 
     Args:
@@ -66,16 +71,17 @@ def get_or_make(
         options: what is wanted.
         make: makes it.
         folder: where entries lie; the user's cache unless given.
+        is_two_sided: which faces were seen from behind, too.
     """
     folder = find_cache_folder("arenas") if folder is None else folder
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{hash_arena(mesh, options)}.npz"
+    path = folder / f"{hash_arena(mesh, options, is_two_sided)}.npz"
     with FileLock(f"{path}.lock"):
         kept = read_entry(path)
         if kept is not None:
             return kept
         contact = make()
-        if contact.notes.get("was_disturbed"):
+        if contact.notes.get("was_cut_short"):
             return contact
         try:
             write_entry(path, contact)

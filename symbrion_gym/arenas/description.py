@@ -47,6 +47,7 @@ class ArenaDescription:
         course: as `Course.as_dict` returned it; None where there is no course.
         place: where the meshes lie, relative to the folder.
         files: the arena's own files, where the folder lists them.
+        offset: what was subtracted from the coordinates of the scan [m].
 
     Raises:
         ArenaError: a field is out of range.
@@ -62,6 +63,7 @@ class ArenaDescription:
     course: dict[str, Any] | None
     place: Literal["", ".arena/"] = PLAIN
     files: tuple[str, ...] | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -89,6 +91,7 @@ class ArenaDescription:
             "course": None if self.course is None else make_course(self.course),
             "quality": ArenaQuality.from_dict(self.quality),
             "provenance": self.provenance,
+            "offset": self.offset,
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -2,89 +2,104 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import trimesh
+from numpy.typing import ArrayLike
 
-from reconstruction.errors import ReconstructionError
 from reconstruction.files.printable import make_printable
-from reconstruction.geometry.mesh_repair import repair_mesh
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.surface_file import load_surface
+from symbrion_gym.arenas.scan_quality import add_scan_quality
+from symbrion_gym.arenas.scanned import find_two_sided, repair_surface, take_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.options import ContactOptions, ContactTuning
-from symbrion_gym.errors import ArenaError
+from symbrion_gym.contact.default_accuracy import find_accuracy
+from symbrion_gym.contact.options import ContactConfig, ContactOptions
+
+if TYPE_CHECKING:
+    from reconstruction.reconstruct import Reconstruction
+
+logger = logging.getLogger(__name__)
 
 
 def make_arena(
-    mesh: trimesh.Trimesh | str | Path,
+    surface: Reconstruction | trimesh.Trimesh | str | Path,
     *,
-    accuracy: float = 0.003,
-    max_pieces: int = 64,
+    accuracy: float | None = None,
+    max_pieces: int = 1500,
     kind: str = "convex",
+    viewpoints: ArrayLike | None = None,
     course: Course | StairsCourse | None = None,
     name: str | None = None,
     friction: float | None = None,
     thickness: float = 0.2,
     seed: int = 0,
-    time_limit: float = 120.0,
+    time_limit: float = 300.0,
     cache: bool | str | Path = True,
-    tuning: ContactTuning | None = None,
+    config: ContactConfig | None = None,
     progress: Progress = silent,
 ) -> Arena:
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
-    Planes found in a terrain make convex slabs, their union a closed solid, coacd of that the pieces; where these
-    are worse than the slabs, the slabs are kept. Any other shape goes to coacd as it is. `Arena.quality` says what
-    was reached, `Arena.provenance` how, and why so.
+    A terrain of few planes becomes slabs, any other surface convex patches of its own, thickened away from free
+    space; coacd decomposes what is a solid where that gives as good a result. `Arena.quality` says what was reached,
+    `Arena.provenance` how: `passes`, `accuracy`, `is_reached`, `worst`, `warnings`.
 
     Args:
-        mesh: a terrain open at its rim, or any other surface or body, or a file of it; meters, z up.
-        accuracy: distance between pieces and surface that is good enough [m].
-        max_pieces: no more convex pieces than these, where that can be had.
+        surface: a reconstruction, whose viewpoints tell where free space is; a mesh; or a file of either; meters,
+            z up. Open terrain may be wound either way, closed meshes too; other open meshes must be wound so that
+            their faces look at free space, unless viewpoints are given.
+        accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
+            spacing of the scan, 3 mm or more.
+        max_pieces: no more convex pieces than these.
         kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m].
         course: the course that was scanned, where it is known: its pit edges, start and goal are kept.
         name: what to call it; the file's name unless given.
         friction: sliding friction; the course's, or 0.7, unless given.
-        thickness: how far pieces reach below the lowest ground [m].
+        thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
-        time_limit: building ends by then, with what there is or an error [s].
+        time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
         cache: whether to keep pieces in the user's cache, or the folder to keep them in.
-        tuning: everything else that shapes the pieces.
+        config: everything else that shapes the pieces.
         progress: called with what is being done and the share done.
 
     Raises:
-        ArenaError: the mesh cannot be used, or an option is out of range.
+        ArenaError: the surface cannot be used, or an option is out of range.
     """
-    tuning = tuning or ContactTuning()
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, tuning)
-    source = "mesh"
-    if not isinstance(mesh, trimesh.Trimesh):
-        source = make_printable(Path(mesh).name)
-        name = name or make_printable(Path(mesh).stem)
-        mesh = load_surface(mesh)
+    config = config or ContactConfig()
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
+    scanned = take_surface(surface, viewpoints)
+    if name is None and isinstance(surface, str | Path):
+        name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
-    num_faces = len(mesh.faces)
-    try:
-        mesh = repair_mesh(mesh, tuning.repair)
-    except ReconstructionError as error:
-        raise ArenaError(f"{source}: {error}") from error
+    mesh = repair_surface(scanned, config.repair)
+    wanted = accuracy or find_accuracy(mesh, scanned.points, config.accuracy)
+
+    is_two_sided = find_two_sided(scanned, mesh)
 
     def make() -> Contact:
-        return make_contact(mesh, options, progress)
+        return make_contact(mesh, options, wanted, progress, is_two_sided)
 
     folder = Path(cache) if isinstance(cache, str | Path) else None
-    contact = make() if cache is False else get_or_make(mesh, options, make, folder)
+    key = replace(options, accuracy=wanted)
+    contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
+    shapes = contact.pieces if contact.height_field is None else contact.height_field
+    quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
+    for warning in contact.notes.get("warnings", ()):
+        logger.warning("%s", warning)
     progress("done", 1.0)
     if friction is None:
         friction = course.friction if course is not None else 0.7
     about = {
-        "source": source,
-        "num_faces": num_faces,
+        "source": scanned.source,
+        "num_faces": len(scanned.mesh.faces),
         "options": options.as_dict(),
         "versions": find_versions(),
         **contact.notes,
@@ -93,10 +108,11 @@ def make_arena(
         name or "arena",
         contact.pieces,
         mesh,
-        contact.quality,
+        quality,
         friction,
         course,
         kind,
         contact.height_field,
         about,
+        scanned.offset,
     )

@@ -16,14 +16,14 @@ SURFACE_GROUP = 2
 CONTACT_GROUP = 3
 """Geom group of the contact pieces: touched, not drawn unless asked for."""
 
-_ROLLING_FRICTION = (0.005, 0.0001)
+ROLLING_FRICTION = (0.005, 0.0001)
 """Torsional [m] and rolling [m] friction: MuJoCo's defaults."""
-_SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
+SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
 _GOLDEN_RATIO = 0.61803398875
 """Its fractional part: hues this far apart never come near each other."""
-_LEAST_RISE = 1e-3
+LEAST_RISE = 1e-3
 """MuJoCo wants a height field with some height [m]."""
-_FIELD_BASE = 0.2
+FIELD_BASE = 0.2
 """How far a height field reaches below its lowest point [m]."""
 
 
@@ -59,7 +59,7 @@ def make_arena_spec(
         contype=0,
         conaffinity=0,
         group=SURFACE_GROUP,
-        rgba=_SURFACE_COLOR,
+        rgba=SURFACE_COLOR,
     )
     return spec
 
@@ -95,7 +95,7 @@ def _add_piece(
     """Add a contact piece: as a box where it is one, which makes contacts several times faster than a mesh."""
     box = find_box(piece)
     geom = spec.worldbody.add_geom(
-        name=name, group=CONTACT_GROUP, rgba=rgba, friction=[friction, *_ROLLING_FRICTION]
+        name=name, group=CONTACT_GROUP, rgba=rgba, friction=[friction, *ROLLING_FRICTION]
     )
     if box is None:
         _add_mesh(spec, name, piece, file)
@@ -109,13 +109,13 @@ def _add_piece(
 
 def _add_height_field(spec: mujoco.MjSpec, field: HeightField, friction: float) -> None:
     lowest, highest = float(field.heights.min()), float(field.heights.max())
-    rise = max(highest - lowest, _LEAST_RISE)
+    rise = max(highest - lowest, LEAST_RISE)
     rows, columns = field.heights.shape
     spec.add_hfield(
         name="arena_height_field",
         nrow=rows,
         ncol=columns,
-        size=[*((field.high - field.low) / 2), rise, _FIELD_BASE],
+        size=[*((field.high - field.low) / 2), rise, FIELD_BASE],
         userdata=((field.heights - lowest) / rise).ravel(),
     )
     spec.worldbody.add_geom(
@@ -124,7 +124,7 @@ def _add_height_field(spec: mujoco.MjSpec, field: HeightField, friction: float) 
         hfieldname="arena_height_field",
         pos=[*((field.high + field.low) / 2), lowest],
         group=CONTACT_GROUP,
-        friction=[friction, *_ROLLING_FRICTION],
+        friction=[friction, *ROLLING_FRICTION],
     )
 
 

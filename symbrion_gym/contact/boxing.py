@@ -27,7 +27,7 @@ from reconstruction.geometry.hulls import make_hull
 from reconstruction.geometry.outlines import find_hull_outline
 from reconstruction.geometry.rectangles import Rectangle, find_tight_rectangles
 from reconstruction.geometry.sampling import sample_grid
-from symbrion_gym.contact.budget import never
+from symbrion_gym.contact.deadline import never
 from symbrion_gym.contact.decomposition import MIN_VOLUME
 
 _NOTHING = -1e6

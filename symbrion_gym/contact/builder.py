@@ -1,66 +1,158 @@
-"""From a repaired surface to contact geometry that meets an accuracy within a time."""
+"""From a repaired surface to contact geometry: a list of passes, and one rule that accepts their candidates."""
 
 from __future__ import annotations
 
-import logging
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import trimesh
+from jaxtyping import Bool
 
-from reconstruction.geometry.elevation import Elevation
 from reconstruction.progress import Progress, silent
-from symbrion_gym.contact.budget import TimeBudget
-from symbrion_gym.contact.coacd_search import decompose_solid
+from symbrion_gym.contact.acceptance import find_fault, find_miss
 from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.job import ContactJob
-from symbrion_gym.contact.kinds import make_height_field, make_prisms
+from symbrion_gym.contact.deadline import Deadline
+from symbrion_gym.contact.kinds import make_height_field
 from symbrion_gym.contact.options import ContactOptions
-from symbrion_gym.contact.solid import close_holes, find_shape, take_top, thicken
-from symbrion_gym.contact.subdivision import split_long_edges
-from symbrion_gym.contact.surface_error import BodyErrorMetric, TerrainErrorMetric
-from symbrion_gym.contact.terrain import follow_terrain
+from symbrion_gym.contact.passes.coacd import NoCandidate, decompose_body, decompose_united_slabs
+from symbrion_gym.contact.passes.finish import close_seams, fit_boxes, stop_clock
+from symbrion_gym.contact.passes.patches import fit_flat_patches, fit_patches, make_prisms
+from symbrion_gym.contact.passes.slabs import fit_slabs
+from symbrion_gym.contact.problem import ContactProblem
+from symbrion_gym.errors import ArenaError
 
-_logger = logging.getLogger(__name__)
+Pass = Callable[[ContactProblem, Contact | None], Contact | None]
+"""From the problem and the best so far to a candidate; None where the pass does not apply."""
+
+PASSES: dict[str, tuple[Pass, ...]] = {
+    "convex": (
+        fit_slabs,
+        fit_flat_patches,
+        fit_patches,
+        decompose_united_slabs,
+        decompose_body,
+        close_seams,
+        fit_boxes,
+    ),
+    "primitives": (fit_slabs, fit_flat_patches, fit_patches),
+    "prisms": (make_prisms,),
+}
+"""Passes of each kind of contact geometry that has pieces, in order."""
 
 
-def make_contact(mesh: trimesh.Trimesh, options: ContactOptions, progress: Progress = silent) -> Contact:
-    """Make contact geometry of a repaired surface; the notes say where other work on the machine cut it short.
+def make_contact(
+    surface: trimesh.Trimesh,
+    options: ContactOptions,
+    accuracy: float,
+    progress: Progress = silent,
+    is_two_sided: Bool[np.ndarray, " F"] | None = None,
+    passes: tuple[Pass, ...] | None = None,
+) -> Contact:
+    """Make contact geometry of a repaired surface.
+
+    Args:
+        surface: wound so that its faces look at free space.
+        options: what is wanted.
+        accuracy: wanted mean distance between contact and surface [m].
+        progress: called with what is being done and the share done.
+        is_two_sided: which faces were seen from behind, too; None: none.
+        passes: in place of `PASSES` of the kind.
+
+    Returns:
+        The best that the passes gave. Its notes list them, and hold `accuracy`, `is_reached`, `worst` and `warnings`.
 
     Raises:
-        ArenaError: no geometry of this kind can be made of this surface in time.
+        ArenaError: no pass gave any geometry.
     """
-    budget = TimeBudget(options.time_limit)
-    contact = _make_contact(mesh, options, budget, progress)
-    if not budget.is_disturbed:
-        return contact
-    _logger.warning(
-        "the machine was busy for %.0f of %.0f s: the pieces may be more, or looser, than they could be; "
-        "build the arena again when it is free",
-        budget.elapsed - budget.spent,
-        budget.elapsed,
+    problem = ContactProblem(surface, options, accuracy, Deadline(options.time_limit), progress, is_two_sided)
+    if options.kind == "hfield":
+        best = _make_height_field(problem)
+    else:
+        best = _run_passes(problem, PASSES[options.kind] if passes is None else passes)
+    return _add_notes(problem, stop_clock(problem, best))
+
+
+def _run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
+    """Return the best candidate, with a note on each pass."""
+    best, record = None, []
+    for number, make in enumerate(passes):
+        if best is not None and problem.deadline.is_over():
+            break
+        name = make.__name__.replace("_", " ")
+        problem.progress(name, 0.05 + 0.9 * number / len(passes))
+        try:
+            candidate = make(problem, best)
+        except NoCandidate as reason:
+            record.append({"pass": name, "result": str(reason)})
+            continue
+        if candidate is None:
+            continue
+        config, options = problem.config.acceptance, problem.options
+        fault = find_fault(best, candidate, problem.accuracy, options.max_pieces, config)
+        quality = candidate.quality
+        figures = {"pieces": len(candidate.pieces), "mean": quality.mean, "uncovered": quality.uncovered}
+        record.append({"pass": name, **figures, "result": f"refused: {fault}" if fault else "accepted"})
+        best = best if fault else candidate
+    if best is None:
+        raise ArenaError(
+            "no contact geometry can be made of this surface: it has no face that a robot could touch"
+        )
+    return replace(best, notes={**best.notes, "passes": record})
+
+
+def _make_height_field(problem: ContactProblem) -> Contact:
+    """Return the heights of a terrain on a grid."""
+    heights = make_height_field(problem.surface, problem.ground)
+    mesh = heights.as_mesh()
+    gaps = problem.distance.find_gaps_of_sheet(mesh)
+    quality = problem.distance.summarize(gaps, 0, problem.deadline.elapsed)
+    return Contact([], quality, heights, {"way": "height field"})
+
+
+def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
+    """Return contact geometry with what a user should know of it."""
+    options, accuracy, config = problem.options, problem.accuracy, problem.config.acceptance
+    miss = find_miss(contact, accuracy, options.max_pieces, config)
+    notes: dict[str, Any] = {"accuracy": accuracy, "shape": problem.shape, "is_reached": miss <= 1.0}
+    place, distance = _find_worst(problem, contact)
+    notes["worst"] = {"place": place, "distance": distance}
+    warnings = []
+    if problem.deadline.has_cut_short:
+        notes["was_cut_short"] = True
+        warnings.append(
+            f"building ended at the time limit of {options.time_limit:g} s with the best so far; allow more time"
+        )
+    if miss > 1.0:
+        warnings.append(_describe_miss(problem, contact, place, distance))
+    return replace(contact, notes={**contact.notes, **notes, "warnings": warnings})
+
+
+def _find_worst(problem: ContactProblem, contact: Contact) -> tuple[list[float], float]:
+    distance = problem.distance
+    if contact.height_field is not None:
+        gaps = distance.find_gaps_of_sheet(contact.height_field.as_mesh())
+    else:
+        gaps = distance.find_gaps(contact.pieces)
+    place, worst = gaps.find_worst()
+    return [round(float(x), 3) for x in place], worst
+
+
+def _describe_miss(problem: ContactProblem, contact: Contact, place: list[float], distance: float) -> str:
+    """Return one line: what is missed, where, and what helps."""
+    quality, count = contact.quality, len(contact.pieces)
+    remedy = f"allow more pieces (max_pieces is {problem.options.max_pieces})"
+    if 2 * count < problem.options.max_pieces:
+        remedy = "ask for less accuracy"
+    if problem.options.kind in ("hfield", "prisms"):
+        remedy = "take kind 'convex'"
+    elif problem.shape == "terrain":
+        remedy += ", or take kind 'hfield'"
+    where = ", ".join(f"{x:.2f}" for x in place)
+    mean, p95 = 1e3 * quality.mean, 1e3 * quality.p95
+    return (
+        f"accuracy {1e3 * problem.accuracy:.3g} mm was missed: {count} pieces are {mean:.3g} mm off in the mean, "
+        f"{p95:.3g} mm at the 95th percentile, {quality.uncovered:.1%} of the surface has no contact within 5 cm; "
+        f"worst {distance:.3g} m at ({where}); {remedy}"
     )
-    return replace(contact, notes={**contact.notes, "was_disturbed": True})
-
-
-def _make_contact(
-    mesh: trimesh.Trimesh, options: ContactOptions, budget: TimeBudget, progress: Progress
-) -> Contact:
-    tuning, ground = options.tuning, Elevation(mesh)
-    if options.kind in ("prisms", "hfield"):
-        metric = TerrainErrorMetric(mesh, ground)
-        if options.kind == "prisms":
-            return ContactJob(options, metric, budget, progress).measure(make_prisms(mesh), {"way": "prisms"})
-        heights = make_height_field(mesh, ground)
-        quality = metric.measure([heights.as_mesh()], budget.elapsed)
-        return Contact([], quality, heights, {"way": "height field"})
-    shape = find_shape(mesh, ground, tuning.shapes)
-    body = close_holes(mesh, tuning.shapes) if shape == "overhang" else mesh
-    if body is not mesh and body.is_watertight:
-        shape = "closed"
-    progress(f"the surface is a {shape}", 0.05)
-    if shape == "terrain":
-        job = ContactJob(options, TerrainErrorMetric(mesh, ground), budget, progress)
-        return follow_terrain(job, split_long_edges(take_top(mesh, tuning.shapes), tuning.subdivision))
-    thickness = min(options.thickness, tuning.search.max_thickness * float(mesh.extents.max()))
-    solid = body if shape == "closed" else thicken(mesh, thickness)
-    return decompose_solid(ContactJob(options, BodyErrorMetric(mesh), budget, progress), solid, shape)

@@ -1,25 +1,19 @@
 """coacd in a process of its own: it can crash, or never end, and would take its caller along.
 
-Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz [SECONDS]`, without the rest of the package; see
+Run as `python -P coacd_worker.py INPUT.npz OUTPUT.npz`, without the rest of the package; see
 `decomposition.py`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 
 import numpy as np
 
 
-def main(source: str, target: str, processor_limit: str = "") -> None:
-    """Decompose `vertices` and `faces` of one file into pieces in another, within seconds of processor time.
-
-    Where the system limits no processor time (Windows), the caller's limit by the clock remains.
-    """
-    if processor_limit:
-        limit_processor_time(int(processor_limit))
+def main(source: str, target: str) -> None:
+    """Decompose `vertices` and `faces` of one file into pieces in another."""
     import coacd
 
     with np.load(source, allow_pickle=False) as given:
@@ -32,14 +26,6 @@ def main(source: str, target: str, processor_limit: str = "") -> None:
         arrays[f"vertices_{i}"] = np.asarray(vertices, dtype=np.float64)
         arrays[f"faces_{i}"] = np.asarray(faces, dtype=np.int64)
     np.savez(target, count=len(pieces), **arrays)
-
-
-def limit_processor_time(seconds: int) -> None:
-    """Have the system end this process after some processor time; Windows cannot, there the caller's clock ends it."""
-    with contextlib.suppress(ImportError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
 
 
 if __name__ == "__main__":

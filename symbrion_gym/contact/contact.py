@@ -17,8 +17,8 @@ class Contact:
 
     Attributes:
         pieces: convex solids.
-        height_field: in place of pieces, for the kind "hfield".
         quality: distances from the surface.
+        height_field: in place of pieces, for the kind "hfield".
         notes: how it came about, for JSON.
     """
 
@@ -26,13 +26,3 @@ class Contact:
     quality: ArenaQuality
     height_field: HeightField | None = None
     notes: dict[str, Any] = field(default_factory=dict)
-
-
-def select_best(candidates: list[Contact], max_pieces: int) -> Contact:
-    """Return the one that keeps to the number of pieces; of several, the most accurate, the first of equals."""
-
-    def rank(contact: Contact) -> tuple[int, float]:
-        too_many = max(len(contact.pieces) - max_pieces, 0)
-        return too_many, contact.quality.mean + contact.quality.uncovered
-
-    return min(candidates, key=rank)

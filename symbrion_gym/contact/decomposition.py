@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import sys
 import tempfile
@@ -18,13 +17,13 @@ from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.errors import ArenaError
 
 MIN_VOLUME = 1e-6
-"""Smaller pieces are dropped: MuJoCo refuses flat ones [m³]."""
+"""coacd's smaller pieces are dropped: slivers between cuts [m³]."""
+_FLAT_VOLUME = 1e-10
+"""A solid with less after rounding to single precision, as MuJoCo stores it, is flat [m³]."""
 MAX_HULL_VERTICES = 64
 """Corners of a piece: fewer cost less in every contact."""
 _LONGEST = 1e6
 """A process can be waited for this long; longer limits are none (11 days) [s]."""
-_OUT_OF_PROCESSOR_TIME = -getattr(signal, "SIGXCPU", 0)
-"""Exit code of a process that used up its processor time; Windows limits none, there it is never met."""
 _WORKER = Path(__file__).with_name("coacd_worker.py")
 
 
@@ -33,7 +32,6 @@ def decompose(
     threshold: float = 0.05,
     seed: int = 0,
     time_limit: float = 60.0,
-    processor_limit: float | None = None,
     **options: Any,
 ) -> list[trimesh.Trimesh]:
     """Decompose a closed solid into convex pieces.
@@ -45,8 +43,6 @@ def decompose(
         threshold: concavity left, relative to half the longest extent.
         seed: seed of coacd's search.
         time_limit: the process is stopped after this time, by the clock [s]; any number above 0.
-        processor_limit: likewise after this processor time, which other work does not change [s]; Windows has no
-            such limit.
         options: more options of `coacd.run_coacd`.
 
     Raises:
@@ -62,8 +58,6 @@ def decompose(
         np.savez(source, vertices=solid.vertices, faces=solid.faces, options=json.dumps(options))
         # As a file, not as a module: that would import the package itself, which takes a second.
         command = [sys.executable, "-P", str(_WORKER), str(source), str(target)]
-        if processor_limit is not None and processor_limit < _LONGEST:
-            command.append(str(max(int(np.ceil(processor_limit)), 1)))
         try:
             done = subprocess.run(
                 command, capture_output=True, timeout=min(time_limit, _LONGEST), check=False
@@ -73,11 +67,6 @@ def decompose(
                 f"coacd took longer than {time_limit:g} s on {len(solid.faces)} faces; simplify the mesh, "
                 "ask for less accuracy or allow more time"
             ) from error
-        if done.returncode and done.returncode == _OUT_OF_PROCESSOR_TIME:
-            raise ArenaError(
-                f"coacd used more than {processor_limit:g} s of processor time on {len(solid.faces)} faces; simplify "
-                "the mesh, ask for less accuracy or allow more time"
-            )
         if done.returncode or not target.is_file():
             last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
             raise ArenaError(f"coacd failed on {len(solid.faces)} faces (exit {done.returncode}): {last}")
@@ -95,6 +84,12 @@ def make_piece(points: Float[np.ndarray, "N 3"]) -> trimesh.Trimesh | None:
     if hull is not None and len(hull.vertices) > MAX_HULL_VERTICES:
         hull = make_hull(_take_extremes(np.asarray(hull.vertices)))
     return hull if hull is not None and hull.volume > MIN_VOLUME else None
+
+
+def is_solid(hull: trimesh.Trimesh) -> bool:
+    """Return whether a convex hull still has a volume in single precision: MuJoCo refuses flat ones."""
+    rounded = make_hull(np.asarray(hull.vertices, dtype=np.float32))
+    return rounded is not None and bool(rounded.volume > _FLAT_VOLUME)
 
 
 def _take_extremes(points: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "M 3"]:

@@ -2,8 +2,8 @@
 
 | kind | what it is | for |
 |---|---|---|
-| `convex` | convex slabs under planes of the mesh; coacd where it is not a terrain | everything |
-| `primitives` | the paper's mixed model: planes become boxes, the rest convex pieces | few large planes |
+| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | everything |
+| `primitives` | the paper's mixed model: planes of a terrain become boxes, the rest convex pieces | few large planes |
 | `hfield` | MuJoCo's height field | rough, unbroken ground |
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
 """
@@ -23,10 +23,6 @@ CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms")
 
 _INSIDE = 1e-6
 """The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""
-_STEEP = 0.5
-"""Triangles whose normal rises less than this (60 degrees) become prisms inwards, not downwards."""
-_LEAST_AREA = 1e-6
-"""Triangles with less make prisms that MuJoCo refuses as flat [m²]."""
 
 
 class HeightField(NamedTuple):
@@ -76,18 +72,3 @@ def make_height_field(
     if np.isnan(heights).all():
         raise ArenaError("a height field needs ground that is seen from above")
     return HeightField(np.where(np.isnan(heights), np.nanmin(heights), heights), low, high)
-
-
-def make_prisms(mesh: trimesh.Trimesh, depth: float = 0.10) -> list[trimesh.Trimesh]:
-    """Return one prism a triangle: the triangle, and itself moved down, or inwards where it is steep.
-
-    Args:
-        mesh: any surface.
-        depth: depth of a prism [m].
-    """
-    faces = np.array([[0, 1, 2], [3, 5, 4], [0, 3, 1], [1, 3, 4], [1, 4, 2], [2, 4, 5], [2, 5, 0], [0, 5, 3]])
-    corners, normals = np.asarray(mesh.triangles), np.asarray(mesh.face_normals)
-    down = np.where(normals[:, 2:] > _STEEP, [0.0, 0.0, -1.0], -normals)
-    is_usable = np.asarray(mesh.area_faces) > _LEAST_AREA
-    prisms = np.concatenate([corners, corners + depth * down[:, None]], axis=1)[is_usable]
-    return [trimesh.Trimesh(prism, faces, process=False) for prism in prisms]

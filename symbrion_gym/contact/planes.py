@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from symbrion_gym.contact.budget import never
+from symbrion_gym.contact.deadline import never
 from symbrion_gym.errors import ArenaError
 
 _LEAST_MASS = 1e-300

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_solid
 from reconstruction.geometry.sampling import sample_grid
-from symbrion_gym.contact.budget import never
+from symbrion_gym.contact.deadline import never
 
 _ON_PLANE = 1e-6
 """What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]."""

@@ -97,7 +97,6 @@ def decompose_slabs(
     areas: Float[np.ndarray, " F"],
     seed: int,
     time_limit: float,
-    processor_limit: float | None = None,
     config: UnionConfig = UNION_DEFAULTS,
 ) -> list[trimesh.Trimesh]:
     """Unite slabs into one solid and decompose it by coacd, whose cuts run along the walls.
@@ -108,7 +107,6 @@ def decompose_slabs(
         areas: areas of the faces of that surface [m²].
         seed: seed of coacd's search.
         time_limit: coacd is stopped after this time [s].
-        processor_limit: likewise, after this processor time [s].
         config: how they are united and decomposed.
 
     Raises:
@@ -121,7 +119,6 @@ def decompose_slabs(
         config.threshold,
         seed,
         time_limit,
-        processor_limit,
         preprocess_mode="off",
         max_convex_hull=-1,
         mcts_iterations=config.iterations,

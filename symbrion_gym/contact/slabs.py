@@ -27,8 +27,8 @@ from reconstruction.geometry.outlines import (
     measure_area,
 )
 from reconstruction.geometry.sampling import sample_cells
-from symbrion_gym.contact.budget import never
 from symbrion_gym.contact.crease_lines import CreaseConfig, find_crease_lines
+from symbrion_gym.contact.deadline import never
 from symbrion_gym.contact.planes import Planes
 
 

@@ -11,14 +11,10 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from reconstruction.geometry.decimation import decimate
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.sampling import sample_grid
 
 Shape = Literal["terrain", "overhang", "closed"]
-
-_LEAST_VOLUME = 1e-12
-"""Keeps divisions by the volume of nothing finite [m³]."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +32,6 @@ class ShapeConfig:
         side_rise: faces whose normal rises less, and that reach the lowest level, are the sides of a block.
         top_rise: faces whose normal rises less look down: they are no part of the top.
         max_fans: area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open.
-        num_faces: number of faces of a solid that is simplified for coacd.
-        volume_error: share of its volume by which a simplified solid may differ.
     """
 
     max_overhang: float = 0.03
@@ -50,8 +44,6 @@ class ShapeConfig:
     side_rise: float = 0.05
     top_rise: float = -0.2
     max_fans: float = 0.02
-    num_faces: int = 400
-    volume_error: float = 0.02
 
 
 SHAPE_DEFAULTS = ShapeConfig()
@@ -102,14 +94,6 @@ def close_downwards(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
 def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
     """Return a solid: the surface, and a copy of it moved against its normals by `thickness` [m]."""
     return _stitch(mesh, mesh.vertices - thickness * mesh.vertex_normals)
-
-
-def simplify_solid(solid: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
-    """Return the solid with about `num_faces` faces, or as it was where that would wreck it."""
-    simple = trimesh.Trimesh(*decimate(solid.vertices, solid.faces, config.num_faces), process=False)
-    ratio = simple.volume / max(solid.volume, _LEAST_VOLUME)
-    is_sound = simple.is_watertight and abs(ratio - 1.0) < config.volume_error
-    return simple if is_sound else solid
 
 
 def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:

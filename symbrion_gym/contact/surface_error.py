@@ -1,4 +1,4 @@
-"""Metrics of surface error: how far contact pieces lie from the surface that they stand for."""
+"""Surface error along vertical lines: for terrains, independent of the distances in 3-D that passes are judged by."""
 
 from __future__ import annotations
 
@@ -13,10 +13,6 @@ from symbrion_gym.contact.quality import ArenaQuality
 
 _MAX_RAYS = 400_000
 """Vertical lines at most: bounds the time and memory that a large terrain takes."""
-_NUM_POINTS = 4000
-"""Points on a body."""
-_REACH = 0.01
-"""A point farther outside of all pieces, relative to the extent of the body, is uncovered."""
 _ROUNDING = 1e-6
 """Keeps a radius of a whole number of cells from becoming one more [cells]."""
 
@@ -59,33 +55,6 @@ class TerrainErrorMetric:
         gaps = (touched - self._wanted)[self._is_open & is_touched]
         uncovered = float(1.0 - is_touched[self._is_there].mean()) if len(gaps) else 1.0
         return ArenaQuality.of_gaps(gaps, uncovered, len(pieces), seconds)
-
-
-class BodyErrorMetric:
-    """Surface error of one set of pieces after another against a body, at points all over it, whichever way it faces.
-
-    A point inside a piece lies as deep as the nearest plane of that piece is far. One outside of all pieces counts
-    as uncovered from 1 % of the extent on.
-    """
-
-    def __init__(self, surface: trimesh.Trimesh, count: int = _NUM_POINTS) -> None:
-        """Sample `count` points on the surface."""
-        self._points = np.asarray(trimesh.sample.sample_surface(surface, count, seed=0)[0])
-        self._reach = _REACH * float(surface.extents.max())
-
-    def measure(self, pieces: list[trimesh.Trimesh], seconds: float = 0.0) -> ArenaQuality:
-        """Compare the hulls of the pieces with the surface."""
-        outside = np.full(len(self._points), np.inf)
-        for piece in pieces:
-            normals = np.asarray(piece.face_normals)
-            offsets = np.einsum("fi,fi->f", normals, np.asarray(piece.triangles)[:, 0])
-            outside = np.minimum(outside, (self._points @ normals.T - offsets).max(axis=1))
-        is_covered = outside < self._reach
-        uncovered = float(1.0 - is_covered.mean())
-        return ArenaQuality.of_gaps(-outside[is_covered], uncovered, len(pieces), seconds)
-
-
-SurfaceErrorMetric = TerrainErrorMetric | BodyErrorMetric
 
 
 def measure_arena(

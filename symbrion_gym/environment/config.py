@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reconstruction.deprecation import accept_former_fields
+from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.errors import OptionError, OrganismError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
@@ -54,7 +55,7 @@ MAX_MODULES = 50
 """More than any organism in use; the time of a step grows faster than their number."""
 MAX_TIMESTEP = 0.02
 """Contacts are not resolved by longer physics steps [s]."""
-RENAMED_OPTIONS = {"randomise": "randomize"}
+RENAMED_OPTIONS = {"randomise": "randomize", "abyss": "bottomless"}
 """Old name -> new name of options; the old ones are deprecated."""
 _NOT_NEGATIVE = (
     "track_speed",
@@ -67,6 +68,7 @@ _NOT_NEGATIVE = (
 _POSITIVE = ("stretch", "hinge_torque", "timestep", "duration", "stuck_time")
 
 
+@accept_former_fields(abyss="bottomless")
 @dataclass(frozen=True)
 class SnakePitConfig:
     """What an environment is made of.
@@ -81,14 +83,15 @@ class SnakePitConfig:
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
         hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
         sensors: parts of the observation, in order, of `SENSORS`.
-        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) [m].
-        goal: (x, y) that the head has to reach [m]; None for the far side of the course or the pit.
+        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) or (x, y, z)
+            [m], where z selects one of several storeys.
+        goal: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
-        abyss: whether touching the floor of the pit ends the episode.
+        bottomless: whether touching the floor of the pit ends the episode, as if the pit had none.
         track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
         tracks: how tracks are modeled; see `ScoutConfig`.
         timestep: physics step [s].
-        frame_skip: physics steps in a control tick.
+        frame_skip: physics steps in a control step (tick).
         duration: an episode is truncated after this [s].
         stuck_time: time without progress after which it is truncated as well [s].
         forward_weight: reward per meter of progress.
@@ -119,7 +122,7 @@ class SnakePitConfig:
     start: StartName | Point = "floor"
     goal: Point | None = None
     noise: float = 0.0
-    abyss: bool = False
+    bottomless: bool = False
     track_control: str = "constant"
     tracks: str = "spheres"
     timestep: float = 0.005
@@ -154,16 +157,16 @@ class SnakePitConfig:
             raise OptionError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
-        _check_choice("track_control", self.track_control, TRACK_CONTROLS)
+        check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
-            _check_choice("start", self.start, STARTS)
+            check_choice("start", self.start, STARTS, OptionError)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
-            _check_choice("sensors", name, SENSORS)
+            check_choice("sensors", name, SENSORS, OptionError)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
         for name in self.randomize:
-            _check_choice("randomize", name, RANDOM_OPTIONS)
+            check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> SnakePitConfig:
@@ -182,7 +185,7 @@ class SnakePitConfig:
                 given[new] = given.pop(old)
         names = [entry.name for entry in fields(cls)]
         for name in given:
-            _check_choice("option", name, names)
+            check_choice("option", name, names, OptionError)
         return cls(**given)
 
     def _find_given(self, *names: str) -> list[str]:
@@ -193,9 +196,3 @@ class SnakePitConfig:
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
-
-
-def _check_choice(what: str, value: Any, choices: Iterable[Any]) -> None:
-    """Refuse a value that is not among the choices."""
-    if value not in choices:
-        raise OptionError(f"{what}: there is no {value!r}; there are: {', '.join(map(str, choices))}")

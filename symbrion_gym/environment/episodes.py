@@ -79,7 +79,7 @@ class Episode:
 
 
 class Episodes:
-    """The memory of N episodes, and how a tick changes it.
+    """The memory of N episodes, and how a tick (a control step) changes it.
 
     Attributes:
         target: `[N, h]` commanded angles of the servos [rad].
@@ -201,39 +201,30 @@ class Episodes:
         return dict(zip(NUMBERS + FLAGS, numbers + (False,) * len(FLAGS), strict=True))
 
     def finish_tick(self, physics: Physics, row: int = 0) -> Tick:
-        """Return how the tick ended whose physics has just been stepped, and its reward, in one row."""
+        """Return how the control step ended whose physics has just been stepped, and its reward, in one row."""
         episode, check = self._episodes[row], self._checks[row]
-        criteria = check.criteria
-        head, mean, is_across, progress, lateral, lowest, uprightness, power, is_sound = check.measure(
-            self._find_state(physics, row)
-        )
-        episode.ticks += 1
-        time = episode.ticks * self._dt
+        measured = check.measure(self._find_state(physics, row))
+        head, mean, is_across, progress, lateral, lowest, uprightness, power, is_sound = measured
+        positions, rotations = physics.position[row], physics.rotation[row]
         rolled_over = fell = touched = False
         if is_sound:
-            rolled_over = uprightness < criteria.rolled_over
+            rolled_over = uprightness < check.criteria.rolled_over
             fell = lateral > check.max_lateral or lowest < check.lowest
-            touched = check.is_abyss and check.has_touched_pit(physics.position[row], physics.rotation[row])
+            touched = check.is_bottomless and check.has_touched_pit(positions, rotations)
         else:
             head, progress = episode.start, episode.progress
         has_failed = rolled_over or fell or touched or not is_sound
         has_arrived = is_across and not has_failed
-        has_arrived = (
-            has_arrived and mean <= episode.start + episode.track_speed * time + criteria.speed_slack
-        )
-        has_arrived = has_arrived and check.is_standing(physics.position[row], physics.rotation[row])
+        episode.ticks += 1
+        time = episode.ticks * self._dt
+        farthest = episode.start + episode.track_speed * time + check.criteria.speed_slack
+        has_arrived = has_arrived and mean <= farthest and check.is_standing(positions, rotations)
         episode.held = episode.held + 1 if has_arrived else 0
         success = episode.held >= check.hold_ticks
-        if progress > episode.best + self._stuck_progress:
-            episode.best, episode.best_tick = progress, episode.ticks
-        stuck = episode.ticks - episode.best_tick >= self._stuck_ticks
+        forward, bonus, cost = self._reward(episode, progress, success, power if is_sound else None)
+        stuck = self._advance(episode, progress)
         terminated = success or has_failed
         truncated = not terminated and (stuck or episode.ticks >= self._last_tick)
-        forward_weight, success_bonus, effort_weight = self._weights
-        forward = forward_weight * (progress - episode.progress)
-        bonus = success_bonus if success else 0.0
-        cost = effort_weight * power if is_sound else 0.0
-        episode.progress = progress
         info = {
             "x_position": head,
             "progress": progress - episode.start_progress,
@@ -251,6 +242,22 @@ class Episodes:
             "stuck": stuck,
         }
         return forward + bonus + cost, terminated, truncated, info
+
+    def _reward(
+        self, episode: Episode, progress: float, success: bool, power: float | None
+    ) -> tuple[float, float, float]:
+        """Return the parts of the reward: for progress since the last step, success and effort (None: unknown)."""
+        forward_weight, success_bonus, effort_weight = self._weights
+        forward = forward_weight * (progress - episode.progress)
+        cost = 0.0 if power is None else effort_weight * power
+        return forward, success_bonus if success else 0.0, cost
+
+    def _advance(self, episode: Episode, progress: float) -> bool:
+        """Store the progress of an episode and return whether it is stuck."""
+        if progress > episode.best + self._stuck_progress:
+            episode.best, episode.best_tick = progress, episode.ticks
+        episode.progress = progress
+        return episode.ticks - episode.best_tick >= self._stuck_ticks
 
     def _find_state(self, physics: Physics, row: int) -> OrganismState:
         """Return views of one simulation, looked up once where they stay valid while it goes on."""

@@ -10,14 +10,15 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.arenas.spec import SURFACE_GROUP
+from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.headless import has_display
 from symbrion_gym.robot.scout_look import VISUAL_GROUP
 
 RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
 logger = logging.getLogger(__name__)
 _MAX_GEOMS = 4000
-"""Geoms that an image can hold; more are left out."""
+"""Geoms that an image can hold, beside those of the model."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,10 @@ class CameraConfig:
         distance_per_length: ... and per meter of its length, so that all of it is seen.
         azimuth: relative to the heading of the route [deg]; 90 is from its right side, more looks back.
         elevation: negative looks down [deg].
+        contact_gap: the contact geometry of the arena is drawn over its surface where its 95th percentile is farther
+            off than this [m], a step that is seen in the image; inf never draws it.
+        contact_uncovered: likewise where more than this share of the surface has no contact.
+        contact_opacity: how much of the surface contact hides, from 0 to 1.
     """
 
     lag: float = 0.5
@@ -37,6 +42,15 @@ class CameraConfig:
     distance_per_length: float = 0.95
     azimuth: float = 105.0
     elevation: float = -18.0
+    contact_gap: float = 0.02
+    contact_uncovered: float = 0.01
+    contact_opacity: float = 0.35
+
+    def shows_contact(self, quality: ArenaQuality) -> bool:
+        """Return whether the contact of an arena differs visibly from its surface."""
+        return quality.p95 > self.contact_gap or (
+            np.isfinite(self.contact_gap) and quality.uncovered > self.contact_uncovered
+        )
 
 
 def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
@@ -77,6 +91,7 @@ class SceneRenderer:
         length: float,
         heading: float,
         config: CameraConfig | None = None,
+        quality: ArenaQuality | None = None,
     ) -> None:
         """Prepare; windows and graphics contexts are made at the first image.
 
@@ -88,6 +103,8 @@ class SceneRenderer:
             length: length of the organism [m]; sets how far away the camera stays.
             heading: heading of the route [rad]; the camera stands to its right.
             config: configuration of the camera; None for the defaults.
+            quality: quality of the arena: its contact is drawn, translucent, where it differs visibly from the
+                surface; None never draws it.
         """
         config = config or CameraConfig()
         self._lag = config.lag
@@ -102,6 +119,9 @@ class SceneRenderer:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
+        if quality is not None and config.shows_contact(quality):
+            self._option.geomgroup[CONTACT_GROUP] = 1
+            model.geom_rgba[model.geom_group == CONTACT_GROUP, 3] = config.contact_opacity
         self._option.sitegroup[:] = 0
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None
@@ -124,7 +144,9 @@ class SceneRenderer:
             return self._render_window()
         if self._renderer is None:
             width, height = self._size
-            self._renderer = mujoco.Renderer(self._model, height, width, max_geom=_MAX_GEOMS)
+            self._renderer = mujoco.Renderer(
+                self._model, height, width, max_geom=self._model.ngeom + _MAX_GEOMS
+            )
         renderer = self._renderer
         renderer.update_scene(self._data, self.camera, self._option)
         images = []

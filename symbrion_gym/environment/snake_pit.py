@@ -82,9 +82,9 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     Success: for 0.3 s, every module is past the finish (completely beyond the far edge of the pit), at ground height
     (center 2 to 7.5 cm above the ground) and upright (z of its up axis above 0.5), and the body was not faster than
     its tracks (5 cm tolerance). Terminated: on success; `rolled_over`: z of a module's up axis below -0.3; `fell`: off
-    the side of the arena; `touched_pit`: with `abyss`; `diverged`: the simulation is numerically unstable (the reward
-    is finite). Truncated: after `duration`, or `stuck`: progress of at most `stuck_progress` within `stuck_time`.
-    Modules collide with each other, except adjacent ones.
+    the side of the arena; `touched_pit`: with `bottomless`; `diverged`: the simulation is numerically unstable (the
+    reward is finite). Truncated: after `duration`, or `stuck`: progress of at most `stuck_progress` within
+    `stuck_time`. Modules collide with each other, except adjacent ones.
 
     ## Options
 
@@ -102,7 +102,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `start`               | "floor"   | "floor": before the ramp; "pit": 0.2 m before the pit; or (x, y) [m] |
     | `goal`                | None      | (x, y) that the head has to reach [m]; None: far side of course or pit |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
-    | `abyss`               | False     | touching the floor of the pit ends the episode                  |
+    | `bottomless`          | False     | touching the floor of the pit ends the episode                  |
     | `track_control`       | "constant"| "body", "modules": track speeds are part of the action          |
     | `tracks`              | "spheres" | "wheels", "cylinders": with joints, slower, for comparison      |
     | `timestep`            | 0.005     | physics step [s]                                                |
@@ -258,7 +258,14 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is None:
             length = self.world.num_modules * self.world.organism.scout.pitch
             size = (self.width, self.height)
-            self._renderer = SceneRenderer(self.model, self.data, *size, length, self.world.route.heading)
+            self._renderer = SceneRenderer(
+                self.model,
+                self.data,
+                *size,
+                length,
+                self.world.route.heading,
+                quality=self.world.arena.quality,
+            )
         self._renderer.follow(self.physics.position[0])
         return self._renderer.render(self.render_mode)
 

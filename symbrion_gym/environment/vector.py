@@ -281,7 +281,12 @@ class SnakePitVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             data = mujoco.MjData(self.model)
             for _ in range(self.num_envs):
                 renderer = SceneRenderer(
-                    self.model, data, *self._image_size, length, self.world.route.heading
+                    self.model,
+                    data,
+                    *self._image_size,
+                    length,
+                    self.world.route.heading,
+                    quality=self.world.arena.quality,
                 )
                 self._renderers.append((data, renderer))
         frames = []

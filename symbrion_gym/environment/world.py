@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.geometry.pose import PlanarPose, make_quaternion
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
@@ -35,6 +36,10 @@ _NUM_ITERATIONS = 8
 """Of the fixed-point iteration that puts a module's end on the ground."""
 _SMALLEST_STEP = 0.2
 """A module stands no steeper than this share of its length along the ground."""
+_STRETCH = 20
+"""The ground on a storey is followed over as many samples at a time: a module's length."""
+_STOREY_RISE = 0.10
+"""Ground that rises by more than this over such a stretch is what hangs above, not ground [m]."""
 _SAME = 1e-9
 """Numbers closer than this are equal but for rounding."""
 
@@ -160,7 +165,13 @@ class World:
         """Return the success check of this arena and organism."""
         config = self.config
         return SuccessCheck(
-            self.arena, self.organism, self.route, self.map_route, config.dt, config.abyss, config.criteria
+            self.arena,
+            self.organism,
+            self.route,
+            self.map_route,
+            config.dt,
+            config.bottomless,
+            config.criteria,
         )
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
@@ -250,13 +261,30 @@ class World:
         self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
     ) -> Float[np.ndarray, " S"]:
         """Return ground heights; beyond the rim, the nearest known one along the line."""
-        heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
+        level = self.route.start_height
+        if level is None:
+            heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
+        else:
+            heights = _follow_storey(self.arena, x, y, level)
         known = np.flatnonzero(np.isfinite(heights))
         if not len(known):
             raise ArenaError(
                 f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self.arena.name!r}"
             )
         return np.interp(np.arange(len(heights)), known, heights[known])
+
+
+def _follow_storey(
+    arena: Arena, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float
+) -> Float[np.ndarray, " S"]:
+    """Return heights of the ground on the storey of a start, below what hangs above it; nan where there is none."""
+    heights = np.full(len(x), np.nan)
+    for first in range(0, len(x), _STRETCH):
+        some = slice(first, first + _STRETCH)
+        heights[some] = arena.elevation.height_below(x[some], y[some], level + _STOREY_RISE)
+        known = heights[some][np.isfinite(heights[some])]
+        level = float(known[-1]) if len(known) else level
+    return heights
 
 
 def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
+from reconstruction.range_checks import check_counts, check_not_negative, check_positive
 from symbrion_gym.errors import OrganismError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 TRACK_MODELS = ("spheres", "wheels", "cylinders")
 SIDES = ("front", "back", "left", "right")
@@ -93,12 +93,7 @@ class ScoutConfig:
         check_positive(self, positive.split(), OrganismError)
         not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"
         check_not_negative(self, not_negative.split(), OrganismError)
-        if (
-            isinstance(self.laser_beams, bool)
-            or not isinstance(self.laser_beams, int)
-            or self.laser_beams < 1
-        ):
-            raise OrganismError(f"ScoutConfig: laser_beams must be 1 or more, got {self.laser_beams!r}")
+        check_counts(self, ("laser_beams",), OrganismError)
         if self.tracks not in TRACK_MODELS:
             raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
 

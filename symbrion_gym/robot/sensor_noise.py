@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from reconstruction.range_checks import check_not_negative
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_not_negative
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import SurveyError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 Cast = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(origin `[3]`, unit directions `[R, 3]`) -> distances `[R]` [m], inf where nothing is hit."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
 
 from reconstruction.extras import require_extras
@@ -86,10 +86,38 @@ def survey(
     rng = np.random.default_rng(seed)
     true_planar = drive(waypoints, robot)
     odometry = _integrate_odometry(true_planar, robot, rng)
+    ground = float(bounds[0, 2])
     roll, pitch = _sample_sway(len(true_planar), robot, rng)
-    robot_poses = make_pose(*true_planar.T, roll=roll, pitch=pitch)
-    robot_poses[:, 2, 3] = bounds[0, 2]
-    caster = SurveyWorld(surface, waypoints, room)
+    robot_poses = _lift(make_pose(*true_planar.T, roll=roll, pitch=pitch), ground)
+    vertical, mixed, low = _scan(robot_poses, robot, SurveyWorld(surface, waypoints, room), rng, progress)
+    angles = robot.scanner.angles
+    log = ScanLog(
+        vertical,
+        angles,
+        _lift(make_pose(*odometry.T), ground) @ robot.vertical_mount,
+        mount=robot.vertical_mount,
+        box=bounds,
+        horizontal=HorizontalScans(low, angles, robot.horizontal_mount, odometry, true_planar[0]),
+        truth=ScanTruth(robot_poses, mixed),
+        report={"seed": float(seed)},
+    )
+    return localize(log, progress=progress)
+
+
+def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:
+    """Return the poses with z at a height [m]."""
+    poses[:, 2, 3] = height
+    return poses
+
+
+def _scan(
+    robot_poses: Float[np.ndarray, "S 4 4"],
+    robot: SurveyRobot,
+    caster: SurveyWorld,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "S B"], Bool[np.ndarray, "S B"], Float[np.ndarray, "S B"]]:
+    """Scan at every pose; return the vertical ranges, which of these are mixed, and the horizontal ranges [m]."""
     vertical, mixed, low = [], [], []
     for i, pose in enumerate(robot_poses):
         ranges, is_mixed = robot.scanner.scan(caster.cast_on_arena, pose @ robot.vertical_mount, rng)
@@ -98,22 +126,7 @@ def survey(
         low.append(robot.scanner.scan(caster.cast_on_walls, pose @ robot.horizontal_mount, rng)[0])
         if i % _REPORT_EVERY == 0:
             progress("scanning", i / len(robot_poses))
-    horizontal = HorizontalScans(
-        np.stack(low), robot.scanner.angles, robot.horizontal_mount, odometry, true_planar[0]
-    )
-    flat = make_pose(*odometry.T)
-    flat[:, 2, 3] = bounds[0, 2]
-    log = ScanLog(
-        np.stack(vertical),
-        robot.scanner.angles,
-        flat @ robot.vertical_mount,
-        mount=robot.vertical_mount,
-        box=bounds,
-        horizontal=horizontal,
-        truth=ScanTruth(robot_poses, np.stack(mixed)),
-        report={"seed": float(seed)},
-    )
-    return localize(log, progress=progress)
+    return np.stack(vertical), np.stack(mixed), np.stack(low)
 
 
 def make_path(

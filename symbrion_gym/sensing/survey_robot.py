@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.geometry.pose import make_rotation
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import SurveyError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 
 _SCAN_PLANE = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import SurveyError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 _SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
 """Geom groups: the arena, the ground around it, black skirting, and the room's walls."""

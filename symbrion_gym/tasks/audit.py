@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.geometry.pose import make_rotation, to_rotation
+from reconstruction.range_checks import check_not_negative
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]

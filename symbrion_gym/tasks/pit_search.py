@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from reconstruction.range_checks import check_counts, check_positive
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_positive
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,7 @@ class PitSearch:
 
     def __post_init__(self) -> None:
         check_positive(self, ("step", "depth", "max_width"), OptionError)
-        if isinstance(self.wall_steps, bool) or not isinstance(self.wall_steps, int) or self.wall_steps < 1:
-            raise OptionError(f"PitSearch: wall_steps must be 1 or more, got {self.wall_steps!r}")
+        check_counts(self, ("wall_steps",), OptionError)
         if not len(self.lanes):
             raise OptionError("PitSearch: lanes are empty; give at least one offset")
 

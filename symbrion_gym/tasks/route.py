@@ -7,17 +7,18 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
 
+from reconstruction.range_checks import check_not_negative
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.number_checks import check_not_negative
 from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.ground_ends import Ends, find_ends
 from symbrion_gym.tasks.pit_search import PitSearch, find_pit
+from symbrion_gym.traversability.routes import read_place
 
 Point = Sequence[float] | np.ndarray
-"""(x, y) in the world [m]."""
+"""(x, y) in the world, or (x, y, z) where there are several storeys [m]."""
 StartName = Literal["floor", "pit"]
 """Before the ramp or step, or before the pit."""
 _SAME_PLACE = 1e-3
@@ -61,6 +62,8 @@ class Route:
         half_width: distance to the side of the way beyond which a module has fallen off [m].
         lowest: height below which a module has fallen off [m].
         pit: s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit.
+        start_height: z of the ground at the start where something lies above it, as a ceiling or a table [m]; None
+            where the ground is the highest surface everywhere.
     """
 
     heading: float
@@ -70,6 +73,7 @@ class Route:
     half_width: float
     lowest: float
     pit: tuple[float, float, float] | None = None
+    start_height: float | None = None
 
     @property
     def direction(self) -> tuple[float, float]:
@@ -94,19 +98,22 @@ def find_route(
     """Find the way through an arena from the course behind it or from start and goal.
 
     Without either, the way runs through the middle of the surface along its longer side; where it meets a
-    pit, the finish lies beyond that.
+    pit, the finish lies beyond that. Where this way is no open ground, as in a room, it is about the longest straight
+    way over ground that the organism can drive on.
 
     Args:
         arena: arena to cross.
         organism: organism that crosses it; its length and reach determine start and finish.
-        start: "floor", before the ramp; "pit", before the pit; or (x, y) [m].
-        goal: (x, y) to be reached by the head [m].
+        start: "floor", before the ramp; "pit", before the pit; or (x, y) or (x, y, z) [m]: z selects one of several
+            storeys; without it, it is the largest drivable one.
+        goal: (x, y) or (x, y, z) to be reached by the head [m].
         margins: distances from ramp, pit and rim; None for the defaults.
         pit_search: what counts as a pit of a surface without a course; None for the defaults.
 
     Raises:
-        ArenaError: the start or the goal lies off the surface, is no point, or both are the same; or the arena has no
-            pit although the start is "pit".
+        ArenaError: the start or the goal lies off the surface or off the ground (the message names the nearest possible
+            place), is no point, or both are the same; or the arena has no pit although the start is "pit", or no
+            straight way as long as the organism.
     """
     margins = margins or RouteMargins()
     scout, course = organism.scout, arena.course
@@ -116,8 +123,9 @@ def find_route(
         return _follow_stairs(course, arena, organism, start, margins)
     is_before_pit = isinstance(start, str) and start == "pit"
     length = (organism.num_modules - 1) * scout.pitch
-    route = _follow_surface(arena, length, start, goal, margins)
-    pit = _find_pit_on(route, arena, length, pit_search) if goal is None else None
+    route = _follow_surface(arena, organism, start, goal, margins)
+    is_searched = goal is None and route.start_height is None
+    pit = _find_pit_on(route, arena, length, pit_search) if is_searched else None
     if pit is not None:
         begin = pit[0] - margins.before_pit - scout.arm_reach if is_before_pit else route.start
         return replace(route, start=begin, finish=pit[1] + scout.pitch / 2, pit=pit)
@@ -169,18 +177,25 @@ def _find_pit_on(
 
 
 def _follow_surface(
-    arena: Arena, length: float, start: StartName | Point, goal: Point | None, margins: RouteMargins
+    arena: Arena, organism: Organism, start: StartName | Point, goal: Point | None, margins: RouteMargins
 ) -> Route:
+    length = (organism.num_modules - 1) * organism.scout.pitch
     low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
     middle, extent = (low[:2] + high[:2]) / 2, (high - low)[:2]
     along = np.array([1.0, 0.0]) if extent[0] >= extent[1] else np.array([0.0, 1.0])
     room = float(extent @ along) / 2
     begin = middle - along * max(room - length - margins.before_rim, 0.0)
     end = middle + along * max(room - margins.goal_to_rim, 0.0)
-    if not isinstance(start, str):
-        begin = _read_point("start", start)
-    if goal is not None:
-        end = _read_point("goal", goal)
+    given_start = None if isinstance(start, str) else read_place("start", start)
+    given_goal = None if goal is None else read_place("goal", goal)
+    ends = Ends(begin, end)
+    if arena.course is None:
+        ends = find_ends(arena, organism, ends, given_start, given_goal)
+    else:
+        ends = Ends(
+            begin if given_start is None else given_start[:2], end if given_goal is None else given_goal[:2]
+        )
+    begin, end = ends.start, ends.goal
     way = end - begin
     if np.linalg.norm(way) < _SAME_PLACE:
         raise ArenaError(f"start {begin} and goal {end} are the same place; move one of them")
@@ -195,11 +210,5 @@ def _follow_surface(
         finish=float(end @ direction) - length,
         half_width=float(np.linalg.norm(extent)),
         lowest=_find_lowest(arena, margins)[1],
+        start_height=ends.start_height,
     )
-
-
-def _read_point(name: str, value: Point) -> Float[np.ndarray, " 2"]:
-    point = np.asarray(value, dtype=np.float64).ravel()[:2]
-    if point.shape != (2,) or not np.isfinite(point).all():
-        raise ArenaError(f"{name} must be a place (x, y) in meters, got {value!r}")
-    return point

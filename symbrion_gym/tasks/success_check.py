@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
-from symbrion_gym.number_checks import check_not_negative, check_positive
 
 if TYPE_CHECKING:
     import trimesh
@@ -136,8 +136,8 @@ class SuccessCheck:
         start: start on the robot's map, from the middle of the pit, if there is one [m].
         is_along_x: whether the route runs along x, in the middle.
         share: weight of one module in a mean.
-        hold_ticks: number of ticks for which the organism must stay beyond the finish.
-        is_abyss: whether the floor of the pit ends an episode.
+        hold_ticks: number of ticks (control steps) for which the organism must stay beyond the finish.
+        is_bottomless: whether touching the floor of the pit ends an episode.
         max_lateral: largest distance from the middle of the route that is still in the arena [m].
         lowest: smallest height that is still in the arena [m].
     """
@@ -149,7 +149,7 @@ class SuccessCheck:
         route: Route,
         map_route: Route,
         dt: float,
-        abyss: bool = False,
+        bottomless: bool = False,
         criteria: SuccessCriteria | None = None,
     ) -> None:
         """Prepare the check of one arena and organism.
@@ -159,8 +159,8 @@ class SuccessCheck:
             organism: organism to check.
             route: way to the finish.
             map_route: the same way on the robot's map.
-            dt: length of a control tick [s].
-            abyss: whether touching the floor of the pit ends an episode.
+            dt: length of a control step (tick) [s].
+            bottomless: whether touching the floor of the pit ends an episode.
             criteria: limits of a success; None for the defaults.
         """
         self.criteria = criteria or SuccessCriteria()
@@ -176,7 +176,7 @@ class SuccessCheck:
         self._half = organism.scout.size[2] / 2
         self.share = 1.0 / organism.num_modules
         self.hold_ticks = max(1, int(np.ceil(self.criteria.hold_time / dt - 1e-9)))  # but for rounding
-        self.is_abyss = abyss and route.pit is not None
+        self.is_bottomless = bottomless and route.pit is not None
         self.max_lateral, self.lowest = route.half_width, route.lowest
 
     def measure(self, state: OrganismState) -> Measures:
@@ -226,7 +226,7 @@ class SuccessCheck:
     def find_limits(self) -> tuple[float, float]:
         """Return how far to the side and how low a module can be while nothing has happened [m]."""
         lowest = self.lowest
-        if self.is_abyss and self._route.pit is not None:
+        if self.is_bottomless and self._route.pit is not None:
             touched = self._route.pit[2] + self.criteria.touch_band
             lowest = max(lowest, touched + _LARGEST_REACH * self._half)
         return self.max_lateral, lowest
@@ -250,8 +250,16 @@ class SuccessCheck:
         ceiling = self._ceiling[np.searchsorted(self._strips, x)]
         if (z - ceiling >= high).any():
             return False
-        above = z - self._arena.height(x, y)
+        above = z - self._find_ground(x, y, z)
         return bool(((above > low) & (above < high)).all())
+
+    def _find_ground(
+        self, x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], z: Float[np.ndarray, " n"]
+    ) -> Float[np.ndarray, " n"]:
+        """Return the height of the ground: the surface, or below a ceiling its highest part beneath the modules."""
+        if self._route.start_height is None:
+            return self._arena.height(x, y)
+        return self._arena.elevation.height_below(x, y, z)
 
     def has_touched_pit(self, position: Float[np.ndarray, "n 3"], rotation: Float[np.ndarray, "n 9"]) -> bool:
         """Return whether a module of one simulation touches the floor of the pit; arguments as `is_standing`."""

@@ -6,15 +6,19 @@ from evolution.cli.commands.assets import Assets
 from evolution.cli.commands.compare import Compare
 from evolution.cli.commands.demo import Demo
 from evolution.cli.commands.evolve import Evolve, Resume
+from evolution.cli.commands.export import Export
 from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
 from evolution.cli.commands.survey import Survey
+from evolution.cli.commands.view import View
 
 COMMANDS: dict[str, type[Command]] = {
     "survey": Survey,
     "reconstruct": Reconstruct,
     "arena": Arena,
+    "view": View,
+    "export": Export,
     "evolve": Evolve,
     "resume": Resume,
     "replay": Replay,

@@ -2,32 +2,58 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import numpy as np
 import tyro
 
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.cli.command import SeededCommand, UsageError, require_file, require_writable_folder
-from evolution.cli.commands.reconstruct import format_value
+from evolution.cli.command import (
+    MISSED,
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_writable_file,
+    require_writable_folder,
+)
 from evolution.cli.console import Console
+from evolution.cli.quality_table import make_quality_rows
+from reconstruction.extras import require_extras
+from reconstruction.files.atomic_write import write_atomically
+
+if TYPE_CHECKING:
+    from symbrion_gym.arenas.accuracy import AccuracyReport
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Arena(SeededCommand):
     """Decompose a surface into convex pieces for contact, keep the exact surface for rays, and write both as a folder.
 
-    Example: symbrion arena surface.npz --out arenas/pit
+    The table says how far contact is from the surface, in all directions and both ways, and, where the position of
+    the scanner is known, how many of its beams still end where they did. A missed accuracy is a warning.
+
+    Example: symbrion arena surface.npz --out arenas/pit --picture pit.png
     """
 
     mesh: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
     """A reconstruction by `symbrion reconstruct` (.npz) or a mesh file (.ply .obj .stl .off .glb)."""
     out: Path = Path("arena")
     """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
-    accuracy: float = 0.003
-    """Target of the mean distance between contact geometry and mesh [m]."""
+    accuracy: float | None = None
+    """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
     kind: Literal["convex", "hfield", "prisms", "primitives"] = "convex"
     """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit."""
+    max_pieces: int | None = None
+    """Largest number of convex pieces. More follow rough ground better and make a step slower."""
+    time_limit: float | None = None
+    """Emergency stop [s]: the best arena so far is written, with a warning."""
+    viewpoint: tuple[tuple[float, float, float], ...] = ()
+    """Position X Y Z of the scanner, in the frame of the file [m]; several: X Y Z X Y Z. Contact grows away from it."""
+    picture: Path | None = None
+    """Draw where contact and surface differ in this file (.png)."""
+    strict: bool = False
+    """End with exit code 3 where the accuracy is missed."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -39,26 +65,76 @@ class Arena(SeededCommand):
             find_own_files(self.out)
         except sg.ArenaError as error:
             raise UsageError(f"--out {error}") from error
-        if not self.accuracy > 0:
+        if self.accuracy is not None and not self.accuracy > 0:
             raise UsageError(
                 f"--accuracy {self.accuracy} is not a distance; give meters above 0, for example 0.003"
             )
+        if self.max_pieces is not None and self.max_pieces < 1:
+            raise UsageError(f"--max-pieces {self.max_pieces} is too few; give 1 or more")
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise UsageError(f"--time-limit {self.time_limit} is not a time; give seconds above 0")
+        if not np.isfinite(np.ravel(self.viewpoint)).all():
+            raise UsageError(f"--viewpoint {self.viewpoint} is not finite; give positions in meters")
+        if self.picture is not None:
+            require_writable_file(self.picture, "--picture", (".png",))
 
     def run(self, console: Console) -> dict[str, Any]:
-        mesh = rc.Reconstruction.load(self.mesh).mesh if self.mesh.suffix == ".npz" else self.mesh
+        """Make the arena, write it, print its quality.
+
+        Raises:
+            MissingExtraError: a picture is wanted and the extra is not installed.
+        """
+        if self.picture is not None:
+            require_extras("`symbrion arena --picture`", "report")
+        from symbrion_gym.arenas.accuracy import report_accuracy
+
         with console.track(f"Arena from {self.mesh.name}") as step:
-            arena = sg.make_arena(
-                mesh, accuracy=self.accuracy, kind=self.kind, seed=self.seed, progress=step.progress
-            )
+            arena = self._make(step.progress)
             arena.save(self.out)
-        quality = dataclasses.asdict(arena.quality)
-        console.print_line(
-            f"{len(arena.pieces)} pieces in {self.out}; "
-            f"to view it: python -m mujoco.viewer --mjcf={self.out}/arena.xml"
-        )
+        report = report_accuracy(arena)
+        if self.picture is not None:
+            with console.track(f"Picture {self.picture.name}"):
+                self._draw(arena)
+        console.print_line(f"{len(arena.pieces)} pieces in {self.out}; to view it: symbrion view {self.out}")
         console.show_table(
-            "Distance of the contact geometry from the mesh",
+            "Quality of the contact geometry",
             ["measure", "value"],
-            [[name, format_value(value)] for name, value in quality.items()],
+            make_quality_rows(arena, report),
         )
-        return {"folder": self.out, "pieces": len(arena.pieces), "seconds": step.seconds, "quality": quality}
+        return self._summarize(arena, report, step.seconds)
+
+    def _summarize(self, arena: "sg.Arena", report: "AccuracyReport", seconds: float) -> dict[str, Any]:
+        summary = {
+            "folder": self.out,
+            "pieces": len(arena.pieces),
+            "seconds": seconds,
+            "quality": arena.quality.as_dict(),
+            "accuracy": report.as_dict(),
+            "picture": self.picture,
+        }
+        return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
+
+    def _make(self, progress: "rc.Progress") -> "sg.Arena":
+        options = {
+            name: getattr(self, name)
+            for name in ("max_pieces", "time_limit")
+            if getattr(self, name) is not None
+        }
+        return sg.make_arena(
+            self.mesh,
+            accuracy=self.accuracy,
+            kind=self.kind,
+            viewpoints=np.array(self.viewpoint) if self.viewpoint else None,
+            seed=self.seed,
+            progress=progress,
+            **options,
+        )
+
+    def _draw(self, arena: "sg.Arena") -> None:
+        assert self.picture is not None
+        from evolution.report.error_map import draw_error_map
+        from evolution.report.pictures import to_png
+
+        self.picture.parent.mkdir(parents=True, exist_ok=True)
+        with write_atomically(self.picture) as beside:
+            beside.write_bytes(to_png(draw_error_map(arena), is_reduced=False))

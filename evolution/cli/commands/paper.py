@@ -38,7 +38,7 @@ class Paper(SeededCommand):
         from evolution.experiments.paper.config import QUICK, PaperConfig
         from evolution.experiments.paper.experiments import run_experiments
         from evolution.experiments.paper.folder import PaperFolder, write_json
-        from evolution.experiments.paper_page.page import write_paper_page
+        from evolution.experiments.paper.page.page import write_paper_page
         from evolution.report.provenance import describe_machine
 
         config = dataclasses.replace(QUICK if self.quick else PaperConfig(), seed=self.seed)

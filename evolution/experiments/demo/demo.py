@@ -52,7 +52,7 @@ class DemoConfig:
     """What the demo builds.
 
     Attributes:
-        folder: where all files go.
+        folder: the folder of all files.
         seed: seed of all random numbers.
         modules: number of modules in the snake.
         gsrm_units: units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper.
@@ -77,7 +77,7 @@ class DemoResult:
     """Everything the demo made, for its page.
 
     Attributes:
-        config: what was asked for.
+        config: the configuration of the demo.
         log: the scan log.
         raw_points: before pre-processing [m].
         points: after pre-processing, thinned [m].
@@ -111,7 +111,7 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     """Run all steps from the survey to the video of the champion.
 
     Args:
-        config: what to build.
+        config: the configuration of the demo.
         track: starts a step of the progress display.
 
     Raises:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import symbrion_gym as sg
+from evolution.report.error_map import draw_error_map
 from evolution.report.figures import (
     draw_cloud,
     draw_learning_curve,
@@ -13,6 +14,7 @@ from evolution.report.figures import (
     draw_tracks,
 )
 from evolution.report.page import Page
+from evolution.report.pictures import to_png
 from evolution.report.provenance import describe_machine, describe_selection
 from evolution.report.video import encode_video
 
@@ -27,7 +29,7 @@ def write_demo_page(result: "DemoResult", path: Path) -> None:
     """Write the page of a demo as one self-contained HTML file.
 
     Args:
-        result: what the demo made.
+        result: the result of the demo.
         path: the HTML file.
     """
     page = Page(
@@ -136,6 +138,10 @@ def add_arenas(page: Page, result: "DemoResult") -> None:
     rows = []
     for method, arena in result.arenas.items():
         page.add_figure(draw_pieces(arena.pieces), f"{NAMES[method]}: {len(arena.pieces)} convex pieces.")
+        page.add_figure(
+            to_png(draw_error_map(arena), is_reduced=False),
+            f"{NAMES[method]}: where the contact geometry lies in front of the surface (red) or behind it (blue).",
+        )
         rows.append(
             [
                 NAMES[method],

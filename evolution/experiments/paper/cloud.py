@@ -21,8 +21,8 @@ def survey_arena(
     """Scan an arena, pre-process and thin; return the scan log and the points, and save both in the folder.
 
     Args:
-        arena: what is scanned, or its name.
-        folder: where both are saved.
+        arena: the scanned arena, or its name.
+        folder: the folder in which both are saved.
         prefix: prefix of the file names.
         seed: seed of the survey.
         progress: called with a message and the share that is done.
@@ -41,7 +41,7 @@ def measure_cloud(folder: Path, seed: int, progress: rc.Progress = rc.silent) ->
     """Survey the true arena, and measure the points after each step of pre-processing.
 
     Args:
-        folder: where scan log and points are saved.
+        folder: the folder in which scan log and points are saved.
         seed: seed of the survey.
         progress: called with a message and the share that is done.
 

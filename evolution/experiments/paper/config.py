@@ -7,6 +7,7 @@ from typing import Any
 
 from evolution.errors import RunError
 from reconstruction.files.typed_json import JsonError, as_type
+from reconstruction.range_checks import check_counts
 from symbrion_gym.arenas.course import Course
 
 PIT = Course().pit
@@ -35,7 +36,7 @@ class PaperConfig:
         scans: laser scans that are timed with each scan method, Table III; the interval of their ratio narrows with
             the square root of their number.
         brute_scans: the same for the brute-force method, which takes much longer.
-        widened: by how much the pit is widened after the first survey [m]; 5 cm are five times the localization
+        widened: widening of the pit after the first survey [m]; 5 cm are five times the localization
             error of the survey, so that the change can be seen.
         widened_generations: limit of the evolutions before and after the pit is widened.
         model_generations: limit of one evolution in the arena of every network of `gsrm_units` and `gg_triangles`;
@@ -61,18 +62,8 @@ class PaperConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in (
-            "modules",
-            "generations",
-            "trials",
-            "runs",
-            "steps",
-            "scans",
-            "brute_scans",
-            "film_rate",
-        ):
-            if getattr(self, name) < 1:
-                raise RunError(f"{name} is {getattr(self, name)}; at least 1 is needed")
+        counts = ("modules", "generations", "trials", "runs", "steps", "scans", "brute_scans", "film_rate")
+        check_counts(self, counts, RunError)
         if not (self.gsrm_units and self.gg_triangles):
             raise RunError("gsrm_units and gg_triangles need at least one size each")
         if not 0 < self.widened <= LARGEST_WIDENING:

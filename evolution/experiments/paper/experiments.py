@@ -31,7 +31,7 @@ def run_experiments(
     """Run all experiments whose results do not exist yet.
 
     Args:
-        folder: where the results are saved.
+        folder: the folder of the results.
         track: starts a step of the progress display.
         workers: threads; the results do not depend on their number.
         names: names of the experiments that are run; empty for all.

@@ -42,7 +42,7 @@ class ExperimentRecord:
     """The saved result of an experiment.
 
     Attributes:
-        figures: what the experiment returned.
+        figures: the figures that the experiment returned.
         seconds: wall time of the experiment [s].
         date: day on which it was finished, ISO 8601.
         machine: processor and versions.

@@ -67,7 +67,7 @@ def measure_physics(
         champion: controls the body.
         config: runs, steps and seed.
         progress: called with a message and the share that is done.
-        crossing: which part of a crossing is timed, and what differs between the runs.
+        crossing: the part of a crossing that is timed, and the differences between the runs.
 
     Returns:
         `rows`, one for each arena: `physics_us` of a whole step and `collision_us` within it (mean, deviation and
@@ -119,7 +119,7 @@ def time_crossings(
         arenas: name -> arena.
         config: runs, steps and seed.
         progress: called with a message and the share that is done.
-        crossing: which part is timed, and what differs between the runs.
+        crossing: the part of a crossing that is timed, and the differences between the runs.
     """
     crossing = crossing or CrossingConfig()
     sensors = make_controller(champion.controller, champion.modules).sensors

@@ -29,7 +29,7 @@ class TreeCaster:
     """A scan by `mj_multiRay`, through bounding-volume trees.
 
     Args:
-        arena: what is scanned.
+        arena: the scanned arena.
         on_contact: scan the contact shapes instead of the exact surface.
     """
 

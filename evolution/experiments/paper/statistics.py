@@ -23,7 +23,7 @@ def find_ratio(costs: Costs, reference: Costs, seed: int = 0) -> dict[str, float
     """Return the ratio of two mean costs with its bootstrap interval of 95 %.
 
     Args:
-        costs: one for each run.
+        costs: cost of every run.
         reference: measured alternately in the same runs. A run is resampled with both its costs, so that a
             slowdown of the machine that affects both does not count.
         seed: seed of the resampling.

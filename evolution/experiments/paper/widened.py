@@ -26,7 +26,7 @@ def measure_widened(
 
     Args:
         folder: contains the survey; that of the narrower pit, both surfaces, their arenas and runs are written to it.
-        config: by how much the pit widens, generations and seed.
+        config: widening of the pit, generations and seed.
         workers: threads; the results do not depend on their number.
         progress: called with a message and the share that is done.
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from reconstruction.geometry.boxes import find_inside, find_near_box
 from reconstruction.geometry.rows import any_corner, find_extent, find_lengths
 from reconstruction.networks.change.neighborhoods import number_parts
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 _AXIS_SAMPLES = 4096
 """As many vertices of a patch determine the plane in which it extends most."""
@@ -41,7 +41,7 @@ class AbsenceConfig:
     num_density_probes: int = 256
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)
 
 
 def thin(rows: Shaped[np.ndarray, "N ..."], most: int) -> Shaped[np.ndarray, "M ..."]:

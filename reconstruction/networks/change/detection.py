@@ -15,7 +15,7 @@ from reconstruction.geometry.manifold import find_normals
 from reconstruction.geometry.rows import any_corner, find_extent, sum_rows
 from reconstruction.networks.change.absence import AbsenceConfig, find_gone, find_read, thin
 from reconstruction.networks.change.free_space import FreeSpaceConfig, find_crossed_vertices
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 _POOL_PER_PROBE = 8
 """Old points are thinned to this many for each probe before those near the new readings are selected."""
@@ -65,7 +65,7 @@ class ChangeConfig:
     free_space: FreeSpaceConfig = field(default_factory=FreeSpaceConfig)
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("strong_rings",))
+        check_all_positive(self, may_be_zero=("strong_rings",))
 
 
 class Change(NamedTuple):
@@ -140,7 +140,7 @@ def detect_changes(
     tolerance = config.tolerance * float(np.mean(distance[number:]))
     distance, nearest_faces = distance[:number], about[nearest[:number]]
     winners = _find_corners(vertices, nearest_faces, readings)
-    # Readings just beyond the rim of a surface do not contradict it.
+    # Readings just beyond the boundary of a surface do not contradict it.
     height = _find_heights(vertices, nearest_faces, readings, closest[:number])
     disagrees = (height > tolerance) | (distance > spacing)
     is_moved = _find_moved(winners, readings, disagrees, spacing, len(vertices), config)

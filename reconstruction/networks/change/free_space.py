@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, Num
 from reconstruction.geometry.boxes import find_near_box
 from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
 from reconstruction.networks.change.neighborhoods import widen
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class FreeSpaceConfig:
     face_reach: float = 2.0
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)
 
 
 def find_crossed_vertices(

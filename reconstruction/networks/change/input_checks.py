@@ -59,5 +59,5 @@ def check_scale(
     if new_size > max_scale * size or distance > max_scale * size:
         raise ReconstructionError(
             f"the new points extend over {new_size:.3g} m, {distance:.3g} m from a surface that extends over "
-            f"{size:.3g} m; give them in metres and in the frame of the first scan"
+            f"{size:.3g} m; give them in meters and in the frame of the first scan"
         )

@@ -157,6 +157,28 @@ def refine(
     Returns:
         The new network, and the points that it now knows: the old ones that are still valid, and the new ones.
     """
+    state, is_valid = learn_changes(learner, old_points, new_points, seed, progress, origins)
+    return state, np.concatenate([old_points.take(np.flatnonzero(is_valid), axis=0), new_points])
+
+
+def learn_changes(
+    learner: NetworkLearner[State, Config, SelectionType],
+    old_points: Float[np.ndarray, "N 3"],
+    new_points: Float[np.ndarray, "M 3"],
+    seed: int = 0,
+    progress: Progress = silent,
+    origins: Float[np.ndarray, "M 3"] | None = None,
+) -> tuple[State, Bool[np.ndarray, " N"]]:
+    """Do what `refine` does; return the new network, and which of the old points are still valid.
+
+    Args:
+        learner: the network.
+        old_points: what it has learned from [m].
+        new_points: what was read since [m].
+        seed: seed of all random numbers.
+        progress: receives how far the work is.
+        origins: where the new readings were made from [m]; what their rays go through is gone.
+    """
     progress("refine", 0.0)
     (vertices, faces, spacing), limits = learner.surface, learner.config.change
     change = detect_changes(vertices, faces, old_points, new_points, spacing, limits, origins)
@@ -164,7 +186,7 @@ def refine(
     selection = learner.select(change, readings)
     if selection is None:
         progress("refine", 1.0)
-        return learner.state, np.concatenate([old_points, new_points])
+        return learner.state, np.ones(len(old_points), dtype=bool)
     samples = _gather_samples(
         vertices, old_points, new_points, readings, change, selection, limits.agreement_distance
     )
@@ -172,7 +194,7 @@ def refine(
     is_valid = np.ones(len(old_points), dtype=bool)
     is_valid[samples.stale] = is_valid[samples.old[has_left]] = False
     progress("refine", 1.0)
-    return state, np.concatenate([old_points.take(np.flatnonzero(is_valid), axis=0), new_points])
+    return state, is_valid
 
 
 def _gather_samples(

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.rows import find_lengths
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 _PLACES = np.array([0.2, 0.5, 0.8])
 """Along each side of a cell: nine places spread evenly over it."""
@@ -29,7 +29,7 @@ class CoverConfig:
     num_near: int = 10
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)
 
 
 def find_covered_cells(

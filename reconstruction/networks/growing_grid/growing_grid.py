@@ -6,7 +6,7 @@ References:
 
 Differs: winners are found for all signals at once and the units move to kernel-weighted means (the batch
 rule); several lines are inserted a round; instead of the literal fine-tuning the sheet is fitted to the
-samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the rim nor
+samples by least squares (`surface_fit`) with the moments smoothed over the grid, so that neither the boundary nor
 the edges shrink. `mode="paper"` has the sequential rules (`paper`).
 """
 
@@ -21,7 +21,6 @@ from jaxtyping import Bool, Float, Int
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
 from reconstruction.networks.change.detection import ChangeConfig
-from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.growing_grid import paper as grid_paper
 from reconstruction.networks.growing_grid.cover import CoverConfig, find_covered_cells
 from reconstruction.networks.growing_grid.growth import (
@@ -42,10 +41,11 @@ from reconstruction.networks.growing_grid.learning import (
 )
 from reconstruction.networks.growing_grid.mesh import triangulate, untangle_sheet
 from reconstruction.networks.growing_grid.refinement_config import GridRefinementConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import DensityConfig, measure_density
 from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
-from reconstruction.networks.surface_fit import FitConfig
 from reconstruction.progress import Progress, silent
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class GrowingGridConfig:
             )
         if not self.growth > 1:
             raise ReconstructionError(f"growth must be above 1, got {self.growth}")
-        check_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
+        check_all_positive(self, may_be_zero=("stiffness", "fine_signals_per_unit"))
 
     @property
     def rule(self) -> Insertion:

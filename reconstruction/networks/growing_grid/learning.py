@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from reconstruction.geometry.rows import find_lengths
 from reconstruction.networks.growing_grid.mesh import triangulate, unfold
+from reconstruction.networks.least_squares import FitConfig, find_chunk, fit_once
 from reconstruction.networks.som.padding import pad_rows, padded_length
 from reconstruction.networks.som.winners import (
     MAX_CANDIDATES,
@@ -17,14 +18,7 @@ from reconstruction.networks.som.winners import (
     find_candidates,
     search_tiles,
 )
-from reconstruction.networks.surface_fit import (
-    FitConfig,
-    Moments,
-    find_chunk,
-    make_ring,
-    solve_moments,
-    sum_moments,
-)
+from reconstruction.networks.surface_fit import make_ring
 
 TAPS = 3
 """Reach of the neighborhood along each grid axis."""
@@ -259,12 +253,17 @@ def _fit(
 
     def step(iteration, units):
         winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
-        moments = sum_moments(units, ring, flat, winners, weight, config, chunk=chunk)
-        columns = jnp.concatenate([moments.normal, moments.residual, moments.weight[:, None]], axis=1)
-        smooth = _smooth(columns, shape, sigmas[iteration])
-        smoothed = Moments(smooth[:, :6], smooth[:, 6:9], smooth[:, 9])
-        move = solve_moments(smoothed, config.stiffness, config.step_limit)
-        return units + jnp.where(is_movable[:, None], move, 0.0)
+        return fit_once(
+            units,
+            ring,
+            flat,
+            winners,
+            weight,
+            config,
+            chunk=chunk,
+            is_movable=is_movable,
+            spread=lambda moments: _smooth(moments, shape, sigmas[iteration]),
+        )
 
     units = jax.lax.fori_loop(0, num_iterations, step, units)
     winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)

@@ -24,8 +24,8 @@ def close_gaps(is_marked: Bool[np.ndarray, "R C"], reach: int) -> Bool[np.ndarra
 
 
 def find_open_patches(is_marked: Bool[np.ndarray, "R C"]) -> Bool[np.ndarray, "R C"]:
-    """Return the marked units of patches that reach the rim of the grid."""
+    """Return the marked units of patches that reach the border of the grid."""
     patches = np.zeros(is_marked.shape, dtype=np.int32)
     label(is_marked, _SQUARE, output=patches)
-    rim = np.unique(np.concatenate([patches[0], patches[-1], patches[:, 0], patches[:, -1]]))
-    return is_marked & np.isin(patches, rim)
+    border = np.unique(np.concatenate([patches[0], patches[-1], patches[:, 0], patches[:, -1]]))
+    return is_marked & np.isin(patches, border)

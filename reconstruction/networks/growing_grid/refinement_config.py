@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -40,4 +40,4 @@ class GridRefinementConfig:
     support_rings: int = 2
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("closing", "stray_share", "support_rings"))
+        check_all_positive(self, may_be_zero=("closing", "stray_share", "support_rings"))

@@ -14,8 +14,8 @@ from reconstruction.networks.growing_grid.growth import insert_lines
 from reconstruction.networks.growing_grid.learning import ROOM, TAPS, fit_grid, learn
 from reconstruction.networks.growing_grid.marks import dilate
 from reconstruction.networks.growing_grid.refinement_config import GridRefinementConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.winners import MAX_CANDIDATES, Tiles
-from reconstruction.networks.surface_fit import FitConfig
 
 _MIN_DRAWN = 4096
 """Samples that are drawn at least, some of them twice; with their doubles the only numbers, so that few programs are
@@ -68,7 +68,7 @@ def find_window(is_active: Bool[np.ndarray, "R C"]) -> Window:
 def span_gone(
     units: Float[np.ndarray, "R C 3"], is_gone: Bool[np.ndarray, "R C"]
 ) -> Float[np.ndarray, "R C 3"]:
-    """Return the grid with its gone units as a membrane between the others (Laplace's equation); none is on the rim."""
+    """Return the grid, its gone units as a membrane between the others (Laplace's equation); none is at the border."""
     if not is_gone.any():
         return units
     columns = is_gone.shape[1]

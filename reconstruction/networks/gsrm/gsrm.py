@@ -9,7 +9,7 @@ at once and made a two-manifold (`topology`), and the finished mesh is fitted to
 (`surface_fit`). `mode="paper"` has the literal sequential rules (`paper`).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -19,19 +19,24 @@ from scipy.spatial import cKDTree
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.rows import sum_rows
 from reconstruction.networks.change.detection import ChangeConfig
-from reconstruction.networks.config_checks import check_positive
 from reconstruction.networks.gsrm import paper as gsrm_paper
+from reconstruction.networks.gsrm.completion import CompletionConfig, find_uncovered
 from reconstruction.networks.gsrm.growth import Level, grow, make_level
 from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.gsrm.support import make_support
 from reconstruction.networks.gsrm.topology import learn_faces
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.density import Density, DensityConfig, measure_density
-from reconstruction.networks.som.winners import make_tiles, search_all
-from reconstruction.networks.surface_fit import FitConfig, fit_surface
+from reconstruction.networks.som.winners import Tiles, make_tiles, search_all
+from reconstruction.networks.surface_fit import fit_surface
 from reconstruction.progress import Progress, silent
+from reconstruction.range_checks import check_all_positive
 from reconstruction.surfaces.edge_flips import flip_edges
 from reconstruction.surfaces.unfolding import unfold_faces
+
+_MIN_MAP = 4
+"""A map of fewer units has no surface."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,7 @@ class GSRMConfig:
         density: how the spacing of the samples is measured and outliers are found.
         topology: how faces are learned.
         surface_fit: how the mesh is fitted to the samples.
+        completion: how what is left uncovered in an uneven cloud is found and covered.
         change: when new readings contradict the map.
         refinement: how it learns from them.
     """
@@ -79,6 +85,7 @@ class GSRMConfig:
     density: DensityConfig = field(default_factory=DensityConfig)
     topology: TopologyConfig = field(default_factory=TopologyConfig)
     surface_fit: FitConfig = field(default_factory=FitConfig)
+    completion: CompletionConfig = field(default_factory=CompletionConfig)
     change: ChangeConfig = field(default_factory=ChangeConfig)
     refinement: GSRMRefinementConfig = field(default_factory=GSRMRefinementConfig)
 
@@ -96,7 +103,7 @@ class GSRMConfig:
                 "samples_per_unit and settle_passes must be at least 1, got "
                 f"{self.samples_per_unit} and {self.settle_passes}"
             )
-        check_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
+        check_all_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
 
 
 class State(NamedTuple):
@@ -149,27 +156,68 @@ def _train_batch(
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
     density = measure_density(samples, tiles.tree, rng, config.density)
-    level = make_level(tiles, density)
     progress("grow", 0.1)
-    units = grow(
-        level,
-        _draw_start(samples, density, config, rng),
-        config.units,
+    units = _grow(tiles, density, config.units, config, rng)
+    progress("learn the topology", 0.5)
+    level = make_level(tiles, density)
+    units, faces = _learn_surface(level, units, config, progress)
+    if np.ptp(density.spacing) > 0 and len(faces):
+        progress("complete the surface", 0.9)
+        units, faces = _complete(samples, units, faces, config, rng)
+    return units, faces
+
+
+def _grow(
+    tiles: Tiles, density: Density, num_units: int, config: GSRMConfig, rng: np.random.Generator
+) -> Float[np.ndarray, "U 3"]:
+    """Grow a number of units over the samples."""
+    return grow(
+        make_level(tiles, density),
+        _draw_start(tiles.tree.data.astype(np.float32), density, num_units, config, rng),
+        num_units,
         growth=config.growth,
         samples_per_unit=config.samples_per_unit,
         settle_passes=config.settle_passes,
         split_radius=config.split_radius,
         rng=rng,
     )
-    progress("learn the topology", 0.5)
-    return _learn_surface(level, units, config, progress)
+
+
+def _complete(
+    samples: Float[np.ndarray, "N 3"],
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: GSRMConfig,
+    rng: np.random.Generator,
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+    """Return the surface with maps beside it that have grown over what it leaves uncovered (`completion`)."""
+    left = int(config.completion.max_share * config.units)
+    for _ in range(config.completion.passes):
+        rest = samples[find_uncovered(samples, units, faces, config.completion)]
+        number = min(left, int(len(rest) / config.completion.samples_per_unit))
+        if number < _MIN_MAP:
+            break
+        tiles = make_tiles(rest)
+        density = measure_density(rest, tiles.tree, rng, replace(config.density, num_passes=0))
+        grown = _grow(tiles, density, number, config, rng)
+        added, between = _learn_surface(make_level(tiles, density), grown, config, silent)
+        if len(between) == 0:
+            break
+        faces = np.concatenate([faces, between + len(units)])
+        units = np.concatenate([units, added])
+        left -= len(added)
+    return units, faces
 
 
 def _draw_start(
-    samples: Float[np.ndarray, "N 3"], density: Density, config: GSRMConfig, rng: np.random.Generator
+    samples: Float[np.ndarray, "N 3"],
+    density: Density,
+    num_units: int,
+    config: GSRMConfig,
+    rng: np.random.Generator,
 ) -> Float[np.ndarray, "U 3"]:
     """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
-    number = max(3, int(config.start_share * config.units))
+    number = max(3, int(config.start_share * num_units))
     usable = np.flatnonzero(density.weights)
     drawn = rng.choice(usable, min(number, len(usable)), replace=False)
     units, apart = samples[drawn], config.start_distance * density.spacing[drawn]

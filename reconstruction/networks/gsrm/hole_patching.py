@@ -12,31 +12,15 @@ import itertools
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction.geometry.manifold import find_folds, find_hinges, find_normals, group_sides
-from reconstruction.geometry.rows import cross_rows, find_lengths, sum_by_owner, sum_rows
+from reconstruction.geometry.manifold import (
+    find_folds,
+    find_hinges,
+    find_loops,
+    find_vertex_normals,
+    group_sides,
+)
+from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
 from reconstruction.networks.gsrm.support import Support
-
-
-def find_loops(faces: Int[np.ndarray, "F 3"], num_units: int) -> list[list[int]]:
-    """Return the boundary loops; a face wound along a loop is wound like its neighbors.
-
-    Args:
-        faces: unit indices of an oriented two-manifold: one fan a vertex.
-        num_units: how many units there are.
-    """
-    sides = group_sides(faces, num_units)
-    slots = sides.slots[sides.starts[sides.counts == 1]]
-    tail, head = faces.ravel()[slots], faces[slots // 3, (slots % 3 + 1) % 3]
-    following = dict(zip(head.tolist(), tail.tolist(), strict=True))
-    loops = []
-    while following:
-        start, vertex = following.popitem()
-        loop = [start]
-        while vertex != start:
-            loop.append(vertex)
-            vertex = following.pop(vertex)
-        loops.append(loop)
-    return loops
 
 
 def patch_holes(
@@ -177,13 +161,6 @@ def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> In
         ]
         obstacles.extend(across or near.tolist())
     return np.unique(np.array(obstacles, dtype=np.int64))
-
-
-def find_vertex_normals(
-    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]
-) -> Float[np.ndarray, "U 3"]:
-    """Return the sum of the unit normals of the faces around every unit, not normalized."""
-    return sum_by_owner(faces.ravel(), np.repeat(find_normals(units, faces), 3, axis=0), len(units))
 
 
 def _find_neighbors(faces: Int[np.ndarray, "F 3"], wanted: set[int]) -> dict[int, set[int]]:

@@ -10,7 +10,7 @@ from reconstruction.networks.change.neighborhoods import number_parts
 from reconstruction.networks.gsrm.local_fit import Rounds, fit_turning
 from reconstruction.networks.gsrm.local_topology import is_sound
 from reconstruction.networks.gsrm.refinement_config import MotionConfig
-from reconstruction.networks.surface_fit import FitConfig
+from reconstruction.networks.least_squares import FitConfig
 
 
 def find_movable(

@@ -7,13 +7,12 @@ has changed, the contradicted units are grown again between the others, which do
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from reconstruction.geometry.manifold import group_sides
+from reconstruction.geometry.manifold import find_vertex_normals, group_sides
 from reconstruction.geometry.rows import any_corner, find_lengths, sum_rows
 from reconstruction.networks.change.detection import Change
 from reconstruction.networks.change.neighborhoods import widen
 from reconstruction.networks.change.refinement import NetworkLearner, Samples, Selection, Surface
 from reconstruction.networks.gsrm.gsrm import GSRMConfig, State
-from reconstruction.networks.gsrm.hole_patching import find_vertex_normals
 from reconstruction.networks.gsrm.motion import find_movable, move_units
 from reconstruction.networks.gsrm.regrowth import fit_new, regrow
 from reconstruction.networks.surface_fit import mean_edge_length
@@ -143,7 +142,7 @@ def _find_extended(
     distant: Float[np.ndarray, "D 3"],
     max_rise: float,
 ) -> Bool[np.ndarray, " U"]:
-    """Return the units at the rim beyond which the surface continues: old readings stay true there.
+    """Return the units at the boundary beyond which the surface continues: old readings stay true there.
 
     Args:
         units: positions [m].
@@ -156,12 +155,12 @@ def _find_extended(
         return np.zeros(len(units), dtype=bool)
     sides = group_sides(faces, len(units))
     slots = sides.slots[sides.starts[sides.counts == 1]]
-    is_rim = np.zeros(len(units), dtype=bool)
-    is_rim[faces.ravel()[slots]] = True
+    is_boundary = np.zeros(len(units), dtype=bool)
+    is_boundary[faces.ravel()[slots]] = True
     normals = find_vertex_normals(units, faces)
     normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
     offset = distant - units[winner]
     rise = np.abs(sum_rows(offset * normals[winner])) / np.maximum(find_lengths(offset), 1e-300)
     count = np.bincount(winner, minlength=len(units))
     flat = np.bincount(winner, rise < max_rise, minlength=len(units))
-    return is_rim & (flat > count / 2)
+    return is_boundary & (flat > count / 2)

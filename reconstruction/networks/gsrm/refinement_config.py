@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class MotionConfig:
     settle_passes: int = 3
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("max_gone_share", "settle_passes"))
+        check_all_positive(self, may_be_zero=("max_gone_share", "settle_passes"))
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class RegrowthConfig:
     min_samples: int = 16
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("settle_passes", "max_repeats", "joint_rings"))
+        check_all_positive(self, may_be_zero=("settle_passes", "max_repeats", "joint_rings"))
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class GSRMRefinementConfig:
         unit_area: surface that a unit stands for, in squared mean edges; of equilateral faces it is 0.87, of those
             of a map less.
         readings_per_unit: largest number of new readings per unit that are all used; of more, only a part is.
-        max_extension_rise: readings beyond the rim that rise by less than this (sine against the surface) extend
-            it: the old points at the rim are still valid.
+        max_extension_rise: readings beyond the boundary that rise by less than this (sine against the surface) extend
+            it: the old points at the boundary are still valid.
         min_confirmations: readings that a unit must win on average for their absence to mean that it is gone.
         fit_rounds: of the fit of a changed part: iterations, and samples of each movable unit. Between two rounds
             edges are turned along the creases that have come out.
@@ -89,4 +89,4 @@ class GSRMRefinementConfig:
     regrowth: RegrowthConfig = field(default_factory=RegrowthConfig)
 
     def __post_init__(self) -> None:
-        check_positive(self)
+        check_all_positive(self)

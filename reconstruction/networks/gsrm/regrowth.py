@@ -5,15 +5,15 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.boxes import find_near_box
+from reconstruction.geometry.manifold import find_loops
 from reconstruction.geometry.orientation import find_components
 from reconstruction.geometry.rows import any_corner, sum_by_owner
 from reconstruction.networks.change.neighborhoods import widen
-from reconstruction.networks.gsrm.hole_patching import find_loops
 from reconstruction.networks.gsrm.local_fit import Rounds, fit_turning
 from reconstruction.networks.gsrm.local_topology import is_sound, join_locally
 from reconstruction.networks.gsrm.refinement_config import RegrowthConfig
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
-from reconstruction.networks.surface_fit import FitConfig
+from reconstruction.networks.least_squares import FitConfig
 
 
 def regrow(

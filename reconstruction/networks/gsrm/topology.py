@@ -40,7 +40,7 @@ def learn_faces(
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
     faces = finish_faces(units, faces, margin, support)
-    return join_rims(units, faces, support) if support.is_uneven and len(faces) else faces
+    return join_components(units, faces, support) if support.is_uneven and len(faces) else faces
 
 
 def propose_faces(
@@ -64,13 +64,13 @@ def propose_faces(
     return faces, margin
 
 
-def join_rims(
+def join_components(
     units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
 ) -> Int[np.ndarray, "G 3"]:
     """Return the faces and those that close gaps between their components, where samples lie in these.
 
-    Where scan lines are far apart, the units at a rim are not the nearest to one another. Faces between two
-    rims of one component are left out: they make handles.
+    Where scan lines are far apart, the units at a boundary are not the nearest to one another. Faces between two
+    boundaries of one component are left out: they make handles.
 
     Args:
         units: positions.
@@ -100,12 +100,9 @@ def lies_on_full(
 ) -> Bool[np.ndarray, " P"]:
     """Return which proposed faces have a side that lies between two faces already."""
     sides = group_sides(faces, num_units)
-    slots = sides.slots[sides.starts[sides.counts == 2]]
-    tail, head = faces.ravel()[slots].astype(np.int64), faces[slots // 3, (slots % 3 + 1) % 3]
-    full = np.minimum(tail, head) * num_units + np.maximum(tail, head)
     others = np.roll(proposed, -1, axis=1)
     wanted = np.minimum(proposed, others) * num_units + np.maximum(proposed, others)
-    return np.asarray(is_in_sorted(wanted.ravel(), full).reshape(-1, 3).any(axis=1))
+    return np.asarray(is_in_sorted(wanted.ravel(), sides.keys[sides.counts == 2]).reshape(-1, 3).any(axis=1))
 
 
 def _witness_midpoints(
@@ -137,9 +134,9 @@ def _propose(
 def find_border(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, " B"]:
     """Return the units at the end of an edge with one face, and those without a face."""
     sides = group_sides(faces, num_units)
-    slots = sides.slots[sides.starts[sides.counts == 1]]
     is_border = np.bincount(faces.ravel(), minlength=num_units) == 0
-    is_border[faces.ravel()[slots]] = is_border[faces[slots // 3, (slots % 3 + 1) % 3]] = True
+    for ends in np.divmod(sides.keys[sides.counts == 1], num_units):
+        is_border[ends] = True
     return np.flatnonzero(is_border)
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 
 @dataclass(frozen=True)
@@ -10,8 +10,9 @@ class TopologyConfig:
     """How faces are learned, and which holes are closed. Lengths are in sample spacings.
 
     Attributes:
-        gap: a place farther than this from all samples is void: a hole wider than four spacings. Lower, and gaps of
-            uneven sampling become holes; higher, and small holes of the surface are closed.
+        gap: a place farther than this from all samples is void, that is, no surface was seen there: a hole wider than
+            four spacings. Lower, and gaps of uneven sampling become holes; higher, and small holes of the surface are
+            closed.
         max_void: a face or patch whose void is larger spans a hole, in squared sample spacings; half a disc of the
             radius `gap`.
         min_cover: a face over which this share of the expected samples lies cuts a corner of the surface and has
@@ -21,8 +22,8 @@ class TopologyConfig:
         few_samples: a unit that wins fewer samples may not see all its edges; places between it and its neighbors
             then count as samples where there are samples near them.
         num_neighbors: nearest units to which such a unit may be joined; six in a regular map.
-        rim_neighbors: likewise at a rim, between components.
-        max_hole_edges: longer boundary loops are the rim of the surface.
+        rim_neighbors: likewise at the boundary (the rim) of a component, between components.
+        max_hole_edges: longer boundary loops are the boundary of the surface, not holes.
         max_tip_edges: longer loops are not tested for sharp tips and ridges.
         rim_cosine: a loop whose area vector lies against the normals next to it by more than this cosine runs
             around a piece of surface and not around a gap in it.
@@ -50,4 +51,4 @@ class TopologyConfig:
     max_repairs: int = 6
 
     def __post_init__(self) -> None:
-        check_positive(self, any_sign=("rim_cosine",))
+        check_all_positive(self, any_sign=("rim_cosine",))

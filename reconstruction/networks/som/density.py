@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction.geometry.rows import find_lengths, sum_rows
-from reconstruction.networks.config_checks import check_positive
+from reconstruction.range_checks import check_all_positive
 
 _STRIDE = 4
 """Where neighbors lie on one line, every fourth sample is used instead, and so on: the spacing doubles."""
@@ -67,7 +67,7 @@ class DensityConfig:
     num_passes: int = 2
 
     def __post_init__(self) -> None:
-        check_positive(self, may_be_zero=("equality", "num_passes"))
+        check_all_positive(self, may_be_zero=("equality", "num_passes"))
 
 
 class Density(NamedTuple):

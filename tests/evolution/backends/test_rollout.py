@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from evolution.backends import rollout
-from evolution.backends.rollout import RolloutConfig, make_environment_options, simulate, split_job
-from evolution.backends.trials import Job, Outcome, Randomization, Trials
+from evolution.backends.rollout import make_environment_options, simulate, split_job
+from evolution.backends.trials import Job, Outcome, Randomization, RolloutConfig, Trials
 from evolution.champions.policy import ChampionPolicy
 from evolution.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
 from evolution.errors import RunError

@@ -53,7 +53,7 @@ def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([name, "--help"]) == 0
     text = capsys.readouterr().out
     assert "--json" in text
-    assert ("--seed" in text) == (name not in ("resume", "compare"))
+    assert ("--seed" in text) == (name not in ("resume", "compare", "export"))
     assert "Example" in text
 
 

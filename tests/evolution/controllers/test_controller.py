@@ -183,7 +183,7 @@ def test_a_search_can_begin_anywhere(name, modules):
 
 
 def test_refusals():
-    with pytest.raises(RunError, match="there are path, reactive, travelling"):
+    with pytest.raises(RunError, match="there are: path, reactive, travelling"):
         make_controller("psychic", 8)
     with pytest.raises(RunError, match="at least 2"):
         make_controller("reactive", 1)

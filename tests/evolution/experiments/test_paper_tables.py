@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from evolution.experiments.paper.benchmark import load_benchmark
-from evolution.experiments.paper_page import tables
+from evolution.experiments.paper.page import tables
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
 COST = {"mean": 50.0, "deviation": 2.0, "median": 49.0}

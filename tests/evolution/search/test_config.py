@@ -8,12 +8,14 @@ import pytest
 import toys
 from histories import TOY, without_times
 
+from evolution.backends.trials import RolloutConfig
+from evolution.controllers.controller import ControllerConfig
 from evolution.errors import RunError
 from evolution.search.cmaes import CmaesConfig
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve, resume
 from evolution.search.stages import Stage
-from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
+from evolution.search.validation import FORMER_VALIDATION_NAMES, Champion, Validation
 
 
 def test_configs_survive_json():
@@ -21,7 +23,7 @@ def test_configs_survive_json():
         arena="simple",
         stages=(Stage("simple", 5), Stage("truth")),
         body_lengths=(4, 9),
-        environment={"pit": 0.35, "abyss": True},  # pyright: ignore[reportArgumentType]
+        environment={"pit": 0.35, "bottomless": True},  # pyright: ignore[reportArgumentType]
     )
     again = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
     assert again == config
@@ -111,3 +113,33 @@ def test_a_run_folder_of_an_earlier_version_is_resumed(tmp_path):
     run = resume(tmp_path, generations=6, simulate=toys.bowl)
     assert without_times(run.history) == without_times(whole.history)
     assert run.champion == whole.champion
+
+
+def test_parameters_of_controllers_and_rollouts_belong_to_a_run():
+    default = EvolutionConfig()
+    config = EvolutionConfig(
+        controller_config=ControllerConfig(num_hidden=2), rollout=RolloutConfig(stuck_time=3.0)
+    )
+    assert EvolutionConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+    content = default.to_json()
+    former = {name: content[name] for name in content if name not in ("controller_config", "rollout")}
+    assert EvolutionConfig.from_json(former) == default
+    assert len({default.digest(), replace(default, rollout=config.rollout).digest(), config.digest()}) == 3
+
+
+def test_parameters_of_a_run_reach_its_trials_and_its_champion():
+    controller_config, rollout = ControllerConfig(num_hidden=2), RolloutConfig(stuck_time=3.0)
+    seen = []
+
+    def simulate(jobs, threads=1):
+        seen.extend((job.trials.controller_config, job.trials.rollout) for job in jobs)
+        return toys.bowl(jobs, threads)
+
+    config = EvolutionConfig(
+        controller="network", generations=1, controller_config=controller_config, rollout=rollout
+    )
+    run = evolve(config, simulate=simulate)
+    assert set(seen) == {(controller_config, rollout)}
+    assert run.champion is not None
+    assert run.champion.controller_config == controller_config
+    assert Champion.from_dict(json.loads(json.dumps(run.champion.as_dict()))) == run.champion

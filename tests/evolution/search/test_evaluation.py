@@ -62,8 +62,8 @@ def test_evaluate_returns_one_fitness_and_outcome_each():
     [
         ({"genotypes": np.zeros((2, 7))}, "reads 8"),
         ({"genotypes": np.full(8, np.nan)}, "not finite"),
-        ({"genotypes": np.zeros(8), "controller": "psychic"}, "there are path, reactive"),
-        ({"genotypes": np.zeros(8), "backend": "cloud"}, "there are batch"),
+        ({"genotypes": np.zeros(8), "controller": "psychic"}, "there are: path, reactive"),
+        ({"genotypes": np.zeros(8), "backend": "cloud"}, "there are: batch"),
         ({"genotypes": np.zeros(8), "workers": 0}, "at least 1"),
     ],
 )

@@ -297,17 +297,17 @@ def test_a_shorter_body_must_be_reliable_to_be_preferred():
 
 def test_a_champion_as_plain_content():
     champion = Champion(
-        (0.1,), ("a",), "posture", 3, "truth", 4, 1.5, environment=(("pit", 0.3), ("abyss", True))
+        (0.1,), ("a",), "posture", 3, "truth", 4, 1.5, environment=(("pit", 0.3), ("bottomless", True))
     )
     content = champion.as_dict()
-    assert content["environment"] == {"pit": 0.3, "abyss": True}
+    assert content["environment"] == {"pit": 0.3, "bottomless": True}
     assert content["genotype"] == (0.1,)
     assert champion.score == 0.0
     again = Champion.from_dict(content | {"genotype": [1], "names": ["b"]})
     assert again.genotype == (1.0,)
     assert isinstance(again.genotype[0], float)
     assert again.names == ("b",)
-    assert again.environment == (("abyss", True), ("pit", 0.3))
+    assert again.environment == (("bottomless", True), ("pit", 0.3))
 
 
 @pytest.mark.parametrize(

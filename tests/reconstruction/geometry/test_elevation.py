@@ -1,6 +1,7 @@
 """Heights along vertical lines."""
 
 import numpy as np
+import pytest
 import trimesh
 
 from reconstruction.geometry.elevation import Elevation
@@ -26,3 +27,15 @@ def test_agrees_with_a_known_function():
 
 def test_empty_has_no_heights():
     assert np.isnan(Elevation().height(np.array([0.0, 1.0]), 0.0)).all()
+
+
+def test_height_below_a_limit_is_that_of_the_storey_below():
+    boxes = [trimesh.creation.box((2.0, 2.0, 0.1)) for _ in range(2)]
+    boxes[1].apply_translation((0.0, 0.0, 2.0))
+    both = Elevation(*boxes)
+    x = np.array([0.3, 0.3, 0.3, 5.0])
+    found = both.height_below(x, 0.2, np.array([1.0, 3.0, -1.0, 1.0]))
+    assert found[:2] == pytest.approx([0.05, 2.05])
+    assert np.isnan(found[2:]).all()
+    assert both.height_below(0.3, 0.2, 2.0) == pytest.approx(1.95)
+    assert both.height_below(x, 0.2, np.inf)[:3] == pytest.approx(both.height(x, 0.2)[:3])

@@ -12,9 +12,9 @@ from reconstruction.networks.change.detection import ChangeConfig
 from reconstruction.networks.growing_grid.cover import CoverConfig
 from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.networks.gsrm.topology_config import TopologyConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.networks.som.density import DensityConfig
-from reconstruction.networks.surface_fit import FitConfig
 
 keep_compiled_programs()
 

@@ -9,9 +9,11 @@ from reconstruction.scans.mixed_pixels import (
     MixedPixelsConfig,
     find_jumps,
     find_mixed_beams,
+    find_needed_beams,
     find_noise,
     find_step,
 )
+from reconstruction.scans.scan import ScanLog
 
 ALL = MixedPixelsConfig(max_share=1.0)
 
@@ -221,3 +223,25 @@ def test_steps_at_the_ends_of_a_scan_have_fewer_neighbors():
     assert not find_jumps(lay_steps(1, height=0.0)).any()
     assert find_jumps(np.ones((3, 1))).shape == (3, 0)
     assert find_jumps(slant(3.0, 19)).sum() == 0
+
+
+def test_a_wall_at_a_low_angle_stays_and_most_of_a_veil_goes():
+    """A wall 1 m beside the sensor, seen to 12 m along it: beams step by more than 10 cm from 3.4 m on."""
+    angles = np.radians(np.arange(4.0, 60.0, 0.5))
+    rng = np.random.default_rng(0)
+    wall = 1.0 / np.sin(angles)[None] + rng.normal(0, 0.005, (40, len(angles)))
+    wall[:, 80:] = 6.0  # a second wall behind its end
+    wall[:, 79] = rng.uniform(2.0, 5.5, 40)  # beams that met the end of the first
+    poses = np.tile(np.eye(4), (40, 1, 1))
+    poses[:, 2, 3] = 0.1 * np.arange(40)
+    log = ScanLog(wall, angles, poses)
+    is_mixed = find_mixed_beams(log.ranges, log.angles)
+    is_needed = find_needed_beams(log, is_mixed)
+    far = (wall[:, :20] > 4.0) & (wall[:, :20] < 9.0)
+    assert is_mixed[:, :20][far].mean() > 0.5
+    assert (is_mixed & ~is_needed)[:, :20][far].mean() < 0.15
+    assert is_mixed[:, 79].mean() > 0.9
+    assert is_needed[:, 79].mean() < 0.25
+    assert not (is_needed & ~is_mixed).any()
+    assert not find_needed_beams(log, np.zeros_like(is_mixed)).any()
+    assert not find_needed_beams(log, np.ones_like(is_mixed)).any()

@@ -41,7 +41,7 @@ def test_a_log_refines_a_surface():
     assert quality.cloud_to_mesh.mean < 0.01
     with pytest.raises(ReconstructionError, match="its own origins"):
         ground.refine(make_log(), origins=[0, 0, 1])
-    with pytest.raises(ReconstructionError, match="in metres"):
+    with pytest.raises(ReconstructionError, match="in meters"):
         ground.refine(1000 * points)
     with pytest.raises(ReconstructionError, match="NaN"):
         ground.refine(points, origins=[0, 0, np.nan])

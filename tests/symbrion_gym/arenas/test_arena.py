@@ -1,5 +1,6 @@
 """Arenas: built, measured, kept, loaded, compiled."""
 
+import dataclasses
 import json
 import multiprocessing
 import pickle
@@ -19,7 +20,8 @@ from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym.contact.budget import TimeBudget
+from symbrion_gym.contact.deadline import Deadline
+from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.contact.surface_error import measure_arena
 from symbrion_gym.errors import ArenaError
 
@@ -312,11 +314,10 @@ def test_nothing_but_walls_is_measured_too():
     assert quality.uncovered == 0.0
 
 
-def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
-    walls = make_walls()
-    # From above no prism of a wall is seen.
-    arena = make_arena(walls, cache=tmp_path / "cache", kind="prisms")
-    assert arena.quality.mean == np.inf
+def test_figures_of_nothing_are_written_as_strict_json(tmp_path):
+    walls = make_arena(make_walls(), cache=False, kind="prisms")
+    nothing = ArenaQuality(np.inf, np.inf, np.inf, len(walls.pieces), np.inf, 1.0)
+    arena = dataclasses.replace(walls, quality=nothing)
     arena.save(tmp_path / "walls")
 
     def refuse(name):
@@ -325,17 +326,16 @@ def test_what_cannot_be_measured_is_written_as_strict_json(tmp_path):
     about = json.loads((tmp_path / "walls" / "arena.json").read_text(), parse_constant=refuse)
     assert about["quality"]["mean"] is None
     assert Arena.load(tmp_path / "walls").quality == arena.quality
-    assert make_arena(walls, cache=tmp_path / "cache", kind="prisms").quality == arena.quality
 
 
-def test_what_a_busy_machine_cut_short_is_not_kept(tmp_path, monkeypatch):
+def test_what_the_time_limit_cut_short_is_not_kept(tmp_path, monkeypatch):
     walls = make_walls()
-    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: True))
+    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: True))
     arena = make_arena(walls, cache=tmp_path, kind="prisms")
-    assert arena.provenance["was_disturbed"]
+    assert arena.provenance["was_cut_short"]
     assert not list(tmp_path.glob("*.npz"))
-    monkeypatch.setattr(TimeBudget, "is_disturbed", property(lambda budget: False))
-    assert "was_disturbed" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
+    monkeypatch.setattr(Deadline, "has_cut_short", property(lambda deadline: False))
+    assert "was_cut_short" not in make_arena(walls, cache=tmp_path, kind="prisms").provenance
     assert len(list(tmp_path.glob("*.npz"))) == 1
 
 

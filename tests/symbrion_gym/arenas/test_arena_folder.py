@@ -282,8 +282,11 @@ def test_an_empty_mesh_file_is_refused_by_name(tmp_path, content, ending):
         make_arena(path, cache=False)
 
 
-def test_a_mesh_far_from_the_origin_is_refused():
+def test_a_mesh_far_from_the_origin_is_moved_and_says_so(tmp_path):
     mesh = Course().surface()
     mesh.apply_translation([0.0, 5.4e6, 0.0])
-    with pytest.raises(ArenaError, match="subtract an offset"):
-        make_arena(mesh, cache=False)
+    arena = make_arena(mesh, cache=False)
+    assert arena.offset == (0.0, 5.4e6, 0.0)
+    assert np.abs(arena.surface.bounds).max() < 10
+    arena.save(tmp_path / "far")
+    assert Arena.load(tmp_path / "far").offset == arena.offset

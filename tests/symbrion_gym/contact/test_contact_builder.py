@@ -1,89 +1,175 @@
-"""Which pieces are chosen, and why: coacd's or the slabs that it was given."""
+"""The passes: which candidate is accepted, and why."""
+
+import logging
 
 import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.mesh_repair import repair_mesh
+from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact import terrain
 from symbrion_gym.contact.builder import make_contact
-from symbrion_gym.contact.options import ContactOptions, ContactTuning, SelectionConfig
+from symbrion_gym.contact.options import ContactConfig, ContactOptions
+from symbrion_gym.contact.passes import coacd, finish, slabs
+from symbrion_gym.contact.terrain_planes import SlabPassConfig
 from symbrion_gym.errors import ArenaError
+
+ACCURACY = 0.005
 
 
 @pytest.fixture(scope="module")
 def mesh() -> trimesh.Trimesh:
-    return repair_mesh(make_scanned_surface(Course().profile(), num_vertices=600, noise=0.002))
+    return repair_mesh(make_scanned_surface(Course().profile(), num_vertices=1500, noise=0.002))
 
 
-def fill_pit(slabs, *_arguments, **_options):
-    low, high = (np.array([slab.bounds[i] for slab in slabs]) for i in range(2))
+def make_rough(num_vertices: int = 700) -> trimesh.Trimesh:
+    """Return hills with bumps, for which planes are no model."""
+    rng = np.random.default_rng(0)
+    flat = make_scanned_surface(np.array([[-1.5, 0.0], [1.5, 0.0]]), 3.0, num_vertices, 0.0)
+    vertices = np.array(flat.vertices)
+    for _ in range(60):
+        x, y, size = *rng.uniform(-1.5, 1.5, 2), rng.uniform(0.1, 0.4)
+        near = np.exp(-((vertices[:, 0] - x) ** 2 + (vertices[:, 1] - y) ** 2) / (2 * size**2))
+        vertices[:, 2] += rng.normal() * 0.4 * size * near
+    return repair_mesh(trimesh.Trimesh(vertices, flat.faces, process=False))
+
+
+def fill_pit(pieces, *_arguments, **_options):
+    low, high = (np.array([slab.bounds[i] for slab in pieces]) for i in range(2))
     extents = high.max(axis=0) - low.min(axis=0)
     box = trimesh.creation.box(extents)
     box.apply_translation((high.max(axis=0) + low.min(axis=0)) / 2)
     return [box]
 
 
-def shift(slabs, *_arguments, **_options):
-    return [slab.copy().apply_translation([0.03, 0.0, 0.0]) for slab in slabs]
+def shift(pieces, *_arguments, **_options):
+    return [slab.copy().apply_translation([0.03, 0.0, 0.0]) for slab in pieces]
 
 
-def shatter(slabs, *_arguments, **_options):
-    return [*slabs, *slabs, *slabs]
+def shatter(pieces, *_arguments, **_options):
+    return [*pieces, *pieces, *pieces]
 
 
 def fail(*_arguments, **_options):
     raise ArenaError("coacd is not well today")
 
 
+def find_note(contact, name):
+    return next(note["result"] for note in contact.notes["passes"] if note["pass"] == name)
+
+
 @pytest.mark.parametrize(
     ("decompose", "reason"),
     [
-        (fill_pit, "against"),
-        pytest.param(shift, "", marks=pytest.mark.slow),
+        (fill_pit, "move walls"),
+        pytest.param(shift, "move walls", marks=pytest.mark.slow),
         pytest.param(shatter, "pieces for", marks=pytest.mark.slow),
         (fail, "not well today"),
     ],
 )
 def test_slabs_are_kept_where_coacd_does_worse(mesh, monkeypatch, decompose, reason):
-    monkeypatch.setattr(terrain, "decompose_slabs", decompose)
-    contact = make_contact(mesh, ContactOptions())
+    monkeypatch.setattr(coacd, "decompose_slabs", decompose)
+    contact = make_contact(mesh, ContactOptions(), ACCURACY)
     assert contact.notes["way"] == "slabs"
-    assert "slabs are kept" in contact.notes["why"]
-    assert reason in contact.notes["why"]
-    assert contact.quality.mean < 0.003
+    assert reason in find_note(contact, "decompose united slabs")
+    assert contact.quality.mean < ACCURACY
 
 
 def test_pieces_as_good_as_the_slabs_are_taken(mesh, monkeypatch):
-    monkeypatch.setattr(terrain, "decompose_slabs", lambda slabs, *_: list(slabs))
-    contact = make_contact(mesh, ContactOptions())
+    monkeypatch.setattr(coacd, "decompose_slabs", lambda pieces, *_: list(pieces))
+    contact = make_contact(mesh, ContactOptions(), ACCURACY)
     assert contact.notes["way"] == "coacd of slabs"
 
 
 def test_many_slabs_never_go_to_coacd(monkeypatch):
-    monkeypatch.setattr(terrain, "decompose_slabs", fail)
-    stairs = repair_mesh(make_scanned_surface(StairsCourse(rise=0.1).profile(), num_vertices=1000))
-    tuning = ContactTuning(selection=SelectionConfig(max_slabs=3))
-    contact = make_contact(stairs, ContactOptions(tuning=tuning))
-    assert "too long" in contact.notes["why"]
-    assert contact.quality.mean < 0.003
+    monkeypatch.setattr(coacd, "decompose_slabs", fail)
+    stairs = repair_mesh(make_scanned_surface(StairsCourse(rise=0.1).profile(), num_vertices=2000))
+    config = ContactConfig(slab_pass=SlabPassConfig(max_united=3))
+    contact = make_contact(stairs, ContactOptions(config=config), ACCURACY)
+    assert "too long" in find_note(contact, "decompose united slabs")
+    assert contact.quality.mean < ACCURACY
 
 
 @pytest.mark.slow
 def test_boxes_are_refused_where_they_move_the_ground(mesh, monkeypatch):
-    monkeypatch.setattr(terrain, "decompose_slabs", fail)
-    monkeypatch.setattr(terrain, "turn_into_boxes", shift)
-    contact = make_contact(mesh, ContactOptions())
-    assert contact.quality.mean < 0.003
+    monkeypatch.setattr(coacd, "decompose_slabs", fail)
+    monkeypatch.setattr(finish, "turn_into_boxes", shift)
+    contact = make_contact(mesh, ContactOptions(), ACCURACY)
+    assert contact.quality.mean < ACCURACY
+    assert "refused" in find_note(contact, "fit boxes")
 
 
-def test_a_terrain_has_contact_even_where_nothing_else_gave_any(mesh, monkeypatch):
-    monkeypatch.setattr(terrain, "make_slabs", lambda *_arguments: ([], []))
-    monkeypatch.setattr(terrain, "decompose_solid", fail)
-    contact = make_contact(mesh, ContactOptions(max_pieces=64))
-    assert contact.notes["way"] == "coarse prisms"
-    assert contact.notes["why"] == "coacd is not well today"
-    assert 0 < len(contact.pieces) <= 80
-    assert contact.quality.mean < 0.05
+def test_without_slabs_patches_follow_the_course(mesh, monkeypatch):
+    monkeypatch.setattr(slabs, "make_slabs", lambda *_arguments: ([], []))
+    contact = make_contact(mesh, ContactOptions(), ACCURACY)
+    assert contact.notes["way"] == "patches of planes and triangles"
+    assert contact.notes["is_reached"]
+    assert contact.quality.mean < ACCURACY
+    assert contact.quality.uncovered < 0.008
+
+
+def test_rough_ground_becomes_patches():
+    contact = make_contact(make_rough(), ContactOptions(), 0.005)
+    assert contact.notes["way"].startswith("patches")
+    assert contact.notes["is_reached"]
+    assert contact.quality.p95 < 0.015
+
+
+def test_missed_accuracy_names_worst_place_and_remedy(caplog):
+    with caplog.at_level(logging.WARNING):
+        contact = make_contact(make_rough(), ContactOptions(max_pieces=40), 0.001)
+    assert len(contact.pieces) <= 40
+    assert not contact.notes["is_reached"]
+    (warning,) = contact.notes["warnings"]
+    assert "accuracy 1 mm was missed" in warning
+    assert "max_pieces is 40" in warning
+    assert "hfield" in warning
+    assert len(contact.notes["worst"]["place"]) == 3
+
+
+def test_a_room_is_hollow():
+    """Walls, floor and ceiling of a room seen from inside grow outwards: all of its inside stays free."""
+    room = trimesh.creation.box([4.0, 3.0, 2.5]).subdivide().subdivide()
+    room.invert()
+    room.update_faces(np.arange(len(room.faces)) > 0)  # a hole: it is no closed body
+    oriented = repair_mesh(room, RepairConfig(keeps_winding=True))
+    contact = make_contact(oriented, ContactOptions(), 0.01)
+    inside = np.random.default_rng(0).uniform([-1.99, -1.49, -1.24], [1.99, 1.49, 1.24], (2000, 3))
+    for piece in contact.pieces:
+        planes = piece.face_normals, (piece.face_normals * piece.triangles[:, 0]).sum(axis=1)
+        is_in = (inside @ planes[0].T < planes[1]).all(axis=1)
+        assert not is_in.any()
+    assert contact.quality.mean < 0.001
+    assert contact.quality.uncovered < 0.008
+
+
+def test_a_thin_wall_is_not_pierced():
+    wall = trimesh.creation.box([2.0, 0.03, 1.0]).subdivide().subdivide()
+    contact = make_contact(repair_mesh(wall), ContactOptions(), 0.003)
+    reach = max(np.abs(piece.vertices[:, 1]).max() for piece in contact.pieces)
+    assert reach < 0.016
+
+
+def test_faces_seen_from_behind_stay_thin():
+    sheet = trimesh.Trimesh(
+        [[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], [[0, 1, 2], [0, 2, 3]], process=False
+    )
+    contact = make_contact(sheet, ContactOptions(), 0.003, is_two_sided=np.ones(len(sheet.faces), bool))
+    assert max(np.ptp(piece.vertices[:, 1]) for piece in contact.pieces) < 0.02
+
+
+def test_a_pass_of_ones_own(mesh):
+    def fit_box(problem, best):
+        return problem.measure([trimesh.creation.box(bounds=mesh.bounds)], {"way": "one box"})
+
+    contact = make_contact(mesh, ContactOptions(), ACCURACY, passes=(fit_box,))
+    assert contact.notes["way"] == "one box"
+    assert not contact.notes["is_reached"]
+
+
+def test_the_deadline_ends_with_the_best_so_far(mesh):
+    contact = make_contact(mesh, ContactOptions(time_limit=1e-6), ACCURACY)
+    assert contact.pieces
+    assert contact.notes["was_cut_short"]
+    assert "time limit" in contact.notes["warnings"][0]

@@ -1,10 +1,11 @@
 """Options of contact geometry, and everything that tunes it."""
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 
 import pytest
 
-from symbrion_gym.contact.options import ContactOptions, ContactTuning, SelectionConfig
+from symbrion_gym.contact.options import ContactConfig, ContactOptions
+from symbrion_gym.contact.terrain_planes import SlabPassConfig
 from symbrion_gym.errors import ArenaError
 
 
@@ -17,14 +18,16 @@ def test_options_out_of_range_are_refused(changes):
 
 
 def test_tuning_is_noted_where_it_is_not_the_default():
-    assert "tuning" not in ContactOptions().as_dict()
-    tuned = ContactOptions(tuning=ContactTuning(selection=SelectionConfig(max_slabs=3)))
-    assert tuned.as_dict()["tuning"]["selection"]["max_slabs"] == 3
+    assert "config" not in ContactOptions().as_dict()
+    tuned = ContactOptions(config=ContactConfig(slab_pass=SlabPassConfig(max_slabs=3)))
+    assert tuned.as_dict()["config"]["slab_pass"]["max_slabs"] == 3
 
 
 def test_every_number_that_tunes_is_documented():
-    for field in fields(ContactTuning):
-        config = getattr(ContactTuning(), field.name)
+    for field in fields(ContactConfig):
+        config = getattr(ContactConfig(), field.name)
+        if not is_dataclass(config):
+            continue
         missing = [
             each.name for each in fields(config) if f"{each.name}: " not in (type(config).__doc__ or "")
         ]

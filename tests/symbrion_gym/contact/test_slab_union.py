@@ -43,7 +43,7 @@ def test_a_moved_wall_and_a_filled_pit_are_noticed():
 
 def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
     mesh = make_scanned_surface(Course(pit=0.40).profile(), num_vertices=2200)
-    first, second = (make_contact(mesh, ContactOptions(seed=3)) for _ in range(2))
+    first, second = (make_contact(mesh, ContactOptions(seed=3), 0.003) for _ in range(2))
     assert first.notes["way"] == "coacd of slabs"
     for mine, theirs in zip(first.pieces, second.pieces, strict=True):
         assert np.array_equal(mine.vertices, theirs.vertices)
@@ -52,5 +52,5 @@ def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
         pit = x[Elevation(*first.pieces).height(x, y) < 0.125]
         assert pit.min() == pytest.approx(-0.2, abs=0.005)
         assert pit.max() == pytest.approx(0.2, abs=0.005)
-    short = make_contact(mesh, ContactOptions(time_limit=0.8))
+    short = make_contact(mesh, ContactOptions(time_limit=0.8), 0.003)
     assert short.pieces

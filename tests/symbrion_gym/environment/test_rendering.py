@@ -1,9 +1,14 @@
 """Images show the robot, in every mode."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
+import symbrion_gym as sg
+from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym.environment.rendering import CameraConfig
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
@@ -92,3 +97,25 @@ def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
     assert env.render() is None
     assert caplog.text.count("no display") == 1
     env.close()
+
+
+def test_contact_is_drawn_where_it_differs_visibly_from_the_surface():
+    truth = sg.load_arena("truth")
+    pictures = []
+    for gap in (0.0, 0.01, 0.05):
+        arena = replace(truth, quality=replace(truth.quality, mean=gap, p95=gap, max=gap))
+        env = SnakePitEnv(arena=arena, modules=2, render_mode="rgb_array", width=64, height=48)
+        env.reset(seed=0)
+        pictures.append(env.render())
+        env.close()
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert np.abs(pictures[2].astype(int) - pictures[0]).max() > 20
+
+
+def test_contact_differs_by_distance_or_by_what_is_uncovered():
+    camera = CameraConfig()
+    assert not camera.shows_contact(ArenaQuality(0.001, 0.02, 0.3, 5))
+    assert camera.shows_contact(ArenaQuality(0.001, 0.03, 0.3, 5))
+    assert camera.shows_contact(ArenaQuality(0.001, 0.002, 0.3, 5, uncovered=0.02))
+    assert camera.shows_contact(ArenaQuality(np.inf, np.inf, np.inf, 5))
+    assert not CameraConfig(contact_gap=np.inf).shows_contact(ArenaQuality(1, 1, 1, 5, uncovered=1.0))

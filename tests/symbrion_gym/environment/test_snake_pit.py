@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 
 import symbrion_gym as sg
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.environment.config import DEFAULT_SENSORS
+from symbrion_gym.environment.config import DEFAULT_SENSORS, SnakePitConfig
 from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.errors import OptionError
@@ -182,7 +182,7 @@ def test_faster_than_the_tracks_does_not_count():
 
 
 def test_abyss_ends_when_the_floor_of_the_pit_is_touched():
-    env = SnakePitEnv(modules=5, start="pit", abyss=True)
+    env = SnakePitEnv(modules=5, start="pit", bottomless=True)
     env.reset(seed=0)
     while True:
         *_, terminated, truncated, info = env.step(np.full(4, -0.1))
@@ -209,6 +209,12 @@ def test_the_old_name_of_an_option_works_and_warns():
     assert env.config.randomize == {"yaw": 0.1}
     with pytest.raises(OptionError, match="are the same"):
         SnakePitEnv(modules=1, randomise={}, randomize={})
+    with pytest.warns(DeprecationWarning, match="'abyss' is now called 'bottomless'"):
+        env = SnakePitEnv(modules=1, abyss=True)
+    with pytest.warns(DeprecationWarning, match="abyss is now called bottomless"):
+        assert env.config.abyss  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.warns(DeprecationWarning, match="abyss is now called bottomless"):
+        assert SnakePitConfig(abyss=True).bottomless  # pyright: ignore[reportCallIssue]
 
 
 def test_sensor_noise_can_be_chosen():

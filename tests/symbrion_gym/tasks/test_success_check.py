@@ -264,12 +264,12 @@ def test_on_a_way_to_the_left_a_module_turned_to_the_right_reaches_farther_back(
 
 
 @pytest.fixture
-def abyss() -> SuccessCheck:
-    return find_world(pit=2 * FAR_EDGE, abyss=True).make_success_check()
+def bottomless() -> SuccessCheck:
+    return find_world(pit=2 * FAR_EDGE, bottomless=True).make_success_check()
 
 
-def test_a_module_that_touches_the_floor_of_the_pit_is_seen(abyss: SuccessCheck):
-    assert abyss.is_abyss
+def test_a_module_that_touches_the_floor_of_the_pit_is_seen(bottomless: SuccessCheck):
+    assert bottomless.is_bottomless
     for height, pitch, x, touches in (
         (HALF + 0.005, 0, 0.0, True),
         (HALF + 0.005, 0, FAR_EDGE - 0.01, True),
@@ -283,22 +283,22 @@ def test_a_module_that_touches_the_floor_of_the_pit_is_seen(abyss: SuccessCheck)
     ):
         position, rotation = lay(tail=0.12, height=height, rotation=turn("y", pitch))
         position[2, 0] = x
-        assert abyss.has_touched_pit(position, rotation) is touches, (height, pitch, x)
+        assert bottomless.has_touched_pit(position, rotation) is touches, (height, pitch, x)
 
 
 def test_what_is_within_the_limits_has_left_nothing_and_touched_nothing(
-    check: SuccessCheck, abyss: SuccessCheck
+    check: SuccessCheck, bottomless: SuccessCheck
 ):
     course = 2.0, -0.3
     assert check.find_limits() == pytest.approx((course[0] / 2, course[1]))
-    assert not check.is_abyss
-    aside, lowest = abyss.find_limits()
+    assert not check.is_bottomless
+    aside, lowest = bottomless.find_limits()
     assert aside == pytest.approx(course[0] / 2)
     assert lowest < 2 * HALF
     for pitch in range(0, 360, 15):
         position, rotation = lay(tail=0.12, height=lowest + 1e-6, rotation=turn("y", pitch))
         position[2, 0] = 0.0
-        assert not abyss.has_touched_pit(position, rotation)
+        assert not bottomless.has_touched_pit(position, rotation)
 
 
 def test_criteria_can_be_chosen():
@@ -311,8 +311,10 @@ def test_criteria_can_be_chosen():
 
 
 def test_a_way_without_a_pit_has_no_abyss():
-    check = find_world(arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), abyss=True).make_success_check()
-    assert not check.is_abyss
+    check = find_world(
+        arena="truth", start=(-2.9, 0.0), goal=(-2.1, 0.0), bottomless=True
+    ).make_success_check()
+    assert not check.is_bottomless
     position, rotation = lay(tail=0.3, height=0.0)
     assert not check.has_touched_pit(position, rotation)
     assert check.find_limits() == (check.max_lateral, check.lowest)

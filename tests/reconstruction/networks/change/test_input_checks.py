@@ -21,5 +21,5 @@ def test_origins_that_are_none_are_refused():
 def test_another_unit_is_noticed():
     points = np.random.default_rng(2).uniform(-1, 1, (100, 3))
     check_scale(points + np.array([3, 0, 0]), points)
-    with pytest.raises(ReconstructionError, match="in metres"):
+    with pytest.raises(ReconstructionError, match="in meters"):
         check_scale(1000 * points, points)

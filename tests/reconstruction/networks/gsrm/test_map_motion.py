@@ -6,8 +6,8 @@ import pytest
 from reconstruction.networks.change.detection import Change
 from reconstruction.networks.gsrm.motion import find_movable, move_units
 from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
+from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.som.compilation import keep_compiled_programs
-from reconstruction.networks.surface_fit import FitConfig
 
 keep_compiled_programs()
 SIDE = 12

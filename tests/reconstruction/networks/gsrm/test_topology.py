@@ -7,20 +7,21 @@ from scipy.spatial import cKDTree
 from reconstruction.geometry.manifold import (
     find_excess,
     find_hinges,
+    find_loops,
     find_minor_fans,
     find_suspects,
     group_sides,
     make_manifold,
     make_winding,
 )
-from reconstruction.networks.gsrm.hole_patching import close_tips, find_loops, patch_holes
+from reconstruction.networks.gsrm.hole_patching import close_tips, patch_holes
 from reconstruction.networks.gsrm.support import Support
 from reconstruction.networks.gsrm.topology import (
     find_circumcenters,
     find_cliques,
     find_empty,
     find_triples,
-    join_rims,
+    join_components,
     learn_faces,
 )
 from reconstruction.surfaces.quality import count_topology
@@ -174,12 +175,12 @@ def test_parts_are_joined_across_a_gap_with_samples() -> None:
     column = np.arange(36) // 6
     parted = faces[~((column[faces] == 2).any(axis=1) & (column[faces] == 3).any(axis=1))]
     assert count_topology(parted, 36).components == 2
-    joined = join_rims(units, parted, _support(_make_samples(6), 0.2))
+    joined = join_components(units, parted, _support(_make_samples(6), 0.2))
     assert count_topology(joined, 36) == count_topology(faces, 36)
     samples = _make_samples(6)
     across = samples[:, 0] - 0.2 * samples[:, 1]
     off = samples[(across <= 2) | (across >= 3)]
-    assert len(join_rims(units, parted, _support(off, 0.1))) == len(parted)
+    assert len(join_components(units, parted, _support(off, 0.1))) == len(parted)
 
 
 def test_void_is_measured_in_sample_spacings() -> None:

@@ -1,0 +1,109 @@
+"""`symbrion view`: look at an arena."""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+import symbrion_gym as sg
+from evolution.cli.arguments import check_arena
+from evolution.cli.command import SeededCommand, UsageError, require_writable_file
+from evolution.cli.console import Console
+from reconstruction.extras import require_extras
+from reconstruction.files.atomic_write import write_atomically
+from symbrion_gym.headless import has_display
+
+if TYPE_CHECKING:
+    from symbrion_gym.traversability.drivable import TraversabilityMap
+    from symbrion_gym.traversability.routes import DrivingRoute
+
+Layer = Literal["surface", "contact", "drivable", "route"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class View(SeededCommand):
+    """Show an arena in MuJoCo's viewer, or draw it in a file: surface, contact over it, drivable ground, a route.
+
+    Example: symbrion view arenas/mine --picture mine.png
+    """
+
+    arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")]
+    """A ready-made arena by name, an arena folder, or a mesh file."""
+    picture: Path | None = None
+    """Draw the arena from two sides in this file (.png), without a display; the viewer does not open."""
+    layers: tuple[Layer, ...] = ("surface", "contact", "drivable", "route")
+    """What is shown: the surface, the contact pieces (translucent), ground where the robot can drive, a route on it."""
+    modules: int = 1
+    """Number of Scouts in a row: the robot that drives."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_arena(self.arena)
+        if self.modules < 1:
+            raise UsageError(f"--modules {self.modules} is no robot; give 1 or more")
+        if not self.layers:
+            raise UsageError("--layers is empty; give at least one of surface, contact, drivable, route")
+        if self.picture is not None:
+            require_writable_file(self.picture, "--picture", (".png",))
+        elif not has_display():
+            raise UsageError("no display for MuJoCo's viewer; give --picture FILE.png to draw the arena")
+
+    def run(self, console: Console) -> dict[str, Any]:
+        """Show or draw the arena.
+
+        Raises:
+            MissingExtraError: a picture is wanted and the extra is not installed.
+        """
+        if self.picture is not None:
+            require_extras("`symbrion view --picture`", "report")
+        with console.track(f"Arena {self.arena}"):
+            arena = sg.load_arena(self.arena)
+            ground, route = self._find_ground(arena, console)
+        summary: dict[str, Any] = {"arena": self.arena, "pieces": arena.quality.num_pieces}
+        if ground is not None:
+            summary["ground"] = ground.as_dict()
+            areas = ground.region_areas
+            text = f", the largest {areas[0]:.1f} m²" if len(areas) else ""
+            console.print_line(f"{len(areas)} drivable regions, {areas.sum():.1f} m² in all{text}")
+        if route is not None:
+            summary["route"] = {"start": route.start, "goal": route.goal, "length": route.length}
+        if self.picture is None:
+            self._show(arena, ground, route)
+            return summary
+        with console.track(f"Picture {self.picture.name}"):
+            self._draw(arena, ground, route)
+        console.print_line(f"{self.picture}")
+        return summary | {"picture": self.picture}
+
+    def _find_ground(
+        self, arena: "sg.Arena", console: Console
+    ) -> tuple["TraversabilityMap | None", "DrivingRoute | None"]:
+        """Return drivable ground and a route, as far as they are wanted and exist."""
+        if not {"drivable", "route"} & set(self.layers):
+            return None, None
+        body = sg.snake(self.modules)
+        ground = arena.traversability(body)
+        try:
+            return ground, arena.find_route(body) if "route" in self.layers else None
+        except sg.ArenaError as error:
+            console.print_line(f"no route: {error}")
+            return ground, None
+
+    def _show(
+        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
+    ) -> None:
+        from symbrion_gym.arenas.viewing import make_view_spec, open_viewer
+
+        open_viewer(make_view_spec(arena, self.layers, ground, route))
+
+    def _draw(
+        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
+    ) -> None:
+        assert self.picture is not None
+        from evolution.report.arena_view import draw_arena
+        from evolution.report.pictures import to_png
+
+        self.picture.parent.mkdir(parents=True, exist_ok=True)
+        with write_atomically(self.picture) as beside:
+            beside.write_bytes(to_png(draw_arena(arena, self.layers, ground, route), is_reduced=False))

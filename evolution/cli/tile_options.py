@@ -1,0 +1,90 @@
+"""Options of `symbrion reconstruct` for scans too large for memory."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import reconstruction as rc
+from evolution.cli.command import UsageError, require_writable_folder
+from evolution.cli.console import Console
+
+_METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937, "in": 0.0254}
+"""Meters in a unit of length."""
+_NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "viewpoint", "intrinsics", "vertices")
+"""Options that a tiled reconstruction does not have, where the command has them."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TileOptions:
+    """How a large scan is divided."""
+
+    tile: float | None = None
+    """Reconstruct in square tiles with this edge [m]: for .las .laz .npy larger than memory. --out is then a folder."""
+    units_per_area: float | None = None
+    """With --tile: units of the network in a square meter. Default: one for 20 points."""
+    workers: int = 1
+    """With --tile: number of processes."""
+    address: str | None = None
+    """With --tile: address of an existing Ray cluster, whose nodes see the folder --out at the same place."""
+
+    def check_tiles(self, out: Path) -> None:
+        """Refuse impossible tiles and options that go only without them.
+
+        Raises:
+            UsageError: the message names option and remedy.
+        """
+        require_writable_folder(out, "--out")
+        if self.workers < 1:
+            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+        for name in _NOT_IN_TILES:
+            default = {field.name: field.default for field in dataclasses.fields(self)}.get(name)
+            if getattr(self, name, default) != default:
+                remedy = "use --units-per-area" if name == "units" else "leave it out"
+                raise UsageError(f"--{name} does not go with --tile; {remedy}")
+        try:
+            self.make_config()
+        except rc.ReconstructionError as error:
+            raise UsageError(f"--tile: {error}") from error
+
+    def make_config(self) -> rc.TilesConfig:
+        """Return the division."""
+        assert self.tile is not None
+        return rc.TilesConfig(tile=self.tile, units_per_area=self.units_per_area)
+
+    def run_tiles(
+        self,
+        console: Console,
+        source: Path,
+        out: Path,
+        *,
+        method: str,
+        seed: int,
+        unit: str | None,
+        is_raw: bool,
+    ) -> dict[str, Any]:
+        """Reconstruct a scan in tiles and return the summary."""
+        run_jobs = None
+        if self.address is not None:
+            from evolution.backends.tile_jobs import run_in_cluster
+
+            run_jobs = run_in_cluster(self.workers, self.address)
+        with console.track(f"Tiles of {source.name}") as step:
+            tiles = rc.reconstruct_tiles(
+                source,
+                out,
+                self.make_config(),
+                method=method,
+                seed=seed,
+                meters=_METERS[unit or "m"],
+                is_raw=is_raw,
+                workers=self.workers,
+                run_jobs=run_jobs,
+                progress=step.progress,
+            )
+        console.print_line(f"{len(tiles.places)} tiles of {tiles.tile:g} m in {out}")
+        return {
+            "tiles": out,
+            "number": len(tiles.places),
+            "offset": list(tiles.offset),
+            "seconds": step.seconds,
+        }

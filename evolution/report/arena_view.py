@@ -1,0 +1,179 @@
+"""Pictures of an arena in layers: surface, contact geometry, drivable ground, route."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.spatial import cKDTree
+
+import symbrion_gym as sg
+from evolution.report.pictures import DPI
+from evolution.report.raster import Pixels, View, make_view, rasterize
+from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
+from evolution.report.touchable import find_touchable
+from symbrion_gym.arenas.spec import make_piece_colors
+
+if TYPE_CHECKING:
+    from symbrion_gym.traversability.drivable import TraversabilityMap
+    from symbrion_gym.traversability.routes import DrivingRoute
+
+LAYERS = ("surface", "contact", "drivable", "route")
+"""What can be drawn."""
+DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
+"""Elevation and azimuth of the two cameras [degree]."""
+WIDTH = 760
+"""Width of each picture [pixel]."""
+SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
+CONTACT_OPACITY = 0.40
+CONTACT_COLOR, PLAIN_OPACITY = (0.36, 0.44, 0.90), 0.25
+"""Of contact over colored ground; else each piece has its own color."""
+GROUND_COLORS = {
+    "largest drivable region": (0.22, 0.62, 0.34),
+    "other drivable regions": (0.35, 0.50, 0.80),
+    "ground, not drivable": (0.86, 0.45, 0.38),
+}
+GROUND_OPACITY = 0.55
+HEIGHT_WEIGHT = 4.0
+"""Surface is colored as ground within two cells in plan, and in height within two divided by this."""
+ROUTE_COLOR = "#b00050"
+BEHIND = 0.05
+"""Contact and route this far behind the surface are still drawn [m]: within what a robot feels."""
+LIFT = 0.02
+"""A route is drawn this far above the ground [m]."""
+
+
+def draw_arena(
+    arena: sg.Arena,
+    layers: Sequence[str] = LAYERS,
+    ground: TraversabilityMap | None = None,
+    route: DrivingRoute | None = None,
+) -> Figure:
+    """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
+
+    Args:
+        arena: any arena.
+        layers: what is drawn, of `LAYERS`.
+        ground: where a body can drive, for the layer "drivable".
+        route: way on it, for the layer "route".
+    """
+    front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
+    views = [
+        make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
+        for direction in DIRECTIONS
+    ]
+    figure = Figure(
+        figsize=(2 * WIDTH / DPI, max(view.height for view in views) / OVERSAMPLING / DPI + 0.8),
+        dpi=DPI,
+        layout="constrained",
+    )
+    figure.suptitle(f"{arena.name}: {arena.quality.num_pieces} contact pieces", fontsize=10)
+    for axes, view in zip(figure.subplots(1, 2), views, strict=True):
+        pixels = rasterize(np.asarray(arena.surface.triangles), view)
+        picture = np.ones((*pixels.face.shape, 3))
+        if "surface" in layers:
+            picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), SURFACE_COLOR)
+        contact = rasterize(front, view)
+        shown_ground = ground if "drivable" in layers else None
+        if "contact" in layers:
+            picture = _add_contact(picture, pixels, contact, front, labels, shown_ground is not None)
+        if shown_ground is not None:
+            is_hidden = contact.height > pixels.height + BEHIND
+            picture = _add_ground(picture, pixels, view, shown_ground, is_hidden)
+        axes.imshow(reduce_samples(picture))
+        axes.set_axis_off()
+        if "route" in layers and route is not None:
+            _add_route(axes, view, pixels, route)
+    figure.legend(
+        handles=_make_legend(layers, ground, route), loc="outside lower center", ncols=6, fontsize=9
+    )
+    return figure
+
+
+def _add_contact(
+    picture: Float[np.ndarray, "H W 3"],
+    surface: Pixels,
+    contact: Pixels,
+    triangles: Float[np.ndarray, "F 3 3"],
+    labels: Int[np.ndarray, " F"],
+    is_plain: bool,
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture with translucent pieces that the surface does not hide; `is_plain`: all of one color."""
+    if not len(triangles):
+        return picture
+    is_seen = (contact.face >= 0) & (contact.height > surface.height - BEHIND)
+    piece = np.where(is_seen, labels[contact.face], -1)
+    colors = make_piece_colors(int(labels.max()) + 1)[piece, :3]
+    above = shade_pixels(contact, triangles, np.array(CONTACT_COLOR) if is_plain else colors)
+    opacity = PLAIN_OPACITY if is_plain else CONTACT_OPACITY
+    return draw_outlines(blend(picture, above, is_seen, opacity), piece, is_seen)
+
+
+def _add_ground(
+    picture: Float[np.ndarray, "H W 3"],
+    pixels: Pixels,
+    view: View,
+    ground: TraversabilityMap,
+    is_hidden: Bool[np.ndarray, "H W"],
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture with ground colored by whether the body can drive there."""
+    rows, columns = np.nonzero((pixels.face >= 0) & ~is_hidden)
+    if not len(rows) or not len(ground.cell):
+        return picture
+    points = view.find_points(columns, rows, pixels.height[rows, columns])
+    flat = [1.0, 1.0, HEIGHT_WEIGHT]
+    distance, place = cKDTree(ground.positions * flat).query(
+        points * flat, distance_upper_bound=2 * ground.grid.cell
+    )
+    is_ground = np.isfinite(distance)
+    region = ground.region[np.where(is_ground, place, 0)]
+    kind = np.where(region == 0, 0, np.where(region > 0, 1, 2))
+    tint = picture.copy()
+    tint[rows, columns] = np.array(list(GROUND_COLORS.values()))[kind]
+    is_shown = np.zeros(pixels.face.shape, dtype=bool)
+    is_shown[rows, columns] = is_ground
+    return blend(picture, tint, is_shown, GROUND_OPACITY)
+
+
+def _add_route(axes: Axes, view: View, pixels: Pixels, route: DrivingRoute) -> None:
+    """Draw path, start and goal; dotted where the surface hides them."""
+    path = np.add(route.path, [0.0, 0.0, LIFT])
+    seen = view.project(path) / [OVERSAMPLING, OVERSAMPLING, 1.0]
+    is_seen = _is_seen(seen, pixels)
+    axes.plot(seen[:, 0], seen[:, 1], ":", color=ROUTE_COLOR, linewidth=1.2)
+    for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(is_seen)) + 1):
+        if is_seen[part[0]]:
+            axes.plot(seen[part, 0], seen[part, 1], color=ROUTE_COLOR, linewidth=2.0)
+    for index, marker, size in ((0, "o", 7), (-1, "*", 13)):
+        axes.plot(*seen[index, :2], marker, color=ROUTE_COLOR, markersize=size, markeredgecolor="white")
+
+
+def _is_seen(seen: Float[np.ndarray, "N 3"], pixels: Pixels) -> Bool[np.ndarray, " N"]:
+    rows, columns = ((OVERSAMPLING * seen[:, axis]).astype(np.int64) for axis in (1, 0))
+    rows = np.clip(rows, 0, pixels.height.shape[0] - 1)
+    columns = np.clip(columns, 0, pixels.height.shape[1] - 1)
+    return seen[:, 2] > pixels.height[rows, columns] - BEHIND
+
+
+def _make_legend(
+    layers: Sequence[str], ground: TraversabilityMap | None, route: DrivingRoute | None
+) -> list[Patch | Line2D]:
+    handles: list[Patch | Line2D] = []
+    if "contact" in layers:
+        handles.append(Patch(color=CONTACT_COLOR, alpha=CONTACT_OPACITY, label="contact pieces"))
+    if "drivable" in layers and ground is not None:
+        handles += [Patch(color=color, label=name) for name, color in GROUND_COLORS.items()]
+    if "route" in layers and route is not None:
+        for marker, size, name in (("o", 6, "start"), ("*", 11, "goal")):
+            handles.append(
+                Line2D(
+                    [], [], color=ROUTE_COLOR, linestyle="none", marker=marker, markersize=size, label=name
+                )
+            )
+    return handles

@@ -1,0 +1,167 @@
+"""Draw triangles into pixels with a depth buffer, without a display or OpenGL; equal input gives equal pixels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+_MOST_CELLS = 1_000_000
+"""Pixels that are tested at once: bounds the memory to some 100 MB."""
+_FILLED, _MOST_HEIGHT = 0.97, 0.75
+"""Share of the picture that is filled; largest height of a picture, relative to its width."""
+_EDGE = 1e-9
+"""Pixels this far outside of a triangle, relative to its size, belong to it: no gap between neighbors."""
+_LEAST_AREA = 1e-9
+"""Triangles that cover less are seen from the side and not drawn [pixel²]."""
+
+
+class View(NamedTuple):
+    """A camera without perspective.
+
+    Attributes:
+        axes: rows: right, up, and towards the camera, as unit vectors.
+        center: the point in the middle of the picture [m].
+        scale: pixels per meter.
+        width: pixels.
+        height: pixels.
+    """
+
+    axes: Float[np.ndarray, "3 3"]
+    center: Float[np.ndarray, " 3"]
+    scale: float
+    width: int
+    height: int
+
+    def project(self, points: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
+        """Return column, row [pixel] and height towards the camera [m] of points."""
+        seen = (points - self.center) @ self.axes.T
+        return np.stack(
+            [
+                self.width / 2 + self.scale * seen[..., 0],
+                self.height / 2 - self.scale * seen[..., 1],
+                seen[..., 2],
+            ],
+            axis=-1,
+        )
+
+    def find_points(
+        self,
+        columns: Int[np.ndarray, " P"],
+        rows: Int[np.ndarray, " P"],
+        heights: Float[np.ndarray, " P"],
+    ) -> Float[np.ndarray, "P 3"]:
+        """Return the points that the middles of pixels show, given their heights towards the camera [m]."""
+        right = (columns + 0.5 - self.width / 2) / self.scale
+        up = (self.height / 2 - rows - 0.5) / self.scale
+        return self.center + np.stack([right, up, heights], axis=1) @ self.axes
+
+
+class Pixels(NamedTuple):
+    """What a picture shows.
+
+    Attributes:
+        face: triangle in each pixel; -1 where there is none.
+        height: its height towards the camera [m]; -inf where there is none.
+    """
+
+    face: Int[np.ndarray, "H W"]
+    height: Float[np.ndarray, "H W"]
+
+
+def make_view(points: Float[np.ndarray, "N 3"], elevation: float, azimuth: float, width: int) -> View:
+    """Return a view in which points fill the picture, which is at most 3/4 as high as it is wide.
+
+    Args:
+        points: what is to be seen, such as the vertices of a mesh [m].
+        elevation: angle of the camera above the horizon [degree].
+        azimuth: direction from the middle to the camera, from x towards y [degree].
+        width: pixels.
+    """
+    up, around = np.radians(elevation), np.radians(azimuth)
+    right = np.array([-np.sin(around), np.cos(around), 0.0])
+    towards = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    axes = np.stack([right, np.cross(towards, right), towards])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    extent = np.maximum(high - low, np.finfo(np.float32).tiny)
+    scale = _FILLED * min(width / extent[0], _MOST_HEIGHT * width / extent[1])
+    height = 2 * int(np.ceil(scale * extent[1] / _FILLED / 2))
+    return View(axes, (low + high) / 2 @ axes, float(scale), width, max(height, 2))
+
+
+def rasterize(triangles: Float[np.ndarray, "F 3 3"], view: View, is_culled: bool = True) -> Pixels:
+    """Return the nearest triangle in every pixel.
+
+    Args:
+        triangles: corners [m], counterclockwise seen from the front.
+        view: the camera.
+        is_culled: leave out triangles that are seen from behind, as the ceiling of a room from above.
+    """
+    face = np.full(view.height * view.width, -1, dtype=np.int64)
+    height = np.full(view.height * view.width, -np.inf)
+    corners = view.project(triangles)
+    ahead, behind = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+    area = -(ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0])  # rows count downwards
+    is_drawn = (area if is_culled else np.abs(area)) > _LEAST_AREA
+    low = np.clip(np.ceil(corners[..., :2].min(axis=1) - 0.5), 0, [view.width, view.height])
+    high = np.clip(np.floor(corners[..., :2].max(axis=1) - 0.5), -1, [view.width - 1, view.height - 1])
+    size = (high - low).max(axis=1) + 1
+    is_drawn &= (high >= low).all(axis=1)
+    level = np.ceil(np.log2(np.maximum(size, 1))).astype(np.int64)
+    for power in np.unique(level[is_drawn]):
+        chosen = np.flatnonzero(is_drawn & (level == power))
+        step = max(_MOST_CELLS // 4**power, 1)
+        for start in range(0, len(chosen), step):
+            part = chosen[start : start + step]
+            _draw(corners[part], part, low[part].astype(np.int64), 2**power, view.width, face, height)
+    shape = (view.height, view.width)
+    return Pixels(face.reshape(shape), height.reshape(shape))
+
+
+def find_outlines(labels: Int[np.ndarray, "H W"]) -> Bool[np.ndarray, "H W"]:
+    """Return the pixels whose right or lower neighbor has another label."""
+    is_edge = np.zeros(labels.shape, dtype=bool)
+    is_edge[:, :-1] |= labels[:, :-1] != labels[:, 1:]
+    is_edge[:-1] |= labels[:-1] != labels[1:]
+    return is_edge
+
+
+def _draw(
+    corners: Float[np.ndarray, "T 3 3"],
+    names: Int[np.ndarray, " T"],
+    low: Int[np.ndarray, "T 2"],
+    size: int,
+    width: int,
+    face: Int[np.ndarray, " P"],
+    height: Float[np.ndarray, " P"],
+) -> None:
+    """Draw triangles of about one size into the buffers `face` and `height`."""
+    steps = np.arange(size)
+    columns, rows = low[:, 0, None, None] + steps, low[:, 1, None, None] + steps[:, None]
+    x, y = columns + 0.5, rows + 0.5
+    shares = _find_shares(corners, x, y)
+    is_inside = (shares >= -_EDGE).all(axis=0) & (columns < width) & (rows < len(face) // width)
+    triangle, row, column = np.nonzero(is_inside)
+    at = shares[:, triangle, row, column]
+    level = (at * corners[triangle, :, 2].T).sum(axis=0)
+    pixel = rows[triangle, row, 0] * width + columns[triangle, 0, column]
+    order = np.lexsort((names[triangle], -level, pixel))
+    pixel, level, triangle = pixel[order], level[order], triangle[order]
+    is_first = np.concatenate([[True], pixel[1:] != pixel[:-1]]) if len(pixel) else np.zeros(0, dtype=bool)
+    pixel, level, triangle = pixel[is_first], level[is_first], triangle[is_first]
+    is_nearer = level > height[pixel]
+    face[pixel[is_nearer]] = names[triangle[is_nearer]]
+    height[pixel[is_nearer]] = level[is_nearer]
+
+
+def _find_shares(
+    corners: Float[np.ndarray, "T 3 3"], x: Float[np.ndarray, "T _ _"], y: Float[np.ndarray, "T _ _"]
+) -> Float[np.ndarray, "3 T S S"]:
+    """Return barycentric coordinates of pixels."""
+    (ax, ay), (bx, by), (cx, cy) = (corners[:, i, :2].T[:, :, None, None] for i in range(3))
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    first = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+    second = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+    return np.stack([first, second, 1.0 - first - second])

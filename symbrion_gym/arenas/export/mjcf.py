@@ -1,0 +1,121 @@
+"""MJCF: one file that MuJoCo loads without this package, and that other models include or attach.
+
+The vertices stand in the file: no path breaks when another model includes it, and 2,000 pieces load faster than from
+2,000 files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+from jaxtyping import Num
+
+from symbrion_gym.arenas.export.content import Content, Solid
+from symbrion_gym.arenas.spec import (
+    CONTACT_GROUP,
+    FIELD_BASE,
+    LEAST_RISE,
+    ROLLING_FRICTION,
+    SURFACE_COLOR,
+    SURFACE_GROUP,
+    make_piece_colors,
+)
+from symbrion_gym.contact.kinds import HeightField
+
+BODY = "arena"
+"""Name of the body that holds all geoms."""
+_DIGITS = 6
+"""Coordinates to 1 µm, as in a saved arena."""
+
+
+def format_mjcf(content: Content) -> dict[str, bytes]:
+    """Return `arena.xml` with contact and surface, and `contact.xml` without the surface."""
+    return {
+        "arena.xml": _format_model(content, has_surface=True),
+        "contact.xml": _format_model(content, has_surface=False),
+    }
+
+
+def _format_model(content: Content, *, has_surface: bool) -> bytes:
+    assets, geoms = list(_format_assets(content)), list(_format_geoms(content))
+    if has_surface:
+        surface = content.surface
+        faces = " ".join(map(str, np.asarray(surface.faces).ravel().tolist()))
+        assets.append(
+            f'<mesh name="arena_surface" inertia="shell" vertex="{_join(surface.vertices)}" face="{faces}"/>'
+        )
+        geoms.append(
+            f'<geom name="arena_surface" type="mesh" mesh="arena_surface" contype="0" conaffinity="0" '
+            f'group="{SURFACE_GROUP}" mass="0" rgba="{_join(SURFACE_COLOR)}"/>'
+        )
+    lines = [
+        f"<mujoco model={quoteattr('arena ' + content.name)}>",
+        "<asset>",
+        *assets,
+        "</asset>",
+        "<worldbody>",
+        f'<body name="{BODY}">',
+        *geoms,
+        "</body>",
+        "</worldbody>",
+        "</mujoco>",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _format_assets(content: Content) -> Iterator[str]:
+    for solid in content.solids:
+        if solid.box is None:
+            yield f'<mesh name="{solid.name}" inertia="shell" vertex="{_join(solid.mesh.vertices)}"/>'
+    if content.height_field is not None:
+        field = content.height_field
+        rows, columns = field.heights.shape
+        lowest, rise = _find_rise(field)
+        size = [*((field.high - field.low) / 2), rise, FIELD_BASE]
+        # MuJoCo reads the rows of an elevation from the far end to the near one.
+        heights = ((field.heights - lowest) / rise)[::-1]
+        yield (
+            f'<hfield name="arena_height_field" nrow="{rows}" ncol="{columns}" size="{_join(size)}" '
+            f'elevation="{_join(heights)}"/>'
+        )
+
+
+def _format_geoms(content: Content) -> Iterator[str]:
+    colors = make_piece_colors(len(content.solids))
+    friction = _join([content.friction, *ROLLING_FRICTION])
+    common = f'contype="1" conaffinity="1" group="{CONTACT_GROUP}" mass="0" friction="{friction}"'
+    for solid, color in zip(content.solids, colors, strict=True):
+        yield f'<geom name="{solid.name}" {_format_shape(solid)} {common} rgba="{_join(color.round(3))}"/>'
+    if content.height_field is not None:
+        field = content.height_field
+        position = [*((field.high + field.low) / 2), _find_rise(field)[0]]
+        yield (
+            f'<geom name="arena_height_field" type="hfield" hfield="arena_height_field" '
+            f'pos="{_join(position)}" {common}/>'
+        )
+
+
+def _format_shape(solid: Solid) -> str:
+    if solid.box is None:
+        return f'type="mesh" mesh="{solid.name}"'
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, solid.box.axes.ravel())
+    return (
+        f'type="box" pos="{_join(solid.box.center)}" quat="{_join(quaternion, digits=9)}" '
+        f'size="{_join(solid.box.half_sizes)}"'
+    )
+
+
+def _find_rise(field: HeightField) -> tuple[float, float]:
+    """Return the lowest height, and how far the highest is above it [m]."""
+    lowest = float(field.heights.min())
+    return lowest, max(float(field.heights.max()) - lowest, LEAST_RISE)
+
+
+def _join(values: Num[np.ndarray, " ..."] | list[float] | tuple[float, ...], digits: int = _DIGITS) -> str:
+    """Return numbers as text, without zeros at the end."""
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits) + 0.0  # + 0.0 turns -0.0 into 0.0
+    return " ".join(f"{value:.{digits}f}".rstrip("0").rstrip(".") for value in rounded.ravel().tolist())

@@ -1,0 +1,185 @@
+"""What an arena is made of: a surface wound towards free space, and the readings behind it where they are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+
+from reconstruction.errors import ReconstructionError, ScanError
+from reconstruction.files.printable import make_printable
+from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction.geometry.orientation import orient_to_viewpoints
+from reconstruction.geometry.visibility import count_votes
+from reconstruction.scans.frames import find_offset
+from symbrion_gym.arenas.surface_file import load_surface
+from symbrion_gym.errors import ArenaError
+
+if TYPE_CHECKING:
+    from reconstruction.reconstruct import Reconstruction
+
+_WITH_FRAME = (".glb", ".gltf", ".dae")
+"""Formats that say which way is up and in which unit."""
+_FARTHEST = 1e8
+"""Coordinates beyond this are no place on earth in meters: damaged [m]."""
+
+_ONE_SIDED = 0.6
+"""A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScannedSurface:
+    """A surface and what was scanned.
+
+    Attributes:
+        mesh: faces look at free space where `is_oriented` [m].
+        source: name of the file, or "mesh".
+        is_oriented: whether the winding tells where free space is.
+        points: readings [m]; None: unknown.
+        viewpoints: positions of the sensor [m].
+        seen_from: viewpoint of every reading.
+        dropped: share of the readings that pre-processing dropped.
+        offset: what was subtracted from the coordinates of the scan [m].
+    """
+
+    mesh: trimesh.Trimesh
+    source: str = "mesh"
+    is_oriented: bool = False
+    points: Float[np.ndarray, "N 3"] | None = None
+    viewpoints: Float[np.ndarray, "K 3"] | None = None
+    seen_from: Int[np.ndarray, " N"] | None = None
+    dropped: float | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def take_surface(
+    surface: Reconstruction | trimesh.Trimesh | str | Path, viewpoints: ArrayLike | None = None
+) -> ScannedSurface:
+    """Return a reconstruction, a mesh, or a file of either as a surface near the origin of its frame.
+
+    Args:
+        surface: what an arena is made of.
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the surface [m].
+
+    Raises:
+        ArenaError: the file cannot be read, or the viewpoints are none.
+    """
+    scanned = _take(surface)
+    if viewpoints is not None:
+        scanned = _look_from(scanned, _check_viewpoints(viewpoints) - np.array(scanned.offset))
+    return _recenter(scanned)
+
+
+def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Trimesh:
+    """Return the repaired mesh, its winding kept where that tells where free space is.
+
+    Raises:
+        ArenaError: nothing usable is left of it.
+    """
+    try:
+        return repair_mesh(scanned.mesh, replace(config, keeps_winding=scanned.is_oriented))
+    except ReconstructionError as error:
+        raise ArenaError(f"{scanned.source}: {error}") from error
+
+
+def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
+    if scanned.points is None or scanned.viewpoints is None:
+        return None
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
+    return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
+def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:
+    if isinstance(surface, trimesh.Trimesh):
+        return ScannedSurface(surface)
+    if isinstance(surface, str | Path):
+        name = make_printable(Path(surface).name)
+        if Path(surface).suffix.lower() == ".npz":
+            from reconstruction.reconstruct import Reconstruction
+
+            try:
+                return _take_reconstruction(Reconstruction.load(surface), name)
+            except ReconstructionError as error:
+                raise ArenaError(str(error)) from error
+        if Path(surface).suffix.lower() in _WITH_FRAME:
+            return _take_file(Path(surface), name)
+        return ScannedSurface(load_surface(surface), name)
+    return _take_reconstruction(surface, "reconstruction")
+
+
+def _take_file(path: Path, name: str) -> ScannedSurface:
+    """Return a mesh file in meters, z up, whatever its format says of both."""
+    from reconstruction.scans.mesh_files import load_mesh
+
+    if not path.is_file():
+        raise ArenaError(f"no mesh file {path}")
+    try:
+        mesh = load_mesh(path)
+    except ScanError as error:
+        raise ArenaError(str(error)) from error
+    offset = np.asarray(mesh.metadata.get("offset", np.zeros(3)), dtype=np.float64)
+    return ScannedSurface(mesh, name, offset=(float(offset[0]), float(offset[1]), float(offset[2])))
+
+
+def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
+    readings = made.readings
+    dropped = made.dropped
+    return ScannedSurface(
+        made.mesh,
+        name,
+        True,
+        readings.points,
+        readings.viewpoints,
+        readings.seen_from,
+        None if dropped is None else dropped.share,
+        (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+    )
+
+
+def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
+    try:
+        array = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise ArenaError(f"viewpoints must be positions x, y, z, got {viewpoints!r}") from error
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.isfinite(array).all():
+        raise ArenaError(f"viewpoints must be one or more finite positions x, y, z, got {viewpoints!r}")
+    return array
+
+
+def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) -> ScannedSurface:
+    """Return a surface whose components look to the viewpoints that saw them."""
+    mesh = scanned.mesh
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    points = scanned.points if scanned.points is not None else vertices[faces].mean(axis=1)
+    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints)
+    mesh = trimesh.Trimesh(turned.vertices, turned.faces, process=False)
+    return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
+
+
+def _recenter(scanned: ScannedSurface) -> ScannedSurface:
+    """Return a surface near the origin: what is far off is moved by whole meters."""
+    vertices = np.asarray(scanned.mesh.vertices, dtype=np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        return scanned  # the repair refuses it
+    finite = vertices[np.isfinite(vertices).all(axis=1)]
+    if not len(finite) or float(np.abs(finite).max()) > _FARTHEST:
+        return scanned
+    step = find_offset(finite)
+    if not step.any():
+        return scanned
+    total = np.array(scanned.offset) + step
+    return replace(
+        scanned,
+        mesh=trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False),
+        points=None if scanned.points is None else scanned.points - step,
+        viewpoints=None if scanned.viewpoints is None else scanned.viewpoints - step,
+        offset=(float(total[0]), float(total[1]), float(total[2])),
+    )

@@ -1,0 +1,1 @@
+"""The passes that make contact geometry, each a candidate of its own."""

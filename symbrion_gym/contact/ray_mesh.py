@@ -1,0 +1,79 @@
+"""Exact rays on triangles: MuJoCo's bounding-volume tree over all triangles of several meshes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+_LEAST_AREA = 1e-12
+"""Triangles with less are no shape [m²]; a ray hits their neighbors."""
+
+
+class RayMesh:
+    """Casts rays on the triangles of meshes, from both sides; the first triangle along a ray counts."""
+
+    def __init__(self, meshes: Sequence[trimesh.Trimesh]) -> None:
+        """Build the tree.
+
+        Args:
+            meshes: any triangles; none at all are hit by no ray.
+        """
+        self._middle = np.zeros(3)
+        self._model: mujoco.MjModel | None = None
+        triangles = np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(mesh.triangles) for mesh in meshes)])
+        crossed = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        triangles = triangles[np.linalg.norm(crossed, axis=1) / 2 > _LEAST_AREA]
+        if not len(triangles):
+            return
+        flat = triangles.reshape(-1, 3)
+        self._middle = (flat.min(axis=0) + flat.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
+        vertices, index = np.unique(flat - self._middle, axis=0, return_inverse=True)
+        spec = mujoco.MjSpec()
+        spec.add_mesh(
+            name="triangles",
+            uservert=vertices.ravel(),
+            userface=index.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH, meshname="triangles", contype=0, conaffinity=0
+        )
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def cast(
+        self, origins: Float[np.ndarray, "R 3"], directions: Float[np.ndarray, "R 3"]
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the first triangle along each ray [m]; inf where there is none.
+
+        Args:
+            origins: where the rays begin [m]; rays that share one are cast together.
+            directions: unit vectors.
+        """
+        distances = np.full(len(origins), np.inf)
+        if self._model is None or not len(origins):
+            return distances
+        places, group = np.unique(origins - self._middle, axis=0, return_inverse=True)
+        order = np.argsort(group.ravel(), kind="stable")
+        for place, rays in zip(
+            places, np.split(order, np.cumsum(np.bincount(group.ravel()))[:-1]), strict=True
+        ):
+            distances[rays] = self._cast_from(place, directions[rays])
+        return distances
+
+    def _cast_from(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
+    ) -> Float[np.ndarray, " R"]:
+        assert self._model is not None
+        count = len(directions)
+        distances, geoms = np.empty(count), np.empty(count, np.int32)
+        mujoco.mj_multiRay(
+            self._model, self._data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(),
+            None, True, -1, geoms, distances, None, count, mujoco.mjMAXVAL,
+        )  # fmt: skip
+        return np.where(geoms < 0, np.inf, distances)

@@ -1,0 +1,1 @@
+"""Where a body can drive in an arena: layers of ground under ceilings, a map of them, and routes on it."""

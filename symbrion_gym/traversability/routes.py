@@ -1,0 +1,259 @@
+"""Routes on a map of drivable ground: start, goal and the path between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from reconstruction.range_checks import check_not_negative, check_positive
+from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.traversability.drivable import TraversabilityMap
+
+Place = Sequence[float] | np.ndarray
+"""(x, y), or (x, y, z) where there are several storeys [m]."""
+
+
+@dataclass(frozen=True)
+class RouteConfig:
+    """How a route is chosen.
+
+    Attributes:
+        max_length: a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s.
+        ample_room: start and goal are chosen where the distance from walls is this many times the body's reach, or
+            among the half of the region with the most room.
+        wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
+            room, so that paths keep off walls where they can.
+        snap: a given place is moved to drivable ground no farther away than this in plan [m], beside half a cell.
+        storey: a given z is that of ground no farther above or below than this [m]; half a storey is more.
+        look_ahead: the start heads for the path this far ahead [m].
+
+    Raises:
+        OptionError: a number is out of range.
+    """
+
+    max_length: float = 10.0
+    ample_room: float = 2.0
+    wall_cost: float = 3.0
+    snap: float = 0.0
+    storey: float = 0.25
+    look_ahead: float = 0.3
+
+    def __post_init__(self) -> None:
+        names = [each.name for each in fields(self)]
+        check_positive(self, [name for name in names if name not in ("snap", "wall_cost")], OptionError)
+        check_not_negative(self, ("snap", "wall_cost"), OptionError)
+
+
+@dataclass(frozen=True, eq=False)
+class DrivingRoute:
+    """A way over drivable ground, for the middle of a body.
+
+    Attributes:
+        start: (x, y, z) on the ground [m].
+        goal: (x, y, z) on the ground [m].
+        heading: direction in which the path begins [rad].
+        path: `[W, 3]` points on the ground from start to goal, about a cell apart [m].
+        length: length of the path [m].
+        clearance: smallest distance of the path from walls, rims and ground that is too steep [m].
+        region: number of the region on the map.
+    """
+
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+    heading: float
+    path: Float[np.ndarray, "W 3"]
+    length: float
+    clearance: float
+    region: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"path": self.path.tolist()}
+
+
+def find_driving_route(
+    ground: TraversabilityMap,
+    start: Place | None = None,
+    goal: Place | None = None,
+    name: str = "arena",
+    config: RouteConfig | None = None,
+) -> DrivingRoute:
+    """Find a route over drivable ground; what is not given is chosen.
+
+    Without start and goal, they are two places of the largest region that are far apart, with room around them.
+
+    Args:
+        ground: where the body can drive.
+        start: (x, y) or (x, y, z) [m]. Without z, of several storeys the one in the larger region.
+        goal: likewise.
+        name: name of the arena, for messages.
+        config: how the route is chosen; None for the defaults.
+
+    Raises:
+        ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
+            both; the message names the nearest place that is possible.
+    """
+    config = config or RouteConfig()
+    if not ground.num_regions:
+        raise ArenaError(
+            f"arena {name!r} has no drivable ground for a body of {ground.footprint.length:.2f} x "
+            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more"
+        )
+    if start is not None and goal is not None and np.array_equal(start, goal):
+        raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
+    first = None if start is None else find_drivable_place(ground, "start", start, name, config)
+    region = 0 if first is None else int(ground.region[first])
+    last = None
+    if goal is not None:
+        wanted = None if first is None else region
+        last = find_drivable_place(ground, "goal", goal, name, config, wanted)
+        region = int(ground.region[last])
+    graph = _make_cost_graph(ground, config)
+    first, last = _choose_ends(ground, graph, region, first, last, config)
+    path = _follow(ground, graph, first, last)
+    points = ground.positions[path]
+    for index, given in ((0, start), (-1, goal)):
+        if given is not None:
+            points[index, :2] = np.asarray(given, dtype=np.float64)[:2]
+    return _make_route(points, float(ground.wall_distance[path].min()), region, config)
+
+
+def find_drivable_place(
+    ground: TraversabilityMap,
+    what: str,
+    place: Place,
+    name: str = "arena",
+    config: RouteConfig | None = None,
+    region: int | None = None,
+) -> int:
+    """Return the number of the drivable place at (x, y) or (x, y, z).
+
+    Args:
+        ground: where the body can drive.
+        what: what the place is, for messages.
+        place: (x, y) or (x, y, z) [m].
+        name: name of the arena, for messages.
+        config: how far a place may be moved; None for the defaults.
+        region: the place must lie in this region; None for any.
+
+    Raises:
+        ArenaError: it is no place, or not drivable; the message names the nearest place that is.
+    """
+    config = config or RouteConfig()
+    point = read_place(what, place)
+    is_usable = ground.is_drivable if region is None else ground.region == region
+    usable = np.flatnonzero(is_usable)
+    offset = ground.positions[usable] - np.append(point, 0.0)[:3]
+    flat = np.abs(offset[:, :2]).max(axis=1)
+    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9) + config.snap
+    if len(point) == 3:
+        is_near &= np.abs(offset[:, 2]) <= config.storey
+    if is_near.any():
+        near = usable[is_near]
+        if len(point) == 3:
+            gap = np.linalg.norm(offset[is_near], axis=1)
+            return int(near[np.argmin(gap)])
+        return int(near[np.lexsort((flat[is_near], ground.region[near]))[0]])
+    distance = np.linalg.norm(offset[:, : len(point)], axis=1)
+    nearest = tuple(np.round(ground.positions[usable[np.argmin(distance)]], 2).tolist())
+    why = "has no drivable ground" if region is None else "is not connected to the start"
+    raise ArenaError(
+        f"the {what} {_show(point)} {why} in arena {name!r}; the nearest possible place is {nearest}"
+    )
+
+
+def read_place(what: str, place: Place) -> Float[np.ndarray, " d"]:
+    """Return (x, y) or (x, y, z) [m] as an array.
+
+    Raises:
+        ArenaError: it is neither.
+    """
+    try:
+        point = np.asarray(place, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        point = np.zeros(0)
+    if len(point) not in (2, 3) or not np.isfinite(point).all():
+        raise ArenaError(f"{what} must be a place (x, y) or (x, y, z) in meters, got {place!r}")
+    return point
+
+
+def _show(point: Float[np.ndarray, " d"]) -> str:
+    return str(tuple(np.round(point, 3).tolist()))
+
+
+def _make_cost_graph(ground: TraversabilityMap, config: RouteConfig) -> csr_matrix:
+    """Return the graph of drivable places; its lengths are longer near walls."""
+    graph = ground.find_graph(ground.is_drivable).tocoo()
+    ample = config.ample_room * max(ground.footprint.reach, ground.grid.cell)
+    nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
+    factor = 1.0 + config.wall_cost * (nearness[graph.row] + nearness[graph.col]) / 2
+    return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
+
+
+def _choose_ends(
+    ground: TraversabilityMap,
+    graph: csr_matrix,
+    region: int,
+    first: int | None,
+    last: int | None,
+    config: RouteConfig,
+) -> tuple[int, int]:
+    """Return start and goal; what is missing is chosen far from the other, with room around it."""
+    if first is not None and last is not None:
+        return first, last
+    inside = ground.region == region
+    ample = config.ample_room * ground.footprint.reach
+    roomy = np.flatnonzero(
+        inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
+    )
+    lengths = ground.find_graph(ground.is_drivable)
+    if first is None and last is None:
+        middle = roomy[np.argmax(ground.wall_distance[roomy])]
+        first = _find_far(lengths, int(middle), roomy, np.inf)
+    known = first if first is not None else last
+    assert known is not None
+    other = _find_far(lengths, known, roomy, config.max_length)
+    if other == known:
+        raise ArenaError(
+            f"the drivable region at {_show(ground.positions[known])} has only {ground.region_areas[region]:.2f} m², "
+            "too little for a route; give a smaller body or one that climbs more"
+        )
+    return (known, other) if first is not None else (other, known)
+
+
+def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], most: float) -> int:
+    """Return the candidate that is farthest from the start by length of the way, up to a length."""
+    distance = dijkstra(graph, indices=start)[candidates]
+    return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
+
+
+def _follow(ground: TraversabilityMap, graph: csr_matrix, first: int, last: int) -> Int[np.ndarray, " W"]:
+    """Return the places of the cheapest path."""
+    before = dijkstra(graph, indices=first, return_predecessors=True)[1]
+    path = [last]
+    while path[-1] != first:
+        path.append(int(before[path[-1]]))
+    return np.array(path[::-1])
+
+
+def _make_route(
+    points: Float[np.ndarray, "W 3"], clearance: float, region: int, config: RouteConfig
+) -> DrivingRoute:
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    ahead = points[min(np.searchsorted(travelled, config.look_ahead), len(points) - 1)] - points[0]
+    (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()
+    return DrivingRoute(
+        start=(start_x, start_y, start_z),
+        goal=(goal_x, goal_y, goal_z),
+        heading=float(np.arctan2(ahead[1], ahead[0])),
+        path=points,
+        length=float(travelled[-1]),
+        clearance=clearance,
+        region=region,
+    )

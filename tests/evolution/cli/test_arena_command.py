@@ -1,0 +1,113 @@
+"""`symbrion arena` and `symbrion view`: honest tables, warnings, pictures, exit codes."""
+
+import json
+from pathlib import Path
+
+import pytest
+import trimesh
+from PIL import Image
+
+from evolution.cli.main import run
+
+
+@pytest.fixture
+def sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A mesh file of uneven ground."""
+    monkeypatch.setenv("SYMBRION_CACHE", str(tmp_path / "cache"))
+    mesh = trimesh.creation.box((4, 2, 0.2)).subdivide().subdivide()
+    mesh.update_faces(mesh.face_normals[:, 2] > 0.5)
+    mesh.remove_unreferenced_vertices()
+    mesh.vertices[:, 2] += 0.05 * (mesh.vertices[:, 0] > 0.7)
+    path = tmp_path / "sheet.ply"
+    mesh.export(path)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("arena_view", "error_map"):
+        monkeypatch.setattr(f"evolution.report.{name}.WIDTH", 400)
+
+
+def make(sheet: Path, *words: str) -> list[str]:
+    return ["arena", str(sheet), "--kind", "prisms", "--out", str(sheet.parent / "out"), "--quiet", *words]
+
+
+def test_quality_is_told_and_kept(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(make(sheet, "--viewpoint", "0", "0", "2", "1", "0", "2", "--accuracy", "0.01")) == 0
+    table = capsys.readouterr().out
+    for words in ("accuracy wanted", "accuracy reached", "beams that end", "free space", "pieces"):
+        assert words in table
+    kept = json.loads((sheet.parent / "out" / "arena.json").read_text())["quality"]
+    assert kept["beams_surface"] == 1.0
+    assert kept["beams_contact"] > 0.95
+    assert kept["free_space"] < 0.01
+
+
+def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(
+    sheet: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    words = make(sheet, "--accuracy", "1e-9", "--max-pieces", "1", "--json")
+    assert run(words) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert not summary["accuracy"]["is_reached"]
+    assert len(summary["accuracy"]["worst"]) == 3
+    assert "at (" in caplog.text
+    assert run([*words, "--strict"]) == 3
+    assert (sheet.parent / "out" / "arena.json").is_file()
+    assert run(make(sheet, "--accuracy", "0.5", "--strict")) == 0
+
+
+def test_pictures(sheet: Path) -> None:
+    picture = sheet.parent / "new" / "error.png"
+    assert run(make(sheet, "--picture", str(picture))) == 0
+    assert Image.open(picture).size[0] > 500
+    seen = sheet.parent / "seen.png"
+    assert run(["view", str(sheet.parent / "out"), "--picture", str(seen), "--quiet"]) == 0
+    assert Image.open(seen).size[0] > 500
+
+
+def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["ground"]["drivable_area"] > 1.0
+    assert summary["route"]["length"] > 0.5
+    bare = ["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json", "--layers", "surface"]
+    assert run(bare) == 0
+    assert "ground" not in json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--accuracy", "0"], "--accuracy 0"),
+        (["--max-pieces", "0"], "--max-pieces 0"),
+        (["--time-limit", "0"], "--time-limit 0"),
+        (["--viewpoint", "nan", "0", "0"], "not finite"),
+        (["--picture", "a.jpg"], ".png"),
+    ],
+)
+def test_impossible_options_are_refused(
+    sheet: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(make(sheet, *words)) == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nowhere"], "no arena 'nowhere'"),
+        (["truth"], "no display"),
+        (["truth", "--picture", "a.txt"], ".png"),
+        (["truth", "--picture", "a.png", "--modules", "0"], "--modules 0"),
+        (["truth", "--picture", "a.png", "--layers"], "--layers"),
+        (["truth", "--picture", "a.png", "--layers", "fog"], "fog"),
+    ],
+)
+def test_what_cannot_be_viewed_is_refused(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("evolution.cli.commands.view.has_display", lambda: False)
+    assert run(["view", *words]) == 2
+    assert message in capsys.readouterr().err

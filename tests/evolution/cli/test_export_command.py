@@ -1,0 +1,48 @@
+"""`symbrion export`: a ready-made arena for other simulators, and refusals before anything is written."""
+
+import json
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import mujoco
+import pytest
+
+import symbrion_gym as sg
+from evolution.cli.commands.export import Export
+from evolution.cli.main import run
+from symbrion_gym.arenas.export.export import FORMATS
+
+
+def test_the_formats_are_those_of_the_library() -> None:
+    assert list(get_args(get_type_hints(Export)["to"])) == list(FORMATS)
+
+
+def test_an_exported_arena_is_loaded_by_mujoco(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "truth", "--to", "mjcf", "--out", str(tmp_path / "out"), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["num_solids"] == len(sg.load_arena("truth").pieces)
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "out/arena.xml")).ngeom == summary["num_solids"] + 1
+
+
+def test_the_limit_of_vertices_can_be_lifted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["export", "truth", "--to", "obj", "--out", str(tmp_path), "--max-vertices", "None", "--json"]
+    assert run(words) == 0
+    assert json.loads(capsys.readouterr().out)["max_vertices"] is None
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nowhere"], "no arena 'nowhere'"),
+        (["truth", "--to", "fbx"], "mjcf"),
+        (["truth", "--max-vertices", "4"], "--max-vertices 4 is too few; give 8 or more"),
+        (["truth", "--out", "{folder}"], "is not empty and holds no export"),
+    ],
+)
+def test_refusals_write_nothing(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    assert run(["export", *(word.format(folder=tmp_path) for word in words)]) == 2
+    assert message in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

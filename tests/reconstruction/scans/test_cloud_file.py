@@ -1,0 +1,304 @@
+"""Files as clouds: colors, positions of the sensor, and the frame."""
+
+import gzip
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import reconstruction as rc
+from reconstruction.errors import ScanError
+from reconstruction.scans.cloud_file import load_cloud, make_log_cloud, recenter
+from reconstruction.scans.cloud_preprocess import preprocess_cloud
+from reconstruction.scans.raw_points import as_colors
+from reconstruction.scans.scan import ScanLog
+
+POINTS = np.array([[0.0, 0.25, 0.5], [1.0, 2.0, -3.0], [4.0, 5.5, 6.0], [-1.5, 0.125, 2.0], [8.0, 1.0, 0.75]])
+COLORS = np.array([[0, 10, 255], [1, 2, 3], [200, 100, 50], [9, 8, 7], [255, 255, 255]], np.uint8)
+PACKED = (COLORS.astype(np.uint32) << np.array([16, 8, 0], np.uint32)).sum(axis=1).astype(np.uint32)
+
+
+def write(folder: Path, name: str, data: bytes | str) -> Path:
+    path = folder / name
+    path.write_bytes(data if isinstance(data, bytes) else data.encode())
+    return path
+
+
+def join_rows(points: np.ndarray, colors: np.ndarray, separator: str = " ") -> str:
+    rows = zip(points, colors, strict=True)
+    return "".join(separator.join([*map(repr, map(float, p)), *map(str, c)]) + "\n" for p, c in rows)
+
+
+def ply(body: bytes, kind: str, form: str = "ascii") -> bytes:
+    names = "".join(f"property float {name}\n" for name in "xyz")
+    names += "".join(f"property {kind} {name}\n" for name in ("red", "green", "blue"))
+    return f"ply\nformat {form} 1.0\nelement vertex 5\n{names}end_header\n".encode() + body
+
+
+def pcd(
+    kind: str, data: str, body: bytes, viewpoint: str = "0 0 0 1 0 0 0", height: int = 1, name: str = "rgb"
+) -> bytes:
+    width = 5 // height
+    return (
+        f"VERSION .7\nFIELDS x y z {name}\nSIZE 4 4 4 4\nTYPE F F F {kind}\nCOUNT 1 1 1 1\nWIDTH {width}\n"
+        f"HEIGHT {height}\nVIEWPOINT {viewpoint}\nPOINTS 5\nDATA {data}\n"
+    ).encode() + body
+
+
+def pcd_xyz(viewpoint: str, width: int, height: int, points: np.ndarray) -> bytes:
+    head = (
+        f"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {width}\nHEIGHT {height}\nVIEWPOINT {viewpoint}\n"
+        f"POINTS {len(points)}\nDATA binary\n"
+    )
+    return head.encode() + points.astype("<f4").tobytes()
+
+
+def records(kind: str, colors: np.ndarray) -> bytes:
+    dtype = np.dtype([("xyz", "<f4", 3), ("rgb", kind, 3)])
+    rows = np.zeros(5, dtype)
+    rows["xyz"], rows["rgb"] = POINTS, colors
+    return rows.tobytes()
+
+
+PACKED_RECORDS = np.rec.fromarrays([*POINTS.astype("<f4").T, PACKED.astype("<u4")]).tobytes()
+COLORED = {
+    "ascii.ply": ply(join_rows(POINTS, COLORS).encode(), "uchar"),
+    "binary.ply": ply(records("u1", COLORS), "uchar", "binary_little_endian"),
+    "short.ply": ply(records("<u2", COLORS.astype(np.uint16) * 257), "ushort", "binary_little_endian"),
+    "float.ply": ply(records("<f4", COLORS / 255), "float", "binary_little_endian"),
+    "float.pcd": pcd("F", "binary", PACKED_RECORDS),
+    "rgba.pcd": pcd("U", "binary", PACKED_RECORDS, name="rgba"),
+    "text.pcd": pcd("U", "ascii", join_rows(POINTS, PACKED[:, None]).encode()),
+    "text_float.pcd": pcd("F", "ascii", join_rows(POINTS, PACKED[:, None].view(np.float32)).encode()),
+    "names.csv": "X,Y,Z,R,G,B\n" + join_rows(POINTS, COLORS, ","),
+    "long_names.csv": "z,y,x,red,green,blue\n" + join_rows(POINTS[:, ::-1], COLORS, ","),
+    "six.xyz": join_rows(POINTS, COLORS),
+    "seven.txt": join_rows(np.c_[POINTS, np.full(5, 0.5)], COLORS),
+    "a.pts": "5\n" + join_rows(np.c_[POINTS, np.full(5, -130)], COLORS),
+    "a.obj": "".join(f"v {line}\n" for line in join_rows(POINTS, COLORS / 255).splitlines()),
+}
+
+
+@pytest.mark.parametrize("name", COLORED)
+def test_colors_are_kept(tmp_path: Path, name: str) -> None:
+    cloud = load_cloud(write(tmp_path, name, COLORED[name]))
+    np.testing.assert_allclose(cloud.points, POINTS, atol=1e-6)
+    np.testing.assert_array_equal(cloud.colors, COLORS)
+    np.testing.assert_array_equal(rc.load_points(tmp_path / name), cloud.points)
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        np.full((5, 3), 0.5),  # normals
+        np.c_[COLORS[:, :2], np.full(5, 256)],
+        np.c_[COLORS[:, :2], np.full(5, -1)],
+        np.zeros((5, 3), int),
+        np.ones((5, 2), int),  # five columns
+    ],
+)
+def test_columns_that_need_not_be_colors_are_none(tmp_path: Path, columns: np.ndarray) -> None:
+    cloud = load_cloud(write(tmp_path, "a.xyz", join_rows(POINTS, columns)))
+    assert cloud.colors is None
+    assert cloud.num_points == 5
+
+
+def test_ranges_of_colors_are_told_apart() -> None:
+    np.testing.assert_array_equal(as_colors(COLORS.astype(float) / 255), COLORS)
+    np.testing.assert_array_equal(as_colors(COLORS.astype(np.uint16)), COLORS)
+    np.testing.assert_array_equal(as_colors(COLORS.astype(np.uint16) * 257), COLORS)
+    for values in (
+        np.zeros((2, 3)),
+        -np.ones((2, 3)),
+        np.full((2, 3), 1e9),
+        np.full((2, 3), np.inf),
+        np.empty((0, 3)),
+    ):
+        assert as_colors(values) is None
+
+
+def make_log() -> ScanLog:
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, 0, 3] = [0.0, 0.5, 0.5]
+    ranges = np.array([[1.0, 2.0], [np.nan, 3.0], [1.5, 2.5]])
+    return ScanLog(ranges, np.array([0.0, 1.0]), poses)
+
+
+def test_a_log_tells_where_each_point_was_seen_from(tmp_path: Path) -> None:
+    log = make_log()
+    for cloud in (make_log_cloud(log), load_cloud(log.save(tmp_path / "a.npz"))):
+        np.testing.assert_array_equal(cloud.points, log.points())
+        np.testing.assert_array_equal(cloud.viewpoints, [[0.0, 0, 0], [0.5, 0, 0]])
+        np.testing.assert_array_equal(cloud.seen_from, [0, 0, 1, 1, 1])
+        ranges = np.linalg.norm(cloud.points - cloud.origins, axis=1)
+        np.testing.assert_allclose(ranges, log.ranges[log.is_valid])
+
+
+def test_preprocessed_points_keep_their_viewpoint() -> None:
+    tilt = np.linspace(-0.4, 0.4, 60)
+    poses = np.tile(np.eye(4), (60, 1, 1))
+    poses[:, 0, 3] = 0.02 * np.arange(60)
+    angles = np.linspace(-0.6, 0.6, 80)
+    log = ScanLog(2.0 / np.cos(angles)[None] + 0.0 * tilt[:, None], angles, poses)
+    cloud = preprocess_cloud(log)
+    np.testing.assert_array_equal(cloud.points, rc.preprocess(log))
+    assert cloud.origins is not None
+    assert np.linalg.norm(cloud.points - cloud.origins, axis=1).max() < 2.5
+    bare = rc.Cloud(log.points(), viewpoints=np.zeros((1, 3)))
+    np.testing.assert_array_equal(preprocess_cloud(bare).points, rc.preprocess(log.points()))
+
+
+def test_arrays_of_an_npz_go_with_its_points(tmp_path: Path) -> None:
+    viewpoints, seen_from = np.array([[0.0, 0, 1], [5, 0, 1]]), np.array([0, 1, 1, 0, 0])
+    np.savez(tmp_path / "a.npz", points=POINTS, colors=COLORS, viewpoints=viewpoints, seen_from=seen_from)
+    cloud = load_cloud(tmp_path / "a.npz", unit="cm", up="y")
+    np.testing.assert_array_equal(cloud.colors, COLORS)
+    np.testing.assert_array_equal(cloud.seen_from, seen_from)
+    np.testing.assert_allclose(cloud.viewpoints, [[0, -0.01, 0], [0.05, -0.01, 0]])
+    np.testing.assert_allclose(cloud.points, POINTS[:, [0, 2, 1]] * [0.01, -0.01, 0.01])
+    np.savez(tmp_path / "bad.npz", points=POINTS, viewpoints=viewpoints, seen_from=seen_from + 1)
+    with pytest.raises(ScanError, match=r"bad\.npz: seen_from has the indices 1 to 2"):
+        load_cloud(tmp_path / "bad.npz")
+
+
+def make_sweeps() -> np.ndarray:
+    """Two sweeps of nine beams, in the frame and unit of 3DTK."""
+    angle, distance = np.linspace(0, np.pi, 9), 100.0 + 10 * np.arange(9)
+    ahead = distance * np.sin(angle)
+    rows = [
+        np.stack([distance * np.cos(angle), ahead * np.sin(t), ahead * np.cos(t)], 1) for t in (-0.1, 0.2)
+    ]
+    return np.concatenate(rows)
+
+
+SWEEPS = make_sweeps()
+
+
+@pytest.mark.parametrize("ordered", [True, False])
+def test_a_3dtk_scan_stands_where_its_pose_says(tmp_path: Path, ordered: bool) -> None:
+    rows = SWEEPS if ordered else SWEEPS[[0, 9, 1, 10, 2]]
+    path = write(tmp_path, "scan000.3d", "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in rows.tolist()))
+    write(tmp_path, "scan000.pose", "500 100 0\n0 0 0\n")
+    cloud = load_cloud(path, unit="mm")  # 3DTK has centimeters only
+    np.testing.assert_allclose(cloud.viewpoints, [[0, -5.0, 1.0]])
+    expected = np.stack([rows[:, 2], -rows[:, 0], rows[:, 1]], axis=1) / 100 + [0, -5.0, 1.0]
+    np.testing.assert_allclose(cloud.points, expected, atol=1e-9)
+
+
+def test_a_3dtk_scan_without_pose_is_seen_from_its_origin(tmp_path: Path) -> None:
+    cloud = load_cloud(write(tmp_path, "a.3d", "".join(f"{x} {y} {z}\n" for x, y, z in SWEEPS)))
+    np.testing.assert_array_equal(cloud.viewpoints, np.zeros((1, 3)))
+
+
+DEFAULT = "0 0 0 1 0 0 0"
+GRID = np.random.default_rng(0).uniform([-2, -1, 1], [2, 1, 4], (24, 3))
+
+
+@pytest.mark.parametrize(
+    ("viewpoint", "height", "shift", "expected"),
+    [
+        ("1 2 3 1 0 0 0", 1, 0.0, [1.0, 2.0, 3.0]),
+        ("0 0 0 0 1 0 0", 4, 0.0, [0.0, 0.0, 0.0]),
+        (DEFAULT, 4, 0.0, [0.0, 0.0, 0.0]),  # a picture in the frame of its camera
+        (DEFAULT, 4, 50.0, None),
+        (DEFAULT, 1, 0.0, None),  # what writers put where nobody knows
+    ],
+)
+def test_the_viewpoint_of_a_pcd_file_is_believed_where_it_can_be_one(
+    tmp_path: Path, viewpoint: str, height: int, shift: float, expected: list[float] | None
+) -> None:
+    content = pcd_xyz(viewpoint, 24 // height, height, GRID + shift)
+    cloud = load_cloud(write(tmp_path, "a.pcd", content))
+    np.testing.assert_allclose(cloud.points, GRID + shift, atol=1e-5)  # VIEWPOINT moves no points
+    if expected is None:
+        assert cloud.viewpoints is None
+    else:
+        np.testing.assert_array_equal(cloud.viewpoints, [expected])
+
+
+@pytest.mark.parametrize("viewpoint", ["0 0 0", "a b c d e f g", "nan 0 0 1 0 0 0"])
+def test_a_broken_viewpoint_is_refused(tmp_path: Path, viewpoint: str) -> None:
+    with pytest.raises(ScanError, match=r"a\.pcd: VIEWPOINT"):
+        load_cloud(write(tmp_path, "a.pcd", pcd_xyz(viewpoint, 24, 1, GRID)))
+
+
+def test_given_viewpoints_replace_those_of_the_file_and_move_with_the_points(tmp_path: Path) -> None:
+    far = POINTS + np.array([500_000.25, 5_000_000.0, 300.0])
+    path = tmp_path / "a.npz"
+    np.savez(path, points=far, viewpoints=far[:1])
+    cloud = load_cloud(path, viewpoints=[[500_001.0, 5_000_000.0, 302.0], [500_002.0, 5_000_000.0, 302.0]])
+    np.testing.assert_array_equal(cloud.offset, [500_001.0, 5_000_001.0, 301.0])
+    np.testing.assert_allclose(cloud.points + cloud.offset, far, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(cloud.viewpoints, [[0, -1, 1], [1, -1, 1]])
+    assert cloud.seen_from is None
+    np.testing.assert_array_equal(load_cloud(path, viewpoints=[0, 0, 1]).seen_from, np.zeros(5))
+    again = recenter(cloud)
+    assert again is cloud
+
+
+@pytest.mark.parametrize("viewpoints", [[1, 2], "abc", [[np.nan, 0, 0]], np.zeros((0, 3))])
+def test_what_is_no_viewpoint_is_refused(tmp_path: Path, viewpoints: object) -> None:
+    path = write(tmp_path, "a.xyz", join_rows(POINTS, COLORS))
+    with pytest.raises(ScanError, match=r"a\.xyz: viewpoints"):
+        load_cloud(path, viewpoints=viewpoints)
+
+
+def test_rows_that_are_not_finite_take_their_colors_with_them(tmp_path: Path, caplog) -> None:
+    text = join_rows(POINTS, COLORS) + "nan 0 0 4 5 6\n" + "7 7 7 7 7 8\n"
+    cloud = load_cloud(write(tmp_path, "a.xyz.gz", gzip.compress(text.encode())))
+    np.testing.assert_array_equal(cloud.colors, [*COLORS, [7, 7, 8]])
+    assert "dropped 1 rows" in caplog.text
+
+
+def test_a_size_of_no_scene_is_warned_about(tmp_path: Path, caplog) -> None:
+    path = write(tmp_path, "a.xyz", join_rows(POINTS * 1000, COLORS))
+    with caplog.at_level(logging.WARNING):
+        load_cloud(path, unit="mm")
+        assert not caplog.text
+        load_cloud(path)
+    assert (
+        "a.xyz: its longest side is 9,500 m, above 1000 m; if that is wrong, give unit= or scale="
+        in caplog.text
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("a.mcap", "pointcloud_to_pcd"),
+        ("a.bag", "bag_to_pcd"),
+        ("a.pcap", "VeloView"),
+        ("a.rcp", "ReCap"),
+        ("a.fls", "SCENE"),
+        ("a.ptx", "CloudCompare"),
+        ("a.FBX", "Blender"),
+        ("a.zip", "unpack it"),
+    ],
+)
+def test_files_that_are_not_read_name_the_tool_that_converts_them(
+    tmp_path: Path, name: str, remedy: str
+) -> None:
+    path = write(tmp_path, name, b"whatever")
+    for load in (load_cloud, rc.load_points, rc.load_mesh):
+        with pytest.raises(ScanError, match=rf"{name}: .*{remedy}"):
+            load(path)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(
+    ("name", "count", "viewpoint", "offset"),
+    [
+        ("3dtk_scan000.3d", 77_976, [0.0, 0, 0], [0.0, 0, 0]),
+        ("pcl_depth_camera_room.pcd", 249_647, [0.0, 0, 0], [0.0, 0, 0]),
+        ("pcl_aerial_samp11_utm.pcd", 38_010, None, [512_767.0, 5_403_706, 357]),
+    ],
+)
+def test_real_clouds(shared_data: Path, name: str, count: int, viewpoint: list | None, offset: list) -> None:
+    cloud = load_cloud(shared_data / name)
+    assert cloud.num_points == count
+    np.testing.assert_array_equal(cloud.offset, offset)
+    if viewpoint is None:
+        assert cloud.viewpoints is None
+    else:
+        np.testing.assert_array_equal(cloud.viewpoints, [viewpoint])

@@ -1,0 +1,146 @@
+""".e57 files, written by pye57: poses, colors, invalid points, and broken files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import reconstruction.extras
+from reconstruction.errors import ScanError
+from reconstruction.extras import MissingExtraError
+from reconstruction.scans.cloud_file import load_cloud
+from reconstruction.scans.formats import load_points
+
+pye57 = pytest.importorskip("pye57", reason="the extra `formats` is not installed")
+
+LOCAL = np.random.default_rng(0).uniform([-3, -2, -1], [3, 2, 2], (60, 3)).astype(np.float32).astype(float)
+COLORS = np.random.default_rng(1).integers(0, 256, (60, 3))
+TURN = np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)])  # a quarter turn about z
+IDENTITY = np.array([1.0, 0, 0, 0])
+
+
+def columns(points: np.ndarray = LOCAL, colors: np.ndarray | None = None, **more: np.ndarray) -> dict:
+    data = {f"cartesian{axis}": points[:, k].copy() for k, axis in enumerate("XYZ")}
+    if colors is not None:
+        data |= {f"color{name}": colors[:, k].copy() for k, name in enumerate(("Red", "Green", "Blue"))}
+    return data | more
+
+
+def write(path: Path, *scans: tuple[dict, np.ndarray | None, np.ndarray | None]) -> Path:
+    file = pye57.E57(str(path), "w")
+    for data, rotation, translation in scans:
+        file.write_scan_raw(data, rotation=rotation, translation=translation)
+    file.close()
+    return path
+
+
+def grid() -> dict[str, np.ndarray]:
+    return {"rowIndex": np.arange(60) // 10, "columnIndex": np.arange(60) % 10}
+
+
+def test_scans_stand_in_the_common_frame_and_know_their_sensor(tmp_path: Path) -> None:
+    path = write(
+        tmp_path / "a.e57",
+        (columns(colors=COLORS), TURN, np.array([10.0, 0, 1.5])),
+        (columns(LOCAL[:20], COLORS[:20]), IDENTITY, np.array([4.0, 1, 1.5])),
+    )
+    cloud = load_cloud(path)
+    turned = np.stack([10.0 - LOCAL[:, 1], LOCAL[:, 0], LOCAL[:, 2] + 1.5], axis=1)
+    moved = LOCAL[:20] + np.array([4.0, 1, 1.5])
+    np.testing.assert_allclose(cloud.points, np.concatenate([turned, moved]), atol=1e-6)
+    np.testing.assert_array_equal(cloud.colors, np.concatenate([COLORS, COLORS[:20]]))
+    np.testing.assert_allclose(cloud.viewpoints, [[10.0, 0, 1.5], [4.0, 1, 1.5]])
+    np.testing.assert_array_equal(cloud.seen_from, np.repeat([0, 1], [60, 20]))
+    np.testing.assert_array_equal(load_points(path), cloud.points)
+
+
+def test_points_without_a_reading_are_dropped_and_counted(tmp_path: Path, caplog) -> None:
+    state = np.zeros(60, np.int8)
+    state[[3, 7]] = 1, 2
+    path = write(tmp_path / "a.e57", (columns(colors=COLORS, cartesianInvalidState=state), TURN, np.ones(3)))
+    cloud = load_cloud(path)
+    np.testing.assert_array_equal(cloud.colors, np.delete(COLORS, [3, 7], axis=0))
+    np.testing.assert_array_equal(cloud.seen_from, np.zeros(58))
+    assert "dropped 2 rows" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("scans", "viewpoints"),
+    [
+        ([(columns(), IDENTITY, np.zeros(3))], None),  # a merged cloud
+        ([(columns(**grid()), IDENTITY, np.zeros(3))], [[0.0, 0, 0]]),  # one scan in its own frame
+        ([(columns(LOCAL + 50.0, **grid()), IDENTITY, np.zeros(3))], None),
+        ([(columns(**grid()), IDENTITY, np.zeros(3))] * 2, None),  # two cannot both stand there
+    ],
+)
+def test_an_identity_is_believed_only_where_the_sensor_can_have_stood_there(
+    tmp_path: Path, scans: list, viewpoints: list | None
+) -> None:
+    cloud = load_cloud(write(tmp_path / "a.e57", *scans))
+    np.testing.assert_array_equal(cloud.viewpoints, viewpoints) if viewpoints else None
+    assert (cloud.viewpoints is None) == (viewpoints is None)
+
+
+def test_a_scan_of_unknown_position_leaves_open_which_point_was_seen_from_where(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.e57", (columns(), IDENTITY, np.zeros(3)), (columns(), TURN, np.ones(3)))
+    cloud = load_cloud(path, viewpoints=None)
+    np.testing.assert_array_equal(cloud.viewpoints, [[1.0, 1, 1]])
+
+
+def test_map_coordinates_are_moved_with_their_viewpoints(tmp_path: Path) -> None:
+    position = np.array([512_700.25, 5_403_700.0, 300.0])
+    cloud = load_cloud(write(tmp_path / "a.e57", (columns(), IDENTITY, position)))
+    assert np.abs(cloud.points).max() < 10
+    np.testing.assert_allclose(cloud.viewpoints + cloud.offset, position[None])
+    np.testing.assert_allclose(cloud.points - cloud.viewpoints, LOCAL, atol=1e-6)
+
+
+def test_what_cannot_be_used_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.e57", (columns(), TURN, np.ones(3)))
+    content = path.read_bytes()
+    for name, data in {
+        "cut.e57": content[:-2000],
+        "garbage.e57": b"ASTM-E57" + bytes(2000),
+        "empty.e57": b"",
+    }.items():
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(ScanError, match=name):
+            load_cloud(tmp_path / name)
+        assert (tmp_path / name).exists(), "pye57 removes what it cannot open for writing"
+    with pytest.raises(ScanError, match="no scans"):
+        load_cloud(write(tmp_path / "none.e57"))
+    with pytest.raises(ScanError, match="limit"):
+        load_cloud(path, max_bytes=1000)
+    with pytest.raises(ScanError, match="pose"):
+        load_cloud(write(tmp_path / "turned.e57", (columns(), TURN * 2, np.ones(3))))
+    (tmp_path / "a.e57.gz").write_bytes(content)
+    with pytest.raises(ScanError, match="unpack it first"):
+        load_cloud(tmp_path / "a.e57.gz")
+    with pytest.raises(ScanError, match="no such file"):
+        load_cloud(tmp_path / "absent.e57")
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_give_points_or_the_error(tmp_path: Path, data: st.DataObject) -> None:
+    path = tmp_path / "a.e57"
+    if not path.exists():
+        write(path, (columns(colors=COLORS), TURN, np.ones(3)))
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 6))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    (tmp_path / "b.e57").write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    try:
+        cloud = load_cloud(tmp_path / "b.e57", max_bytes=1e6)
+    except ScanError:
+        return
+    assert np.isfinite(cloud.points).all()
+
+
+def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "a.e57", (columns(), TURN, np.ones(3)))
+    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    with pytest.raises(MissingExtraError, match=r"an \.e57 file needs the extra 'formats'"):
+        load_cloud(path)

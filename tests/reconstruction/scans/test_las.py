@@ -1,0 +1,209 @@
+""".las and .laz files, written by laspy: colors, units, noise, and headers that lie."""
+
+import gzip
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import reconstruction.extras
+from reconstruction.errors import ScanError
+from reconstruction.extras import MissingExtraError
+from reconstruction.scans.cloud_file import load_cloud
+from reconstruction.scans.formats import load_points
+
+laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
+from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr  # noqa: E402
+
+POINTS = np.round(np.random.default_rng(0).uniform(0, 10, (40, 3)), 3)
+COLORS = np.random.default_rng(1).integers(0, 256, (40, 3)).astype(np.uint16)
+FEET = 'PROJCS["x",GEOGCS["y",UNIT["degree",0.0174532925199433]],UNIT["US survey foot",0.304800609601219]]'
+MIXED = f'COMPD_CS["x",{FEET.replace("0.304800609601219", "1.0")},VERT_CS["h",UNIT["foot",0.3048]]]'
+
+
+def las(
+    points: np.ndarray = POINTS,
+    version: str = "1.2",
+    point_format: int = 2,
+    packed: bool = False,
+    vlrs: tuple = (),
+    **fields: np.ndarray,
+) -> bytes:
+    header = laspy.LasHeader(version=version, point_format=point_format)
+    header.scales, header.offsets = np.full(3, 0.001), np.floor(points.min(axis=0))
+    header.vlrs.extend(vlrs)
+    data = laspy.LasData(header)
+    data.xyz = points
+    for name, values in fields.items():
+        data[name] = values
+    file = io.BytesIO()
+    data.write(file, do_compress=packed)
+    return file.getvalue()
+
+
+def geo_keys(**values: int) -> GeoKeyDirectoryVlr:
+    record = GeoKeyDirectoryVlr()
+    for key, value in values.items():
+        entry = GeoKeyEntryStruct()
+        entry.id, entry.tiff_tag_location, entry.count, entry.value_offset = int(key[1:]), 0, 1, value
+        record.geo_keys.append(entry)
+    record.geo_keys_header.number_of_keys = len(record.geo_keys)
+    return record
+
+
+def colored(factor: int = 257) -> dict[str, np.ndarray]:
+    return dict(zip(("red", "green", "blue"), (COLORS * factor).T, strict=True))
+
+
+def write(folder: Path, name: str, data: bytes) -> Path:
+    path = folder / name
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize(("version", "point_format"), [("1.2", 2), ("1.2", 3), ("1.4", 7)])
+@pytest.mark.parametrize("factor", [257, 1])  # 16 bits, and the 8 bits that many writers leave
+def test_points_and_colors(
+    tmp_path: Path, packed: bool, version: str, point_format: int, factor: int
+) -> None:
+    name = "a.laz" if packed else "a.las"
+    content = las(version=version, point_format=point_format, packed=packed, **colored(factor))
+    cloud = load_cloud(write(tmp_path, name, content))
+    np.testing.assert_allclose(cloud.points, POINTS, atol=1e-9)
+    np.testing.assert_array_equal(cloud.colors, COLORS)
+    assert cloud.viewpoints is None
+    packed_again = load_cloud(write(tmp_path, f"{name}.gz", gzip.compress(content)))
+    np.testing.assert_array_equal(packed_again.points, cloud.points)
+
+
+def test_a_file_without_colors(tmp_path: Path) -> None:
+    assert load_cloud(write(tmp_path, "a.las", las(point_format=1))).colors is None
+    assert (
+        load_cloud(write(tmp_path, "b.las", las(point_format=2))).colors is None
+    )  # room for colors, all zero
+
+
+def test_noise_and_withheld_points_are_dropped_and_counted(tmp_path: Path, caplog) -> None:
+    kinds, withheld = np.zeros(40, np.uint8), np.zeros(40, np.uint8)
+    kinds[[3, 4]], withheld[9] = (7, 18), 1
+    cloud = load_cloud(write(tmp_path, "a.las", las(classification=kinds, withheld=withheld, **colored())))
+    np.testing.assert_allclose(cloud.points, np.delete(POINTS, [3, 4, 9], axis=0), atol=1e-9)
+    np.testing.assert_array_equal(cloud.colors, np.delete(COLORS, [3, 4, 9], axis=0))
+    assert "dropped 3 rows" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("record", "factors"),
+    [
+        (geo_keys(k1024=1, k3076=9001), [1.0, 1.0]),
+        (geo_keys(k1024=1, k3076=9002), [0.3048, 0.3048]),
+        (geo_keys(k3076=9003), [1200 / 3937] * 2),
+        (geo_keys(k3076=9001, k4099=9002), [1.0, 0.3048]),
+        (WktCoordinateSystemVlr(FEET), [0.304800609601219] * 2),
+        (WktCoordinateSystemVlr(MIXED), [1.0, 0.3048]),
+    ],
+)
+def test_the_unit_is_that_of_the_coordinate_system(
+    tmp_path: Path, record: object, factors: list[float]
+) -> None:
+    path = write(tmp_path, "a.las", las(vlrs=(record,)))
+    factor = np.array([factors[0], factors[0], factors[1]])
+    np.testing.assert_allclose(load_cloud(path).points, POINTS * factor, atol=1e-9)
+    np.testing.assert_allclose(load_points(path, "cm"), POINTS * factor / factors[0] / 100, atol=1e-9)
+
+
+@pytest.mark.parametrize("record", [geo_keys(k1024=2), WktCoordinateSystemVlr('GEOGCS["WGS 84"]')])
+def test_degrees_are_refused_with_the_remedy(tmp_path: Path, record: object) -> None:
+    with pytest.raises(ScanError, match=r"a\.las: .*degrees.*reprojection"):
+        load_cloud(write(tmp_path, "a.las", las(vlrs=(record,))))
+
+
+def test_map_coordinates_are_moved(tmp_path: Path) -> None:
+    far = POINTS + np.array([512_700.0, 5_403_700.0, 300.0])
+    cloud = load_cloud(write(tmp_path, "a.laz", las(far, packed=True)))
+    assert np.abs(cloud.points).max() < 10
+    np.testing.assert_allclose(cloud.points + cloud.offset, far, rtol=0, atol=1e-6)
+
+
+def test_a_header_that_promises_too_much_is_refused(tmp_path: Path) -> None:
+    for name, packed in (("a.las", False), ("a.laz", True)):
+        lying = bytearray(las(packed=packed))
+        lying[107:111] = struct.pack("<I", 70_000_000)  # the number of points in LAS 1.2
+        path = write(tmp_path, name, bytes(lying))
+        with pytest.raises(ScanError, match=rf"{name}: "):
+            load_cloud(path)
+        with pytest.raises(ScanError, match=r"limit of .*max_bytes="):
+            load_cloud(path, max_bytes=1e8)
+
+
+@pytest.mark.parametrize(
+    ("version", "place", "form", "value", "reason"),
+    [
+        ("1.2", 0, "4s", b"LASX", "does not begin"),
+        ("1.2", 100, "<I", 4_000_000_000, "promises records of"),
+        ("1.4", 243, "<I", 4_000_000_000, "promises extended records of"),
+        ("1.2", None, "<q", 10**12, "outside the file"),
+        ("1.2", None, "<q", 0, "outside the file"),
+    ],
+)
+def test_counts_that_cannot_be_true_are_refused_at_once(
+    tmp_path: Path, version: str, place: int | None, form: str, value: object, reason: str
+) -> None:
+    content = bytearray(las(version=version, point_format=2 if version == "1.2" else 7, packed=True))
+    points_at = struct.unpack_from("<I", content, 96)[0]
+    struct.pack_into(form, content, points_at if place is None else place, value)
+    with pytest.raises(ScanError, match=reason):
+        load_cloud(write(tmp_path, "a.laz", bytes(content)))
+
+
+def test_a_table_of_too_many_chunks_is_refused(tmp_path: Path) -> None:
+    """Its reader would reserve 16 bytes for each, and end the process."""
+    content = bytearray(las(packed=True))
+    (table_at,) = struct.unpack_from("<q", content, struct.unpack_from("<I", content, 96)[0])
+    struct.pack_into("<I", content, table_at + 4, 4_000_000_000)
+    with pytest.raises(ScanError, match="promises chunks of 4000000000 bytes"):
+        load_cloud(write(tmp_path, "a.laz", bytes(content)))
+
+
+def test_the_limit_counts_24_bytes_a_point(tmp_path: Path) -> None:
+    path = write(tmp_path, "a.laz", las(packed=True))
+    big = write(tmp_path, "b.laz", las(np.tile(POINTS, (100, 1)), packed=True))
+    assert load_cloud(path, max_bytes=5000).num_points == 40
+    with pytest.raises(ScanError, match="limit"):
+        load_cloud(big, max_bytes=90_000)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damaged_files_give_points_or_the_error(tmp_path: Path, packed: bool, data: st.DataObject) -> None:
+    content = bytearray(las(packed=packed, **colored()))
+    for _ in range(data.draw(st.integers(1, 6))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    content = content[: data.draw(st.integers(0, len(content)))]
+    try:
+        cloud = load_cloud(write(tmp_path, "a.laz" if packed else "a.las", bytes(content)), max_bytes=1e6)
+    except ScanError:
+        return
+    assert np.isfinite(cloud.points).all()
+
+
+def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    path = write(tmp_path, "a.laz", las(packed=True))
+    with pytest.raises(
+        MissingExtraError, match=r"a \.laz file needs the extra 'formats'.*symbrion-gym\[formats\]"
+    ):
+        load_cloud(path)
+
+
+@pytest.mark.data
+def test_a_real_file(shared_data: Path) -> None:
+    cloud = load_cloud(shared_data / "pdal_lone_star.laz")
+    assert cloud.num_points == 518_862
+    np.testing.assert_array_equal(cloud.offset, [515_393.0, 4_918_365, 2_327])

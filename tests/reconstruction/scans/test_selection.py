@@ -1,0 +1,102 @@
+"""Cropping and thinning: clouds keep what belongs to their points, arrays are treated as before."""
+
+import numpy as np
+import pytest
+
+import reconstruction as rc
+from reconstruction.errors import ScanError
+from reconstruction.scans import cells
+from reconstruction.scans.cloud import Cloud
+from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
+
+POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [5.0, 0.0, 0.0], [5.1, 0.0, 0.0]])
+CLOUD = Cloud(
+    POINTS,
+    np.array([[0, 0, 0], [30, 30, 30], [60, 60, 60], [200, 0, 0], [100, 0, 0]], np.uint8),
+    np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 1.0]]),
+    np.array([1, 0, 1, 1, 0]),
+    np.array([1000.0, 0.0, 0.0]),
+)
+BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+
+
+def room(seed: int = 0) -> np.ndarray:
+    """Walls of 4 x 3 x 2.5 m."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform([0, 0, 0], [4, 3, 2.5], (20_000, 3))
+    face = rng.integers(0, 6, len(points))
+    points[np.arange(len(points)), face % 3] = np.array([4, 3, 2.5])[face % 3] * (face // 3)
+    return points
+
+
+def test_a_cropped_cloud_keeps_what_belongs_to_its_points() -> None:
+    cloud = crop(CLOUD, BOX)
+    np.testing.assert_array_equal(cloud.points, POINTS[:3])
+    np.testing.assert_array_equal(cloud.seen_from, [1, 0, 1])
+    np.testing.assert_array_equal(cloud.colors, CLOUD.colors[:3])
+    np.testing.assert_array_equal(cloud.offset, CLOUD.offset)
+
+
+def test_a_thinned_cloud_has_mean_colors_and_the_most_frequent_viewpoint() -> None:
+    cloud = thin(CLOUD, 1.0)
+    np.testing.assert_allclose(cloud.points[:, 0], [0.1, 5.05])
+    np.testing.assert_array_equal(cloud.colors[:, 0], [30, 150])
+    np.testing.assert_array_equal(cloud.seen_from, [1, 0])  # of the second pair, equally frequent, the first
+    np.testing.assert_array_equal(thin(Cloud(POINTS), 1.0).points, cloud.points)
+
+
+def test_arrays_are_treated_as_clouds_are() -> None:
+    np.testing.assert_array_equal(crop(POINTS, BOX), cells.crop(POINTS, BOX))
+    points = room()
+    np.testing.assert_array_equal(thin(points, 0.1), thin(Cloud(points), 0.1).points)
+    assert rc.crop is crop
+    assert rc.thin is thin
+
+
+@pytest.mark.parametrize("box", [BOX[::-1], BOX[:1], np.full((2, 3), np.nan)])
+def test_what_is_no_box_is_refused(box: np.ndarray) -> None:
+    with pytest.raises(ScanError, match="box must be"):
+        crop(CLOUD, box)
+
+
+@pytest.mark.parametrize("voxel", [0.0, -1.0, np.nan, np.inf])
+def test_what_is_no_voxel_is_refused(voxel: float) -> None:
+    with pytest.raises(ScanError, match="voxel must be above 0"):
+        thin(CLOUD, voxel)
+
+
+@pytest.mark.parametrize("stray", [[[50.0, 0, 0]], [[1e6, 0, 0], [0, -3e5, 7.0]], [[1e12, 1e12, -1e12]], []])
+def test_the_box_leaves_strays_out(stray: list[list[float]]) -> None:
+    points = room()
+    box = find_crop_box(np.concatenate([points, np.reshape(stray, (-1, 3))]))
+    np.testing.assert_allclose(box, [points.min(axis=0), points.max(axis=0)])
+
+
+def test_the_box_keeps_a_second_room_and_drops_a_glimpse_through_the_window() -> None:
+    points = room()
+    second = points[:4000] + np.array([8.0, 0, 0])
+    glimpse = points[:20] * 0.2 + np.array([0, 15.0, 0])
+    box = find_crop_box(Cloud(np.concatenate([points, second, glimpse])))
+    np.testing.assert_allclose(box[1], [12.0, 3.0, 2.5], atol=0.01)
+
+
+def test_the_box_does_not_depend_on_frame_and_order() -> None:
+    points = np.concatenate([room(), [[90.0, 0, 0]]])
+    box = find_crop_box(points)
+    moved = find_crop_box(points[::-1] * 2 + np.array([100.0, 0, 0]))
+    np.testing.assert_allclose(moved, box * 2 + np.array([100.0, 0, 0]), atol=1e-9)
+
+
+def test_the_box_of_few_points_is_all_of_them() -> None:
+    np.testing.assert_array_equal(find_crop_box(POINTS), [POINTS.min(axis=0), POINTS.max(axis=0)])
+    np.testing.assert_array_equal(find_crop_box(np.ones((5, 3))), np.ones((2, 3)))
+    with pytest.raises(ScanError, match="no points"):
+        find_crop_box(np.empty((0, 3)))
+
+
+@pytest.mark.parametrize(
+    "values", [{"num_cells": 0}, {"min_points": 0}, {"min_share": 2.0}, {"refine_below": -1}]
+)
+def test_configurations_refuse_bad_values(values: dict[str, float]) -> None:
+    with pytest.raises(ScanError, match=next(iter(values))):
+        CropConfig(**values)

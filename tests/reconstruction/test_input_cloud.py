@@ -1,0 +1,143 @@
+"""What `reconstruct` takes and keeps: clouds, viewpoints, colors, coordinates far from the origin."""
+
+import logging
+
+import numpy as np
+import pytest
+import trimesh
+from test_reconstruct import make_ground
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.geometry.visibility import find_seen_sides
+from reconstruction.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
+from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.scans.cloud import Cloud
+from reconstruction.surfaces.quality import find_distances
+
+UTM = np.array([365_000.0, 5_800_000.0, 40.0])
+ABOVE = np.array([0.0, 0.0, 2.0])
+
+
+def make_room(number: int = 6000, seed: int = 0) -> np.ndarray:
+    """Return points on the walls, floor and ceiling of a room of 4 m x 3 m x 2.5 m."""
+    rng = np.random.default_rng(seed)
+    size = np.array([4.0, 3.0, 2.5])
+    points = rng.uniform(-0.5, 0.5, (number, 3))
+    axis = rng.choice(3, number, p=np.array([7.5, 10.0, 12.0]) / 29.5)
+    points[np.arange(number), axis] = np.where(rng.random(number) < 0.5, -0.5, 0.5)
+    return points * size
+
+
+def test_a_room_looks_inwards_with_a_viewpoint_and_outwards_without(caplog):
+    points = make_room()
+    inwards = reconstruct(points, units=300, viewpoints=[0.3, 0.2, 0.1])
+    sides = find_seen_sides(inwards.mesh.vertices, inwards.mesh.faces, points, inwards.viewpoints)
+    assert (sides == 1).mean() > 0.97
+    assert inwards.mesh.volume < 0
+    assert "looks to where it was seen from" in inwards.notes["orientation"]
+    with caplog.at_level(logging.INFO):
+        outwards = reconstruct(points, units=300)
+    assert outwards.mesh.volume > 0
+    assert "no viewpoint" in outwards.notes["orientation"]
+    assert "no viewpoint" in caplog.text
+
+
+def test_coordinates_far_away_are_recentered_and_come_back():
+    points = make_ground()
+    near = reconstruct(points, units=150, viewpoints=[0, 0, 2])
+    far = reconstruct(points + UTM, units=150, viewpoints=UTM + ABOVE)
+    assert not near.offset.any()
+    assert (far.offset == np.round(far.offset)).all()
+    assert "were subtracted" in far.notes["offset"]
+    moved = far.mesh.vertices + far.offset - UTM
+    np.testing.assert_allclose(far.points + far.offset, points + UTM, atol=1e-8)
+    np.testing.assert_allclose(far.viewpoints + far.offset, [UTM + ABOVE])
+    assert find_distances(moved, near.mesh.vertices, near.mesh.faces).max() < 0.1
+    truth = trimesh.Trimesh(moved + UTM, far.mesh.faces, process=False)
+    assert far.quality(truth=truth).truth_to_mesh.max < 1e-6
+    again = far.refine(points[:500] + UTM + [0, 0, 0.3])
+    np.testing.assert_array_equal(again.offset, far.offset)
+    assert np.abs(again.points).max() < 10
+    with pytest.raises(ReconstructionError, match="frame of the first scan"):
+        far.refine(points[:500])
+
+
+def test_a_cloud_brings_its_fields_and_they_survive_saving(tmp_path):
+    points = make_ground()
+    colors = np.full((len(points), 3), 7, np.uint8)
+    viewpoints = np.array([[0.0, 0.0, 1.0], [0.5, 0.0, 1.0]])
+    seen_from = (points[:, 0] > 0).astype(np.int64)
+    cloud = Cloud(points, colors, viewpoints, seen_from, offset=np.array([10.0, 20.0, 0.0]))
+    result = reconstruct(cloud, units=150, readings=np.concatenate([points, points[:9]]) + cloud.offset)
+    result.save(tmp_path / "a.npz")
+    loaded = Reconstruction.load(tmp_path / "a.npz")
+    for each in (result, loaded):
+        np.testing.assert_array_equal(each.colors, colors)
+        np.testing.assert_array_equal(each.viewpoints, viewpoints)
+        np.testing.assert_array_equal(each.seen_from, seen_from)
+        np.testing.assert_array_equal(each.offset, [10, 20, 0])
+        np.testing.assert_allclose(each.readings.points[: len(points)], points, atol=1e-12)
+        assert each.readings.num_points == len(points) + 9
+    assert loaded.notes == result.notes
+    np.testing.assert_array_equal(loaded.mesh.faces, result.mesh.faces)
+
+
+def test_a_file_of_an_older_version_keeps_its_viewpoint(tmp_path):
+    reconstruct(make_ground(), "gg", units=150, viewpoints=[0, 0, -3]).save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as file:
+        arrays = dict(file)
+    arrays["viewpoint"] = arrays.pop("viewpoints")[0]
+    del arrays["seen_from"]
+    np.savez(tmp_path / "a.npz", **arrays)
+    loaded = Reconstruction.load(tmp_path / "a.npz")
+    np.testing.assert_array_equal(loaded.viewpoint, [0, 0, -3])
+    assert (loaded.mesh.face_normals[:, 2] < 0).mean() > 0.99
+
+
+def test_refining_keeps_the_viewpoint_of_every_point():
+    points = make_ground()
+    cloud = Cloud(points, viewpoints=np.array([[0.0, 0.0, 2.0]]))
+    new = make_ground(500, seed=3) + 0.05 * ABOVE
+    result = reconstruct(cloud, units=150).refine(new, origins=np.array([0.0, 0.0, 3.0]))
+    assert result.seen_from is not None
+    np.testing.assert_array_equal(result.viewpoints[result.seen_from[-500:]], np.tile([0.0, 0, 3], (500, 1)))
+    assert (result.seen_from[:-500] == 0).all()
+
+
+def test_joined_clouds_keep_what_both_know():
+    first = Cloud(make_ground(5), np.zeros((5, 3), np.uint8), np.zeros((1, 3)))
+    rays = make_cloud_of_rays(make_ground(4), np.tile([1.0, 2, 3], (4, 1)), np.zeros(3))
+    joined = join_clouds(first, rays)
+    np.testing.assert_array_equal(joined.seen_from, [0] * 5 + [1] * 4)
+    assert joined.colors is None
+    assert join_clouds(first, first).colors.shape == (10, 3)
+    bare = make_cloud_of_rays(make_ground(4), None, np.zeros(3))
+    assert join_clouds(bare, bare).viewpoints is None
+
+
+@pytest.mark.parametrize(
+    ("shift", "extent", "is_moved"),
+    [(900.0, 1.0, False), (1001.0, 1.0, True), (1500.0, 3000.0, False), (1500.0, 1000.0, True)],
+)
+def test_only_what_is_far_is_recentered(shift, extent, is_moved):
+    points = make_ground()
+    points = (points - points.mean(axis=0)) / np.ptp(points[:, 0]) * extent + [shift, 0, 0]
+    assert make_cloud(points).offset.any() == is_moved
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"viewpoints": [[0, 0]]}, "viewpoints must be"),
+        ({"viewpoints": "here"}, "viewpoints must be"),
+        ({"viewpoints": np.zeros((0, 3))}, "viewpoints must be"),
+        ({"viewpoints": [0, 0, np.nan]}, "viewpoints must be"),
+        ({"viewpoint": [0, 0, 1], "viewpoints": [0, 0, 1]}, "deprecated name"),
+        ({"seen_from": np.zeros(1000, int)}, "needs viewpoints"),
+        ({"viewpoints": [0, 0, 1], "seen_from": np.ones(1000, int)}, "1 viewpoint"),
+        ({"colors": np.zeros((3, 3))}, "colors must be"),
+    ],
+)
+def test_fields_that_fit_no_points_are_refused(arguments, message):
+    with pytest.raises(ReconstructionError, match=message):
+        reconstruct(make_ground(1000), units=30, **arguments)

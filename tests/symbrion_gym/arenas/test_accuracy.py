@@ -1,0 +1,58 @@
+"""Accuracy wanted and reached, as the making of an arena has noted it."""
+
+import logging
+
+import numpy as np
+import pytest
+import trimesh
+
+import symbrion_gym as sg
+from symbrion_gym.arenas.accuracy import report_accuracy
+from symbrion_gym.contact.quality import ArenaQuality
+
+GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+
+
+def make_arena(mean: float, **provenance: object) -> sg.Arena:
+    return sg.Arena("a", [], GROUND, ArenaQuality(mean, mean, 1.0, 1), provenance=provenance)
+
+
+def test_what_the_making_noted():
+    arena = make_arena(
+        0.03, accuracy=0.02, is_reached=False, worst={"place": [1, 2, 3], "distance": 0.5}, warnings=["late"]
+    )
+    report = report_accuracy(arena)
+    assert (report.wanted, report.reached, report.is_reached) == (0.02, 0.03, False)
+    assert (report.worst, report.distance, report.warnings) == ((1, 2, 3), 0.5, ("late",))
+    assert report.as_dict()["worst"] == (1, 2, 3)
+
+
+@pytest.mark.parametrize(("accuracy", "is_reached"), [(0.05, True), (0.01, False)])
+def test_arenas_of_older_versions_noted_the_option_alone(accuracy: float, is_reached: bool):
+    report = report_accuracy(make_arena(0.03, options={"accuracy": accuracy}))
+    assert (report.wanted, report.is_reached, report.worst) == (accuracy, is_reached, None)
+
+
+def test_courses_made_in_code_miss_nothing():
+    report = report_accuracy(sg.load_arena("truth"))
+    assert report.is_reached
+    assert report.wanted is None
+
+
+def test_no_contact_at_all():
+    report = report_accuracy(make_arena(np.inf, accuracy=0.01))
+    assert not report.is_reached
+    assert report.as_dict()["reached"] is None
+
+
+def test_a_missed_accuracy_is_told_also_from_the_cache(tmp_path, caplog):
+    stairs = trimesh.creation.box((2, 2, 0.4)).subdivide().subdivide()
+    stairs.vertices[:, 2] += 0.3 * np.sin(9 * stairs.vertices[:, 0])
+    for _ in range(2):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            arena = sg.make_arena(stairs, accuracy=1e-7, max_pieces=2, kind="primitives", cache=tmp_path)
+        report = report_accuracy(arena)
+        assert not report.is_reached
+        assert caplog.text.count(report.warnings[-1]) == 1
+        assert "worst" in report.warnings[-1]

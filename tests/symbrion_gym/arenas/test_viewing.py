@@ -1,0 +1,61 @@
+"""Specs to look at: the layers that are asked for, and nothing that is touched."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import symbrion_gym as sg
+from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym.arenas.viewing import CONTACT_OPACITY, LAYERS, make_view_spec, open_viewer
+from symbrion_gym.errors import OptionError
+
+
+@pytest.fixture(scope="module")
+def truth() -> sg.Arena:
+    return sg.load_arena("truth")
+
+
+def find_names(model: mujoco.MjModel) -> set[str]:
+    return {model.geom(index).name for index in range(model.ngeom)}
+
+
+def test_all_layers(truth: sg.Arena):
+    model = make_view_spec(truth, LAYERS, truth.traversability(), truth.find_route()).compile()
+    names = find_names(model)
+    assert {"arena_surface", "arena_piece_0", "ground_0", "ground_2", "route_0", "start", "goal"} <= names
+    assert (model.geom_group != CONTACT_GROUP).all()  # which the viewer does not show at first
+    assert model.geom("arena_piece_0").rgba[3] == pytest.approx(CONTACT_OPACITY)
+    added = [index for index in range(model.ngeom) if not model.geom(index).name.startswith("arena_piece")]
+    assert not model.geom_contype[added].any()
+    assert not model.geom_conaffinity[added].any()
+
+
+def test_start_and_goal_are_where_the_route_says(truth: sg.Arena):
+    route = truth.find_route()
+    model = make_view_spec(truth, ("route",), None, route).compile()
+    assert model.geom("start").pos[:2] == pytest.approx(route.start[:2])
+    assert model.geom("goal").pos[:2] == pytest.approx(route.goal[:2])
+
+
+@pytest.mark.parametrize(("layer", "group"), [("surface", SURFACE_GROUP), ("contact", 1)])
+def test_one_layer(truth: sg.Arena, layer: str, group: int):
+    model = make_view_spec(truth, (layer,)).compile()
+    assert set(np.unique(model.geom_group)) == {group}
+
+
+def test_unknown_layers_and_missing_displays_are_refused(truth: sg.Arena, monkeypatch: pytest.MonkeyPatch):
+    with pytest.raises(OptionError, match="'fog'; there are surface"):
+        make_view_spec(truth, ("fog",))
+    monkeypatch.setattr("symbrion_gym.arenas.viewing.has_display", lambda: False)
+    with pytest.raises(OptionError, match="no display"):
+        open_viewer(truth.spec())
+
+
+def test_the_viewer_gets_the_model(truth: sg.Arena, monkeypatch: pytest.MonkeyPatch):
+    import mujoco.viewer
+
+    shown = []
+    monkeypatch.setattr("symbrion_gym.arenas.viewing.has_display", lambda: True)
+    monkeypatch.setattr(mujoco.viewer, "launch", shown.append)
+    open_viewer(make_view_spec(truth, ("surface",)))
+    assert find_names(shown[0]) == {"arena_surface"}

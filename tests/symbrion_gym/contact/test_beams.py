@@ -1,0 +1,180 @@
+"""Beams of a scan against contact geometry: rooms whose walls grow outwards, inwards, or stand in the way."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.contact.inside import find_depths, find_planes
+from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym.contact.ray_mesh import RayMesh
+from symbrion_gym.contact.visibility import VisibilityConfig, add_visibility, find_beams, measure_visibility
+from symbrion_gym.errors import ArenaError
+
+SIZE = np.array([4.0, 4.0, 3.0])
+ROOM = trimesh.creation.box(SIZE)
+CENTER = np.zeros((1, 3))
+
+
+def make_box(low, high) -> trimesh.Trimesh:
+    return trimesh.creation.box(bounds=[low, high])
+
+
+def make_walls(thickness: float) -> list[trimesh.Trimesh]:
+    """Return six slabs that grow outwards from the sides of the room; inwards where `thickness` is negative."""
+    walls = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            inner, outer = side * SIZE[axis] / 2, side * (SIZE[axis] / 2 + thickness)
+            low, high = -SIZE / 2, SIZE / 2
+            low[axis], high[axis] = min(inner, outer), max(inner, outer)
+            walls.append(make_box(low, high))
+    return walls
+
+
+def sample(count: int = 3000) -> np.ndarray:
+    return np.asarray(trimesh.sample.sample_surface(ROOM, count, seed=3)[0])
+
+
+def test_walls_that_grow_away_from_the_scanner_keep_every_beam():
+    seen = measure_visibility(sample(), CENTER, None, make_walls(0.2), ROOM)
+    assert seen is not None
+    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (1.0, 1.0, 0.0)
+    assert seen.num_beams == 3000
+
+
+def test_walls_that_grow_towards_the_scanner_end_every_beam_early():
+    seen = measure_visibility(sample(), CENTER, None, make_walls(-0.5), ROOM)
+    assert seen is not None
+    assert seen.beams_contact == 0.0
+    assert seen.beams_surface == 1.0
+    assert 0.1 < seen.free_space < 0.3
+
+
+@pytest.mark.parametrize(("depth", "share"), [(0.04, 1.0), (0.06, 0.0)])
+def test_a_beam_ends_within_five_centimeters(depth, share):
+    points = np.array([[2.0, 0.0, 0.0], [2.0, 0.1, 0.0]])
+    wall = [make_box([2.0 - depth, -2, -1.5], [2.2, 2, 1.5])]
+    seen = measure_visibility(points, CENTER, None, wall, ROOM)
+    assert seen is not None
+    assert seen.beams_contact == share
+
+
+def test_solid_share_of_one_beam_is_the_share_of_its_length():
+    slab = [make_box([0.4, -1, -1], [0.8, 1, 1])]
+    config = VisibilityConfig(samples=1000, end_share=1.0, end_margin=0.0)
+    seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, slab, ROOM, config)
+    assert seen is not None
+    assert seen.free_space == pytest.approx(0.4 / 2.0, abs=2e-3)
+
+
+def test_free_space_ends_before_the_reading():
+    wall = [make_box([1.91, -1, -1], [2.5, 1, 1])]
+    seen = measure_visibility(np.array([[2.0, 0.0, 0.0]]), CENTER, None, wall, ROOM)
+    assert seen is not None
+    assert seen.free_space == 0.0
+
+
+def test_a_scanner_inside_a_piece_sees_nothing():
+    pieces = [*make_walls(0.2), make_box([-0.5] * 3, [0.5] * 3)]
+    seen = measure_visibility(sample(), CENTER, None, pieces, ROOM)
+    assert seen is not None
+    assert seen.beams_contact == 0.0
+    assert seen.free_space > 0.1
+
+
+def test_no_contact_ends_no_beam():
+    seen = measure_visibility(sample(), CENTER, None, [], ROOM)
+    assert seen is not None
+    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (0.0, 1.0, 0.0)
+
+
+def test_height_field_is_solid_below():
+    ground = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3]])
+    points = np.asarray(trimesh.sample.sample_surface(ground, 500, seed=1)[0])
+    viewpoint = np.array([2.0, 2.0, 1.0])
+    for height, share in ((0.0, 1.0), (1.5, 0.0)):
+        field = HeightField(np.full((5, 5), height), np.array([0.0, 0.0]), np.array([4.0, 4.0]))
+        seen = measure_visibility(points, viewpoint, None, field, ground)
+        assert seen is not None
+        assert seen.beams_contact == share
+        assert (seen.free_space > 0.5) == (height > 1.0)
+
+
+def test_unknown_viewpoint_is_the_nearest_that_sees():
+    wall = make_box([-0.01, -1, -1], [0.01, 1, 1])
+    target = make_box([0.5, -1, -1], [0.6, 1, 1])
+    viewpoints = np.array([[-0.3, 0.0, 0.0], [0.3, 3.0, 0.0]])
+    points = np.array([[0.5, 0.0, 0.0], [-0.01, 0.2, 0.0]])
+    beams = find_beams(points, viewpoints, None, RayMesh([wall, target]), VisibilityConfig())
+    assert np.array_equal(beams.origins, viewpoints[[1, 0]])
+    told = find_beams(points, viewpoints, np.array([0, 1]), RayMesh([wall, target]), VisibilityConfig())
+    assert np.array_equal(told.origins, viewpoints)
+
+
+def test_many_readings_are_a_fixed_sample():
+    points = sample(30_000)
+    first = measure_visibility(points, CENTER, None, make_walls(-0.04), ROOM)
+    again = measure_visibility(points, CENTER, None, make_walls(-0.04)[::-1], ROOM)
+    assert first == again
+    assert first is not None
+    assert first.num_beams == 20_000
+
+
+def test_place_in_the_world_does_not_matter():
+    shift = np.array([3e5, -2e5, 100.0])
+    pieces, room = make_walls(0.2), ROOM.copy()
+    for mesh in (*pieces, room):
+        mesh.apply_translation(shift)
+    seen = measure_visibility(sample() + shift, CENTER + shift, None, pieces, room)
+    assert seen is not None
+    assert (seen.beams_contact, seen.beams_surface, seen.free_space) == (1.0, 1.0, 0.0)
+
+
+def test_without_beams_quality_stays_as_it_is():
+    quality = ArenaQuality(0.0, 0.0, 0.0, 6)
+    assert measure_visibility(sample(), np.zeros((0, 3)), None, make_walls(0.2), ROOM) is None
+    assert measure_visibility(CENTER, CENTER, None, make_walls(0.2), ROOM) is None
+    assert add_visibility(quality, None) is quality
+    added = add_visibility(quality, measure_visibility(sample(), CENTER, None, make_walls(0.2), ROOM))
+    assert (added.beams_contact, added.beams_surface, added.free_space) == (1.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("seen_from", [np.array([0]), np.array([0, 1]), np.array([-1, 0])])
+def test_viewpoints_that_do_not_exist_are_refused(seen_from):
+    with pytest.raises(ArenaError, match="seen_from"):
+        measure_visibility(sample(2), CENTER, seen_from, make_walls(0.2), ROOM)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"reach": 0.0}, {"max_beams": 0}, {"samples": 0}, {"end_share": 1.5}, {"end_margin": -0.1},
+     {"least_range": np.nan}, {"candidates": 0}],
+)  # fmt: skip
+def test_impossible_numbers_are_refused(change):
+    with pytest.raises(ArenaError, match=next(iter(change))):
+        VisibilityConfig(**change)
+
+
+def test_depths_in_two_overlapping_boxes():
+    pieces = [make_box([0, 0, 0], [1, 1, 1]), make_box([0.5, 0, 0], [1.5, 1, 1])]
+    points = np.array([[0.2, 0.5, 0.5], [0.75, 0.5, 0.5], [0.9, 0.5, 0.5], [2, 0.5, 0.5], [0, 0.5, 0.5]])
+    assert find_depths(points, pieces) == pytest.approx([0.2, 0.25, 0.4, 0.0, 0.0])
+    assert len(find_depths(points[:0], pieces)) == 0
+
+
+def test_planes_of_a_box_do_not_depend_on_its_winding():
+    box = make_box([0, 0, 0], [1, 2, 3])
+    planes = find_planes(box)
+    assert len(planes) == 6
+    box.invert()
+    assert np.array_equal(planes, find_planes(box))
+
+
+def test_rays_hit_the_first_triangle_from_either_side():
+    rays = RayMesh([make_box([1, -1, -1], [2, 1, 1])])
+    origins = np.array([[0.0, 0, 0], [1.5, 0, 0], [0, 0, 0]])
+    directions = np.array([[1.0, 0, 0], [1, 0, 0], [-1, 0, 0]])
+    assert rays.cast(origins, directions) == pytest.approx([1.0, 0.5, np.inf])
+    assert np.isinf(RayMesh([]).cast(origins, directions)).all()
+    assert len(rays.cast(origins[:0], directions[:0])) == 0

@@ -1,0 +1,146 @@
+"""Routes over drivable ground, straight ways, and what is said where there is none."""
+
+import numpy as np
+import pytest
+
+from benchmarks.material.driving_scenes import (
+    GALLERY,
+    TABLE,
+    make_box,
+    make_exact_arena,
+    make_furnished_room,
+    make_two_storeys,
+)
+from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.robot.organism import snake
+from symbrion_gym.traversability.drawing import draw_traversability
+from symbrion_gym.traversability.footprint import Footprint
+from symbrion_gym.traversability.routes import RouteConfig
+from symbrion_gym.traversability.straight import (
+    find_standing_place,
+    find_straight_way,
+    find_straight_way_from,
+)
+
+
+@pytest.fixture(scope="module")
+def room():
+    return make_furnished_room()
+
+
+@pytest.mark.parametrize("body", [None, snake(2), Footprint(radius=0.2)])
+def test_a_route_is_found_without_help(room, body):
+    route, ground = room.find_route(body), room.traversability(body)
+    assert route.region == 0
+    assert 3.0 < route.length < 10.0
+    assert route.clearance >= ground.footprint.reach
+    assert route.start == tuple(route.path[0])
+    assert route.goal == tuple(route.path[-1])
+    assert route.path[:, 2] == pytest.approx(0.0)
+    steps = np.linalg.norm(np.diff(route.path, axis=0), axis=1)
+    assert steps.max() < 1.5 * ground.grid.cell
+    assert route.length == pytest.approx(steps.sum())
+    assert set(
+        ground.region[
+            ground.sorted_heights.find_nearest(ground.grid.find_cells(route.path[:, :2]), route.path[:, 2])
+        ].tolist()
+    ) == {0}
+
+
+def test_a_route_goes_around_the_screen(room):
+    route = room.find_route(start=(2.5, 0.5), goal=(3.3, 0.5))
+    assert route.path[:, 1].max() > 1.6
+    assert route.start[:2] == (2.5, 0.5)
+    assert route.goal[:2] == (3.3, 0.5)
+    straight = np.hypot(0.8, 0.0)
+    assert straight + 2.0 < route.length < straight + 3.0
+
+
+def test_a_height_selects_the_storey(room):
+    below = room.find_route(start=(1.5, 1.4))
+    above = room.find_route(start=(1.5, 1.4, TABLE))
+    assert (below.start[2], above.start[2]) == (0.0, pytest.approx(TABLE))
+    assert above.path[:, 2] == pytest.approx(TABLE)
+    storeys = make_two_storeys()
+    up = storeys.find_route(start=(1.0, 2.2, 0.0), goal=(1.0, 2.2, GALLERY))
+    assert up.length > 4.0
+    assert np.diff(up.path[:, 2]).max() < 0.05
+
+
+def test_a_given_end_stays_and_the_other_is_far_away(room):
+    config = RouteConfig(max_length=2.0)
+    for ends in ({"start": (0.5, 0.5)}, {"goal": (0.5, 0.5)}):
+        route = room.find_route(**ends, config=config)
+        assert 1.5 < route.length <= 2.1
+    assert room.find_route(config=config).length <= 2.0
+    assert room.find_route(start=(0.5, 0.5)).heading == pytest.approx(np.pi / 4, abs=np.pi / 2)
+
+
+def test_equal_arenas_give_equal_routes(room):
+    one, other = room.find_route(), make_furnished_room().find_route()
+    assert np.array_equal(one.path, other.path)
+    assert one.as_dict() == other.as_dict()
+
+
+@pytest.mark.parametrize(
+    ("ends", "message"),
+    [
+        (
+            {"start": (1.0, 1.0, 2.46)},
+            r"start \(1.0, 1.0, 2.46\) has no drivable ground .* nearest possible place is",
+        ),
+        (
+            {"start": (9.0, 9.0)},
+            r"no drivable ground in arena 'room'; the nearest possible place is \(3\.\d+, 2\.\d+",
+        ),
+        (
+            {"start": (2.81, 0.5)},
+            r"nearest possible place is \(2\.\d+, 0\.5\d*, 0\.0\)|nearest possible place is \(2",
+        ),
+        ({"start": (0.5, 0.5), "goal": (1.5, 1.4, TABLE)}, "goal .* is not connected to the start"),
+        ({"start": (0.5, 0.5), "goal": (0.5, 0.5)}, "same place"),
+        ({"goal": (0.5,)}, "goal must be a place"),
+        ({"goal": (0.5, np.nan)}, "goal must be a place"),
+        ({"goal": "table"}, "goal must be a place"),
+    ],
+)
+def test_impossible_ends_are_refused_with_the_nearest_place(room, ends, message):
+    with pytest.raises(ArenaError, match=message):
+        room.find_route(**ends)
+
+
+def test_no_ground_for_a_large_body(room):
+    with pytest.raises(ArenaError, match=r"no drivable ground for a body of 0\.10 x 0\.10 m"):
+        room.find_route(Footprint(radius=2.0))
+
+
+@pytest.mark.parametrize("fields", [{"max_length": 0.0}, {"snap": -1.0}, {"storey": np.inf}])
+def test_impossible_configurations_are_refused(fields):
+    with pytest.raises(OptionError, match="must be"):
+        RouteConfig(**fields)
+
+
+def test_the_longest_straight_way_of_a_hall_runs_between_its_corners():
+    floor = make_box((0, 0, -0.1), (3, 1, 0))
+    ground = make_exact_arena("hall", [floor], [floor]).traversability()
+    back, forth = find_straight_way(ground, ground.is_drivable)
+    assert np.linalg.norm(forth - back) == pytest.approx(np.hypot(2.8, 0.8), abs=0.15)
+    assert back[0] < forth[0]
+    assert find_straight_way(ground, np.zeros(len(ground.cell), dtype=bool)) is None
+
+
+def test_straight_ways_end_at_walls(room):
+    ground = room.traversability()
+    is_usable = ground.region == 0
+    start = find_standing_place(ground, "start", (2.5, 0.5), "room", 0.25)
+    end = find_straight_way_from(ground, is_usable, start)
+    assert end[0] < 2.8
+    back, forth = find_straight_way(ground, is_usable)
+    line = np.linspace(back, forth, 200)
+    assert not ((np.abs(line[:, 0] - 2.81) < 0.05) & (line[:, 1] < 1.6)).any()
+
+
+def test_a_picture_is_drawn(room, tmp_path):
+    pytest.importorskip("matplotlib")
+    draw_traversability(room.traversability(), tmp_path / "map.png", room.find_route())
+    assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
