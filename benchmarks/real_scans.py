@@ -26,7 +26,7 @@ import trimesh
 
 from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.bars import format_bars, format_peers, summarise
-from benchmarks.material.cloud_to_arena import ArenaFailedError, Made, hash_pieces, make
+from benchmarks.material.cloud_to_arena import ArenaFailedError, Made, make
 from benchmarks.material.contact_judge import Judge, Solid
 from benchmarks.material.goal_driving import drive_to_goal
 from benchmarks.material.made_scenes import SCENES
@@ -149,7 +149,7 @@ def _has_same_bits(case: ScanCase, wanted: str) -> bool:
     others = [subprocess.Popen(burn) for _ in range(os.cpu_count() or 1)]
     try:
         with tempfile.TemporaryDirectory() as folder:
-            return hash_pieces(make(case, Path(folder)).arena) == wanted
+            return make(case, Path(folder)).figures["hash"] == wanted
     except ArenaFailedError:
         return False
     finally:

@@ -14,8 +14,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "symbrion_gym/SnakeTerrain-v0": {
         "arena": "gsrm",
         "default_pit": 0.40,
-        "start": (-1.9, -0.4),
-        "goal": (-0.35, 0.3),
+        "default_ends": ((-1.9, -0.4), (-0.35, 0.3)),
     },
 }
 """Id -> options that differ from those of `SnakePitEnv`."""

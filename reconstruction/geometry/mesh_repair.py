@@ -29,13 +29,14 @@ class RepairConfig:
 
     Attributes:
         max_faces: larger meshes are simplified first: planes need no more, and time is bounded.
-        min_part: loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air.
+        min_part: loose parts with a smaller share of the area are dropped: specks that a scan leaves in the air. Larger
+            shares lose furniture.
         keeps_winding: the winding tells where free space is: each part stays wound as most of its area is. Else closed
             parts are turned outwards, open ones up.
     """
 
     max_faces: int = 30_000
-    min_part: float = 0.002
+    min_part: float = 3e-4
     keeps_winding: bool = False
 
 

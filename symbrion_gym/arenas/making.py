@@ -16,7 +16,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scan_quality import add_scan_quality
-from symbrion_gym.arenas.scanned import find_two_sided, repair_surface, take_surface
+from symbrion_gym.arenas.scanned import find_doubts, find_two_sided, repair_surface, take_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -92,7 +92,8 @@ def make_arena(
     contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
-    for warning in contact.notes.get("warnings", ()):
+    warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
+    for warning in warnings:
         logger.warning("%s", warning)
     progress("done", 1.0)
     if friction is None:
@@ -103,6 +104,7 @@ def make_arena(
         "options": options.as_dict(),
         "versions": find_versions(),
         **contact.notes,
+        "warnings": warnings,
     }
     return Arena(
         name or "arena",

@@ -16,7 +16,7 @@ from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
-from reconstruction.scans.frames import find_offset
+from reconstruction.scans.frames import describe_odd_size, find_offset
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -94,6 +94,24 @@ def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.nd
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
     return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
+def find_doubts(scanned: ScannedSurface) -> list[str]:
+    """Return what a user may have meant otherwise: a size that is none of a robot's place, a room without viewpoint."""
+    doubts = []
+    vertices = np.asarray(scanned.mesh.vertices)
+    if scanned.points is None and vertices.ndim == 2 and np.isfinite(vertices).all():
+        odd = describe_odd_size(vertices)
+        if odd:
+            doubts.append(
+                f"{scanned.source}: {odd}; a mesh is read in meters: scale it if it is in another unit"
+            )
+    if not scanned.is_oriented and scanned.mesh.is_watertight and scanned.mesh.volume < 0:
+        doubts.append(
+            f"{scanned.source}: a closed mesh whose faces look inwards is taken as a solid body; if it is a room, "
+            "give viewpoints (--viewpoint X Y Z)"
+        )
+    return doubts
 
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:

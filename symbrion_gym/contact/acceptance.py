@@ -13,7 +13,9 @@ class AcceptanceConfig:
 
     Attributes:
         p95: 95th percentile of the distance that is good enough, in accuracies.
-        uncovered: share of the surface without contact within 5 cm that is good enough.
+        uncovered: share of the surface without contact within 5 cm that is good enough ...
+        reach: ... where the 95th percentile that is good enough is below this [m]: on a square kilometer known to a
+            meter, 5 cm say nothing.
         margin: a candidate as good as the best has distances larger by no more than this, in accuracies: what
             sampling and the seams of boxes add.
         share_margin: likewise for the share without contact.
@@ -25,6 +27,7 @@ class AcceptanceConfig:
 
     p95: float = 3.0
     uncovered: float = 0.008
+    reach: float = 0.05
     margin: float = 0.1
     share_margin: float = 5e-4
     more_pieces: float = 1.5

@@ -22,7 +22,8 @@ class AccuracyConfig:
         extent: ... or this share of the extent of the surface, for small things.
         noise: in standard deviations of the readings from the surface.
         spacing: in median distances of neighboring readings over the surface.
-        mesh: without readings, in median lengths of the edges of the surface.
+        mesh: without readings, in median lengths of the edges of the surface ...
+        coarsest: ... but no more than this many times the finest: a drawn mesh with long edges is exact.
         num_points: readings that are looked at.
     """
 
@@ -31,6 +32,7 @@ class AccuracyConfig:
     noise: float = 1.0
     spacing: float = 0.1
     mesh: float = 0.05
+    coarsest: float = 2.0
     num_points: int = 5000
 
 
@@ -56,7 +58,8 @@ def find_accuracy(
     """
     finest = min(config.finest, config.extent * float(surface.extents.max()))
     if points is None or len(points) < 2:
-        return max(finest, config.mesh * float(np.median(surface.edges_unique_length)))
+        edges = config.mesh * float(np.median(surface.edges_unique_length))
+        return min(max(finest, edges), config.coarsest * finest)
     rng = np.random.default_rng(0)
     chosen = np.sort(rng.permutation(len(points))[: config.num_points])
     vertices, faces = np.asarray(surface.vertices), np.asarray(surface.faces)

@@ -13,6 +13,7 @@ import numpy as np
 from reconstruction.deprecation import accept_former_fields
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
+from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.errors import OptionError, OrganismError
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class SnakePitConfig:
         modules: length of the snake, or an `Organism`.
         pit: width of the pit of the named courses [m]; None for `default_pit`.
         default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
+        default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
+            is given.
         stretch: factor on all lengths along x, to simulate errors of a scan.
         friction: sliding friction of tracks and bodies on everything; None for the arena's own.
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
@@ -114,6 +117,7 @@ class SnakePitConfig:
     modules: int | Organism = 8
     pit: float | None = None
     default_pit: float | None = None
+    default_ends: tuple[tuple[float, float], tuple[float, float]] | None = None
     stretch: float = 1.0
     friction: float | None = None
     track_speed: float = 0.10
@@ -191,6 +195,13 @@ class SnakePitConfig:
     def _find_given(self, *names: str) -> list[str]:
         """Return those of some options that are not None."""
         return [name for name in names if getattr(self, name) is not None]
+
+    def find_ends(self) -> tuple[Any, Any]:
+        """Return start and goal: those given, else those of the registered id in its own arena."""
+        is_named = isinstance(self.arena, str) and self.arena in NAMED_ARENAS
+        if self.default_ends is None or not is_named or self.start != "floor" or self.goal is not None:
+            return self.start, self.goal
+        return self.default_ends
 
     @property
     def dt(self) -> float:

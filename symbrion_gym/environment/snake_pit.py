@@ -94,6 +94,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
+    | `default_ends`        | None      | SnakeTerrain-v0: start and goal in a named arena, if neither is given |
     | `stretch`             | 1.0       | factor on all lengths along x: simulates errors of a scan       |
     | `friction`            | None      | sliding friction of the robot on everything; None: the arena's  |
     | `track_speed`         | 0.10      | surface speed of the tracks [m/s]                               |

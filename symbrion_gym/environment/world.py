@@ -94,7 +94,7 @@ class World:
         self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
-        ends = config.start, config.goal, config.margins, config.pit_search
+        ends = *config.find_ends(), config.margins, config.pit_search
         self.map_route = find_route(on_map, self.organism, *ends)
         self.route = find_route(self.arena, self.organism, *ends)
         self._poses = self.organism.find_poses()

@@ -30,6 +30,8 @@ _SAMPLES = 0.05
 """Spacing of heights along a way [m]."""
 _LEAST_WAY = 0.3
 """A chosen way has at least this length beside that of the organism [m]."""
+_BEYOND = 0.5
+"""An organism is laid down on the ground up to this far beyond its ends [m]."""
 _END_ROOM = 0.10
 """Room for the nose and the tail at the ends of a chosen way [m]: a module reaches 0.07 ahead of its center."""
 
@@ -78,7 +80,7 @@ def find_ends(
         goal = middle_way.goal if is_open else _find_far(ground, first, 0.0)
     elif start is None and last is not None:
         start = middle_way.start if is_open else _find_far(ground, last, length)
-    return _make_ends(arena, ground, start, goal)
+    return _make_ends(arena, ground, start, goal, length)
 
 
 def _is_open(arena: Arena, ground: TraversabilityMap, way: Ends) -> bool:
@@ -106,7 +108,14 @@ def _choose_both(arena: Arena, ground: TraversabilityMap, length: float) -> Ends
         )
     back, end = way[0][:2], way[1][:2]
     along = (end - back) / (reach + 2 * _END_ROOM)
-    return _make_ends(arena, ground, back + along * (length + _END_ROOM), end - along * _END_ROOM)
+    first = _find_nearest(ground, back + along * (length + _END_ROOM))
+    return _make_ends(arena, ground, first, end - along * _END_ROOM, length)
+
+
+def _find_nearest(ground: TraversabilityMap, point: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 3"]:
+    """Return the place of the largest region that is nearest to a point in plan [m]."""
+    places = ground.positions[ground.region == 0]
+    return places[int(np.argmin(np.linalg.norm(places[:, :2] - point, axis=1)))]
 
 
 def _find_far(ground: TraversabilityMap, known: int, length: float) -> Float[np.ndarray, " 2"]:
@@ -119,10 +128,25 @@ def _find_far(ground: TraversabilityMap, known: int, length: float) -> Float[np.
     return far + way * min((length + _END_ROOM) / max(reach, _SAMPLES), 0.5)
 
 
-def _make_ends(arena: Arena, ground: TraversabilityMap, start: Place | None, goal: Place | None) -> Ends:
+def _make_ends(
+    arena: Arena, ground: TraversabilityMap, start: Place | None, goal: Place | None, length: float
+) -> Ends:
     assert start is not None
     first = find_standing_place(ground, "start", start, arena.name, _STOREY)
     begin, end = (np.asarray(place, dtype=np.float64).ravel()[:2] for place in (start, goal))
     height = float(ground.height[first])
-    highest = float(arena.height(begin[0], begin[1]))
-    return Ends(begin, end, None if abs(highest - height) <= _LIES_UNDER else height)
+    return Ends(begin, end, height if _lies_under(arena, begin, end, height, length) else None)
+
+
+def _lies_under(
+    arena: Arena, begin: Float[np.ndarray, " 2"], end: Float[np.ndarray, " 2"], height: float, length: float
+) -> bool:
+    """Return whether something hangs above a straight organism that stands with its head at the start."""
+    way = end - begin
+    ahead = way / max(float(np.linalg.norm(way)), _SAMPLES)
+    line = begin + np.arange(-length - _BEYOND, _BEYOND, _SAMPLES)[:, None] * ahead
+    highest = arena.height(line[:, 0], line[:, 1])
+    below = arena.elevation.height_below(line[:, 0], line[:, 1], height + _STOREY)
+    hangs = (highest > height + _STOREY) & ~(highest - below <= _LIES_UNDER)
+    is_below = abs(float(arena.height(begin[0], begin[1])) - height) > _LIES_UNDER
+    return is_below or bool(hangs.any())

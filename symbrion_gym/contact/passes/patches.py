@@ -65,6 +65,8 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
         simple = simplify_surface(surface, counts[index])
         pieces = thicken_patches(problem, simple, config.joining * problem.aim)
         is_few = len(pieces) <= options.max_pieces
+        if not is_few and index == 0:  # many parts: the largest are kept
+            pieces = sorted(pieces, key=lambda piece: -piece.area)[: options.max_pieces]
         if is_few or index == 0:
             made = problem.measure(pieces, {**notes, "triangles": len(simple.faces)})
             if best is None or _find_miss(problem, made) < _find_miss(problem, best):

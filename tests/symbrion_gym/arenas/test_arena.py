@@ -142,8 +142,10 @@ def test_box_pieces_are_found_tilted_too():
 @pytest.mark.parametrize("kind", ["primitives", "hfield", "prisms"])
 def test_other_kinds_of_contact(kind):
     mesh = make_scanned_surface(Course().profile(), num_vertices=500)
-    arena = make_arena(mesh, kind=kind, cache=False)
-    assert arena.quality.mean < 0.004
+    arena = make_arena(mesh, kind=kind, accuracy=0.003, cache=False)
+    # Along vertical lines, away from walls: there a coarse mesh has chamfers, and boxes have edges.
+    quality = measure_arena(arena.pieces, mesh) if arena.pieces else arena.quality
+    assert quality.mean < 0.004
     model = arena.spec().compile()
     assert (model.geom_group == CONTACT_GROUP).sum() == max(len(arena.pieces), 1)
     if kind == "primitives":
