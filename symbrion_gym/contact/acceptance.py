@@ -53,14 +53,14 @@ def find_miss(
         max_pieces: wanted number of pieces.
         config: wanted shares.
     """
+    if contact.height_field is None and not contact.pieces:
+        return float("inf")
+    if len(contact.pieces) > max_pieces:
+        return _TOO_MANY * len(contact.pieces) / max_pieces
     quality = contact.quality
-    figures = [
-        quality.mean / accuracy,
-        quality.p95 / (config.p95 * accuracy),
-        quality.uncovered / config.uncovered,
-    ]
-    if contact.height_field is None:
-        figures.append(len(contact.pieces) / max_pieces if contact.pieces else float("inf"))
+    figures = [quality.mean / accuracy, quality.p95 / (config.p95 * accuracy)]
+    if config.p95 * accuracy < config.reach:
+        figures.append(quality.uncovered / config.uncovered)
     return max(figures)
 
 

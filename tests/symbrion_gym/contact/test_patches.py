@@ -1,0 +1,51 @@
+"""Convex patches, and how thick the solid behind them is."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.contact.patches import join_faces
+from symbrion_gym.contact.thickening import ThicknessConfig, find_thickness
+
+
+def make_grid(heights) -> trimesh.Trimesh:
+    """Return a sheet over unit squares, its heights along x."""
+    x, y = np.meshgrid(np.arange(len(heights)), np.arange(3), indexing="ij")
+    vertices = np.stack([x, y, np.broadcast_to(np.asarray(heights)[:, None], x.shape)], axis=-1).reshape(
+        -1, 3
+    )
+    corner = (np.arange(len(heights) - 1)[:, None] * 3 + np.arange(2)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + 3, corner + 4], 1), np.stack([corner, corner + 4, corner + 1], 1)]
+    )
+    return trimesh.Trimesh(vertices.astype(float), faces, process=False)
+
+
+def count_patches(mesh: trimesh.Trimesh, tolerance: float = 0.01) -> int:
+    patches = join_faces(mesh, np.full(len(mesh.vertices), 0.5), tolerance)
+    assert sorted(np.concatenate(patches)) == list(range(len(mesh.faces)))
+    return len(patches)
+
+
+def test_a_plane_is_one_patch():
+    assert count_patches(make_grid([0.0, 0.0, 0.0, 0.0])) == 1
+
+
+def test_a_valley_is_two_and_a_ridge_may_be_one():
+    assert count_patches(make_grid([0.2, 0.0, 0.2])) == 2
+    assert count_patches(make_grid([0.0, 0.2, 0.0])) == 1
+    assert count_patches(make_grid([0.005, 0.0, 0.005])) == 1  # within the tolerance
+
+
+def test_an_outline_with_a_notch_is_no_patch():
+    mesh = make_grid([0.0, 0.0, 0.0])
+    mesh.update_faces(np.arange(len(mesh.faces)) != 0)
+    assert count_patches(mesh) > 1
+
+
+def test_thickness_ends_at_the_other_side_of_a_wall():
+    config = ThicknessConfig(thickness=0.03)
+    wall = trimesh.creation.box([2.0, 0.02, 1.0])
+    assert find_thickness(wall, None, config).max() < 0.02
+    block = trimesh.creation.box([2.0, 2.0, 1.0])
+    assert find_thickness(block, None, config) == pytest.approx(np.full(8, 0.03))
