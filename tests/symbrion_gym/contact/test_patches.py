@@ -5,6 +5,8 @@ import pytest
 import trimesh
 
 from symbrion_gym.contact.patches import join_faces
+from symbrion_gym.contact.plane_snapping import snap_to_planes
+from symbrion_gym.contact.planes import Planes
 from symbrion_gym.contact.thickening import ThicknessConfig, find_thickness
 
 
@@ -49,3 +51,23 @@ def test_thickness_ends_at_the_other_side_of_a_wall():
     assert find_thickness(wall, None, config).max() < 0.02
     block = trimesh.creation.box([2.0, 2.0, 1.0])
     assert find_thickness(block, None, config) == pytest.approx(np.full(8, 0.03))
+
+
+def test_a_valley_of_two_triangles_is_not_bridged():
+    """All four vertices are corners of the hull: only the middle of the common edge tells."""
+    corners = [[0, -1, 0.2], [1, 0, 0], [0, 1, 0.2], [-1, 0, 0]]
+    valley = trimesh.Trimesh(corners, [[1, 2, 3], [1, 3, 0]], process=False)
+    assert count_patches(valley) == 2
+
+
+def test_vertices_that_planes_would_move_far_stay():
+    sheet = make_grid([0.0, 0.0, 0.0])
+    planes = Planes(
+        np.array([[0.0, 0.0, 1.0], [0.0, 0.02, 0.9998]]),
+        np.array([0.0, 0.001]),
+        np.array([0, 0, 1, 1, 0, 0, 1, 1]),
+        0.0,
+    )
+    moved = snap_to_planes(sheet, planes, tolerance=0.01)
+    steps = np.linalg.norm(moved.vertices - sheet.vertices, axis=1)
+    assert steps.max() <= 0.03
