@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
+    from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
+    from symbrion_gym.environment.organism_env import OrganismEnv
+    from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
     from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
@@ -49,17 +52,21 @@ __all__ = [
     "Course",
     "Docking",
     "DrivingRoute",
+    "EnvironmentConfig",
     "Footprint",
     "LaserScanner",
     "OptionError",
     "Organism",
+    "OrganismEnv",
     "OrganismError",
+    "OrganismVectorEnv",
     "PitSearch",
     "RangeFinder",
     "RouteConfig",
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
+    "SnakePitConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",

@@ -71,7 +71,7 @@ _POSITIVE = ("stretch", "hinge_torque", "timestep", "duration", "stuck_time")
 
 @accept_former_fields(abyss="bottomless")
 @dataclass(frozen=True)
-class SnakePitConfig:
+class EnvironmentConfig:
     """What an environment is made of.
 
     Attributes:
@@ -173,7 +173,7 @@ class SnakePitConfig:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
     @classmethod
-    def from_options(cls, options: Mapping[str, Any]) -> SnakePitConfig:
+    def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
         """Return the configuration of keyword arguments.
 
         Raises:
@@ -207,3 +207,7 @@ class SnakePitConfig:
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
+
+
+SnakePitConfig = EnvironmentConfig
+"""The former name."""

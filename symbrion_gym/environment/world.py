@@ -14,7 +14,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.rendering import add_scene
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism, snake
@@ -87,7 +87,7 @@ class World:
         track_geoms: `[n, T]` ids of the geoms that drive, per module.
     """
 
-    def __init__(self, config: SnakePitConfig, image_size: tuple[int, int] = (640, 400)) -> None:
+    def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
         self._image_size = image_size
         self.config = config
         on_map = find_arena(config)
