@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isnan
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symbrion_gym.environment.commands import Commands
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 from symbrion_gym.tasks.success_check import OrganismState, SuccessCheck
@@ -82,6 +82,7 @@ class Episodes:
     """The memory of N episodes, and how a tick (a control step) changes it.
 
     Attributes:
+        commands: what the actions command.
         target: `[N, h]` commanded angles of the servos [rad].
         action: `[N, A]` the last action, after clipping.
         num_tracks: number of track speeds in an action.
@@ -91,11 +92,10 @@ class Episodes:
     def __init__(self, world: World, num: int) -> None:
         self.world = world
         config, hinges = world.config, world.num_hinges
-        self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
-        self.num_actions = hinges + self.num_tracks
+        self.commands = Commands(world, num)
+        self.num_tracks, self.num_actions = self.commands.num_tracks, self.commands.num_actions
         self.check = world.make_success_check()
-        self.target = np.zeros((num, hinges))
-        self.action = np.zeros((num, self.num_actions))
+        self.target, self.action = self.commands.target, self.commands.action
         self.observer = Observer(world, self.action, self.target)
         self._checks = [self.check] * num
         self._viewed: Physics | None = None
@@ -103,13 +103,6 @@ class Episodes:
         self._episodes = [Episode() for _ in range(num)]
         self._start_head = np.zeros(num)
         self._has_driven = np.zeros(num, dtype=bool)
-        self._speed = np.zeros((num, 1))
-        self._highest_action = np.ones((num, self.num_actions))
-        self._lowest_action = -self._highest_action
-        self._range = np.full((num, hinges), world.organism.scout.hinge_range)
-        self._largest_turn = np.full((num, hinges), world.organism.scout.hinge_speed * config.dt)
-        self._smallest_turn = -self._largest_turn
-        self._turn = np.zeros((num, hinges))
         self._dt = config.dt
         self._num_hinges = hinges
         self._last_tick = round(config.duration / config.dt)
@@ -127,17 +120,13 @@ class Episodes:
             physics: state of all simulations.
             starts: which simulations begin, and what differs between them.
         """
-        hinges = self.world.num_hinges
         for row, speed, check in starts:
             self._checks[row] = check or self._checks[row]
-            self.target[row] = physics.qpos[row, self.world.hinge_qpos]
-            self.action[row, :hinges] = np.clip(self.target[row] / self._range[row], -1.0, 1.0)
-            self.action[row, hinges:] = 1.0
+            self.commands.begin(row, physics.qpos[row, self.world.hinge_qpos], speed)
             measured = self._checks[row].measure(self._find_state(physics, row))
             start = measured.progress
             self._episodes[row] = Episode(speed, measured.mean, start, start, start)
             self._start_head[row] = measured.head
-            self._speed[row] = speed
             self._has_driven[row] = False
             self.observer.track_odometry[row] = self.check.start
 
@@ -155,28 +144,9 @@ class Episodes:
         Returns:
             Targets [rad] and track speeds, one per simulation or one per module [m/s].
         """
-        used = self.action
-        if isnan(np.vdot(actions, actions)):
-            actions = np.where(np.isnan(actions), used, actions)
-        if active is not None:
-            actions = np.where(active[:, None], actions, used)
-        np.maximum(actions, self._lowest_action, out=used)
-        np.minimum(used, self._highest_action, out=used)
-        target, turn = self.target, self._turn
-        np.multiply(used[:, : self._num_hinges] if self.num_tracks else used, self._range, turn)
-        np.subtract(turn, target, turn)
-        np.maximum(turn, self._smallest_turn, out=turn)
-        np.minimum(turn, self._largest_turn, out=turn)
-        if active is None:
-            np.add(target, turn, target)
-        else:
-            np.add(target, turn, out=target, where=active[:, None])
+        target, speed = self.commands.take(actions, active)
         self._has_driven[:] = True if active is None else active
-        return target, self._find_track_speed()
-
-    def _find_track_speed(self) -> np.ndarray:
-        """Return commanded track speeds [m/s], `[N, 1 or n]`."""
-        return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
+        return target, speed
 
     def observe(self, physics: Physics) -> Float[np.ndarray, "N O"]:
         """Return noiseless observations, within their bounds."""
@@ -190,7 +160,7 @@ class Episodes:
     def _integrate_track_odometry(self, physics: Physics) -> None:
         """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
         level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
-        way = self._dt * self._find_track_speed()[:, 0] * level
+        way = self._dt * self.commands.find_track_speed()[:, 0] * level
         self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
         self._has_driven[:] = False
 
