@@ -3,10 +3,10 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v1` and its siblings.
 """
 
-import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)
-
 from typing import TYPE_CHECKING
 
+import symbrion_gym.headless
+import symbrion_gym.tasks  # noqa: F401  (so that `symbrion_gym.tasks` is there)
 from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
 
@@ -22,7 +22,14 @@ if TYPE_CHECKING:
     from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
-    from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
+    from symbrion_gym.errors import (
+        ArenaError,
+        OptionError,
+        OrganismError,
+        SurveyError,
+        SymbrionGymError,
+        TaskError,
+    )
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
@@ -33,9 +40,14 @@ if TYPE_CHECKING:
     from symbrion_gym.sensing.survey_world import SurveyRoom
     from symbrion_gym.sensing.timing import Timing, timing
     from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
+    from symbrion_gym.tasks.catalog import make_task
+    from symbrion_gym.tasks.criteria import SuccessCriteria
     from symbrion_gym.tasks.pit_search import PitSearch
     from symbrion_gym.tasks.route import RouteMargins
-    from symbrion_gym.tasks.success_check import SuccessCriteria
+    from symbrion_gym.tasks.starts import Start
+    from symbrion_gym.tasks.state import TaskState
+    from symbrion_gym.tasks.task import Task, read_task
+    from symbrion_gym.tasks.terms import Goal, Reward, Termination
     from symbrion_gym.traversability.drawing import draw_traversability
     from symbrion_gym.traversability.drivable import TraversabilityMap
     from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
@@ -54,6 +66,7 @@ __all__ = [
     "DrivingRoute",
     "EnvironmentConfig",
     "Footprint",
+    "Goal",
     "LaserScanner",
     "OptionError",
     "Organism",
@@ -62,6 +75,7 @@ __all__ = [
     "OrganismVectorEnv",
     "PitSearch",
     "RangeFinder",
+    "Reward",
     "RouteConfig",
     "RouteMargins",
     "ScoutConfig",
@@ -70,11 +84,16 @@ __all__ = [
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",
+    "Start",
     "SuccessCriteria",
     "SurveyError",
     "SurveyRobot",
     "SurveyRoom",
     "SymbrionGymError",
+    "Task",
+    "TaskError",
+    "TaskState",
+    "Termination",
     "Timing",
     "Trajectory",
     "TraversabilityConfig",
@@ -87,6 +106,8 @@ __all__ = [
     "load_tiles",
     "make_arena",
     "make_scout",
+    "make_task",
+    "read_task",
     "snake",
     "survey",
     "timing",

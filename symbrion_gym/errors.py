@@ -19,3 +19,7 @@ class OptionError(SymbrionGymError, ValueError):
 
 class SurveyError(ArenaError):
     """A survey, its robot or a scanner cannot be set up; the message names the value and a remedy."""
+
+
+class TaskError(SymbrionGymError, ValueError):
+    """A task or one of its terms is wrong, or cannot be restored; the message names it and a remedy."""

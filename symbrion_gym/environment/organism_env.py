@@ -209,7 +209,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         physics = self.physics
         self._episodes.begin(physics, [Start(0, domain.track_speed)])
         observation = self._episodes.observe(physics)
-        info = {**self._episodes.describe_start(physics, 0), **domain._asdict()}
+        info = {**self._episodes.describe(0), **domain._asdict()}
         if self._renderer is not None:
             self._renderer.follow(physics.position[0], at_once=True)
         if self.render_mode == "human":
@@ -232,7 +232,8 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()
         physics = self.physics
-        reward, terminated, truncated, info = episodes.finish_tick(physics)
+        (reward,), (terminated,), (truncated,) = (each.tolist() for each in episodes.finish_tick(physics))
+        info = episodes.describe(0)
         observation = episodes.observe(physics)
         if self.config.noise:
             observation = self._add_noise(observation)

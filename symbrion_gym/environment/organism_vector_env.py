@@ -15,9 +15,10 @@ from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch
 
 from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS, Start
+from symbrion_gym.environment.episodes import Episodes, Start, Ticks
 from symbrion_gym.environment.models import IndividualModels, SharedModel
 from symbrion_gym.environment.observation import add_noise
+from symbrion_gym.environment.organism_env import OrganismEnv, make_spaces
 from symbrion_gym.environment.randomization import (
     Domain,
     apply_domain,
@@ -26,12 +27,11 @@ from symbrion_gym.environment.randomization import (
     split_options,
 )
 from symbrion_gym.environment.rendering import RENDER_MODES, SceneRenderer
-from symbrion_gym.environment.organism_env import OrganismEnv, make_spaces
-from symbrion_gym.environment.vectorized_episodes import Ticks, VectorizedEpisodes
 from symbrion_gym.environment.world import World
 from symbrion_gym.errors import OptionError
+from symbrion_gym.tasks.terms import BASE_FLAGS
 
-_MASK_NAMES = tuple(f"_{name}" for name in NUMBERS + FLAGS)
+_DIVERGED = BASE_FLAGS.index("diverged")
 
 
 class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -94,8 +94,9 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.world = self._worlds[0]
         self.model = self.world.model
         self._max_ticks = max_episode_steps
-        self._episodes = VectorizedEpisodes(self.world, self.num_envs)
-        self._checks = [self._episodes.check, *(world.make_success_check() for world in self._worlds[1:])]
+        self._episodes = Episodes(self.world, self.num_envs)
+        self._info_names = self._episodes.number_names + self._episodes.flag_names
+        self._mask_names = tuple(f"_{name}" for name in self._info_names)
         self._selected = [0] * self.num_envs
         self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
         self.observation_structure = self._episodes.observer.structure
@@ -193,7 +194,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.batch.forward(rows)
         self._refresh()
         starts = [
-            Start(row, domain.track_speed, self._checks[self._selected[row]])
+            Start(row, domain.track_speed, self._worlds[self._selected[row]].scene)
             for row, domain in zip(rows, domains, strict=True)
         ]
         self._episodes.begin(self._physics, starts)
@@ -219,7 +220,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         info = self._make_info(active)
         observation = self._add_noise(self._episodes.observe(self._physics), active)
         if has_ended:
-            diverged = np.flatnonzero(self._episodes.flags[FLAGS.index("diverged")] & ended)
+            diverged = np.flatnonzero(self._episodes.flags[_DIVERGED] & ended)
             if len(diverged):
                 self.batch.reset(diverged)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
@@ -228,7 +229,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             final = np.full(self.num_envs, None, dtype=object)
             for row in np.flatnonzero(ended):
                 final[row] = observation[row].copy()
-            kept = {name: info[name] for name in NUMBERS + FLAGS}
+            kept = {name: info[name] for name in self._info_names}
             observation = self._restart(ended, observation)
             info = {**self._make_info(active), "final_obs": final, "_final_obs": ended}
             info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
@@ -246,10 +247,10 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 self._models.write_track_speed(speed)
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
-        ticks = episodes.finish_ticks(self._physics, active)
+        ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
         if self._max_ticks is not None:
             limit = (self._max_ticks - 0.5) * self.config.dt
-            has_timed_out = active & (episodes.numbers[NUMBERS.index("time")] > limit)
+            has_timed_out = active & (episodes.state.time > limit)
             np.copyto(ticks.truncated, ~ticks.terminated, where=has_timed_out)
         return ticks
 
@@ -261,9 +262,10 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
         """Return `info` with Gymnasium's `_name` masks: which simulations a value belongs to."""
-        info: dict[str, Any] = dict(zip(NUMBERS, self._episodes.numbers.copy(), strict=True))
-        info.update(zip(FLAGS, self._episodes.flags.copy(), strict=True))
-        return info | dict.fromkeys(_MASK_NAMES, mask)
+        episodes = self._episodes
+        info: dict[str, Any] = dict(zip(episodes.number_names, episodes.numbers.copy(), strict=True))
+        info.update(zip(episodes.flag_names, episodes.flags.copy(), strict=True))
+        return info | dict.fromkeys(self._mask_names, mask)
 
     def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
         if self.config.noise:

@@ -18,8 +18,7 @@ from symbrion_gym.environment.laying import GroundPlacement
 from symbrion_gym.environment.rendering import add_scene
 from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.tracks import find_wheel_radius
-from symbrion_gym.tasks.route import find_route
-from symbrion_gym.tasks.success_check import SuccessCheck
+from symbrion_gym.tasks.scene import Scene
 
 _SAME = 1e-9
 """Numbers closer than this are equal but for rounding."""
@@ -52,6 +51,8 @@ class World:
         config: the options.
         arena: arena of the simulation.
         organism: organism in it.
+        task: what is to be done.
+        scene: the arena with the way of the task.
         route: the way to go.
         map_route: the way as the map has it, without `stretch`.
         model: the compiled model; change a copy, as simulations share it.
@@ -75,9 +76,10 @@ class World:
         self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
-        ends = *config.find_ends(), config.margins, config.pit_search
-        self.map_route = find_route(on_map, self.organism, *ends)
-        self.route = find_route(self.arena, self.organism, *ends)
+        self.task = config.find_task()
+        self.map_route = self.task.find_route(on_map, self.organism)
+        self.route = self.task.find_route(self.arena, self.organism)
+        self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
         self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
         self.model = self._make_spec().compile()
         self._find_ids()
@@ -140,19 +142,6 @@ class World:
     def num_hinges(self) -> int:
         """Number of working hinges."""
         return len(self.hinge_qpos)
-
-    def make_success_check(self) -> SuccessCheck:
-        """Return the success check of this arena and organism."""
-        config = self.config
-        return SuccessCheck(
-            self.arena,
-            self.organism,
-            self.route,
-            self.map_route,
-            config.dt,
-            config.bottomless,
-            config.criteria,
-        )
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
         """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
