@@ -3,10 +3,12 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v1` and its siblings.
 """
 
+import symbrion_gym.headless
+
+import symbrion_gym.tasks  # noqa: F401  isort: skip  (so that `symbrion_gym.tasks` is there)
+
 from typing import TYPE_CHECKING
 
-import symbrion_gym.headless
-import symbrion_gym.tasks  # noqa: F401  (so that `symbrion_gym.tasks` is there)
 from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
 
