@@ -41,7 +41,7 @@ SENSORS = (
 )
 DEFAULT_SENSORS = SENSORS[:8]
 STARTS = ("floor", "pit")
-TRACK_CONTROLS = ("constant", "body", "modules")
+TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
     "torque_scale": (1e-3, 10.0),
@@ -91,7 +91,8 @@ class SnakePitConfig:
         goal: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
         bottomless: whether touching the floor of the pit ends the episode, as if the pit had none.
-        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
+        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two
+            each, left and right.
         tracks: how tracks are modeled; see `ScoutConfig`.
         timestep: physics step [s].
         frame_skip: physics steps in a control step (tick).
