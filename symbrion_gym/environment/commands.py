@@ -18,7 +18,7 @@ class Commands:
         num: number of simulations.
 
     Attributes:
-        target: `[N, h]` commanded angles of the servos [rad].
+        target: `[N, h]` commanded angles of the servos [rad]: hinges, then rotations of arms if there are any.
         action: `[N, A]` the last action, after clipping.
         num_tracks: number of track speeds in an action.
         num_actions: length of an action.
@@ -26,15 +26,18 @@ class Commands:
 
     def __init__(self, world: World, num: int) -> None:
         config, hinges, scout = world.config, world.num_hinges, world.organism.scout
-        self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
+        modules = world.num_modules
+        self.num_tracks = {"constant": 0, "body": 1, "modules": modules, "skid": 2 * modules}[
+            config.track_control
+        ]
         self.num_actions = hinges + self.num_tracks
         self.target = np.zeros((num, hinges))
         self.action = np.zeros((num, self.num_actions))
-        self._num_hinges = hinges
+        self._num_hinges, self._is_skid = hinges, config.track_control == "skid"
         self._speed = np.zeros((num, 1))
         self._highest_action = np.ones((num, self.num_actions))
         self._lowest_action = -self._highest_action
-        self._range = np.full((num, hinges), scout.hinge_range)
+        self._range = np.tile(world.servo_range, (num, 1))
         self._largest_turn = np.full((num, hinges), scout.hinge_speed * config.dt)
         self._smallest_turn = -self._largest_turn
         self._turn = np.zeros((num, hinges))
@@ -64,7 +67,8 @@ class Commands:
             active: whether each simulation is stepped; None for all.
 
         Returns:
-            Targets [rad] and track speeds, one per simulation or one per module [m/s].
+            Targets [rad] and track speeds [m/s]: one per simulation, one per module, or with "skid" the left and the
+            right one of each module.
         """
         used = self.action
         if isnan(np.vdot(actions, actions)):
@@ -85,5 +89,10 @@ class Commands:
         return target, self.find_track_speed()
 
     def find_track_speed(self) -> np.ndarray:
-        """Return commanded track speeds [m/s], `[N, 1 or n]`."""
+        """Return commanded track speeds [m/s], `[N, 1, n or 2n]`."""
         return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
+
+    def find_head_speed(self) -> Float[np.ndarray, " N"]:
+        """Return the commanded speed of the head's tracks [m/s], the mean of its sides."""
+        speed = self.find_track_speed()
+        return speed[:, :2].mean(axis=1) if self._is_skid else speed[:, 0]

@@ -43,7 +43,7 @@ SENSORS = (
     "laser",
 )
 DEFAULT_SENSORS = SENSORS[:8]
-TRACK_CONTROLS = ("constant", "body", "modules")
+TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
     "torque_scale": (1e-3, 10.0),
@@ -106,7 +106,8 @@ class EnvironmentConfig:
         hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
         sensors: parts of the observation, in order, of `SENSORS`.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
-        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
+        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two
+            each, left and right.
         tracks: how tracks are modeled; see `ScoutConfig`.
         timestep: physics step [s].
         frame_skip: physics steps in a control step (tick).

@@ -152,7 +152,7 @@ class Episodes:
     def _integrate_track_odometry(self, physics: Physics) -> None:
         """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
         level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
-        way = self._dt * self.commands.find_track_speed()[:, 0] * level
+        way = self._dt * self.commands.find_head_speed() * level
         self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
         self._has_driven[:] = False
 

@@ -1,4 +1,4 @@
-"""An organism laid on the ground: where its head is, how steep, and how far its hinges are bent."""
+"""An organism put on the ground: where its head is, how steep, and how far its hinges are bent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism, snake
 
-_LIFT = 0.002
+LIFT = 0.002
 """Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
 _SAMPLES = 0.005
 """Spacing of the heights along the start line [m], small against a module."""
@@ -52,15 +52,18 @@ class GroundPlacement:
         arena: arena with the ground.
         organism: who is laid down.
         level: height of the storey of the start [m]; None where there is only one.
+
+    Attributes:
+        is_snake: whether the hinges follow the ground; other bodies are laid flat, and `Settler` bends them.
     """
 
     def __init__(self, arena: Arena, organism: Organism, level: float | None) -> None:
         self._arena, self._organism, self._level = arena, organism, level
         self._poses = organism.find_poses()
-        self._is_snake = organism == snake(organism.num_modules, organism.scout)
+        self.is_snake = organism == snake(organism.num_modules, organism.scout)
 
     def lay(self, head: PlanarPose) -> LaidPose:
-        """Return the organism at rest with module 0 at a place, bent as the ground is.
+        """Return the organism with module 0 at a place: a snake bent as the ground is, others flat above it.
 
         Args:
             head: place and heading of module 0.
@@ -68,25 +71,55 @@ class GroundPlacement:
         Raises:
             ArenaError: the place lies off the surface.
         """
+        if self.is_snake:
+            height, pitch, hinges = self._follow_line(head)
+        else:
+            height, pitch, hinges = self._find_top(head), 0.0, np.zeros(len(self._organism.hinges))
+        position = np.array([head.x, head.y, height])
+        return LaidPose(position, make_quaternion(head.heading, -pitch), hinges)
+
+    def _follow_line(self, head: PlanarPose) -> tuple[float, float, Float[np.ndarray, " h"]]:
+        """Return head height, head pitch and hinge angles of a snake."""
         organism = self._organism
         back = np.arange(
             -_LINE_MARGIN, (organism.num_modules + 1) * organism.scout.pitch + _LINE_MARGIN, _SAMPLES
         )
         x, y = head.x - np.cos(head.heading) * back, head.y - np.sin(head.heading) * back
-        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
-        if self._is_snake:
-            z, pitch, hinges = _follow_ground(back, heights, organism)
+        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + LIFT
+        return _follow_ground(back, heights, organism)
+
+    def _find_top(self, head: PlanarPose) -> float:
+        """Return the height of module 0 with which a flat body clears the highest ground below it.
+
+        On one of several storeys, the ground below a module is that near the height of the ground below its parent.
+        """
+        organism = self._organism
+        world = [head.compose(pose) for pose in self._poses]
+        spots = np.array([(pose.x, pose.y) for pose in world])[:, None] + _FOOTPRINT
+        if self._level is None:
+            heights = np.asarray(self._arena.height(*spots.reshape(-1, 2).T), dtype=np.float64)
         else:
-            pitch, hinges = 0.0, np.zeros(len(organism.hinges))
-            world = [head.compose(pose) for pose in self._poses]
-            xy = np.array([(pose.x, pose.y) for pose in world])
-            spots = np.concatenate([xy + point for point in _FOOTPRINT])
-            z = (
-                float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
-                + organism.scout.size[2] / 2
-                + _LIFT
-            )
-        return LaidPose(np.array([head.x, head.y, z]), make_quaternion(head.heading, -pitch), hinges)
+            heights = self._follow_tree(spots, self._level)
+        if not np.isfinite(heights).any():
+            raise self._make_error(head.x, head.y)
+        return float(np.nanmax(heights)) + organism.scout.size[2] / 2 + LIFT
+
+    def _follow_tree(self, spots: Float[np.ndarray, "n S 2"], level: float) -> Float[np.ndarray, "n S"]:
+        """Return ground heights below the modules, from each to its neighbors; nan where there is none."""
+        organism = self._organism
+        heights = np.full(spots.shape[:2], np.nan)
+        levels = np.full(organism.num_modules, level)
+        for module in organism.order:
+            parent = organism.parents[module]
+            levels[module] = level if parent < 0 else levels[parent]
+            limit = levels[module] + _STOREY_RISE
+            heights[module] = self._arena.elevation.height_below(*spots[module].T, limit)
+            if np.isfinite(heights[module]).any():
+                levels[module] = np.nanmax(heights[module])
+        return heights
+
+    def _make_error(self, x: float, y: float) -> ArenaError:
+        return ArenaError(f"the start ({x:.2f}, {y:.2f}) lies off the surface of arena {self._arena.name!r}")
 
     def _find_heights(
         self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
@@ -99,9 +132,7 @@ class GroundPlacement:
             heights = _follow_storey(self._arena, x, y, level)
         known = np.flatnonzero(np.isfinite(heights))
         if not len(known):
-            raise ArenaError(
-                f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self._arena.name!r}"
-            )
+            raise self._make_error(x[0], y[0])
         return np.interp(np.arange(len(heights)), known, heights[known])
 
 

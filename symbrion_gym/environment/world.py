@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import mujoco
@@ -14,10 +15,11 @@ from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
 from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.laying import GroundPlacement
+from symbrion_gym.environment.laying import LIFT, GroundPlacement
 from symbrion_gym.environment.rendering import add_scene
+from symbrion_gym.environment.settling import Settler
 from symbrion_gym.robot.organism_sensors import add_sensors
-from symbrion_gym.robot.tracks import find_wheel_radius
+from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
 from symbrion_gym.tasks.scene import Scene
 
 _SAME = 1e-9
@@ -59,14 +61,16 @@ class World:
         friction: sliding friction of the robot on everything.
         modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
         is_by_site: whether the modules are found by their sites, as some share a body.
-        hinge_qpos: addresses of the hinges in qpos, `[h]`.
-        hinge_dof: addresses of the hinges in qvel, `[h]`.
+        hinge_qpos: addresses of the joints in qpos, `[h]`: hinges, then rotations of arms if modules have two joints.
+        hinge_dof: their addresses in qvel, `[h]`.
         is_sliced: whether `modules` is a slice, so that a view stays live.
         wheel_radius: radius of the driven wheels or spheres [m].
         robot_geoms: ids of the geoms of the robot that touch.
-        hinge_servos: ids of the hinges' actuators, `[h]`.
-        wheel_servos: ids of the wheels' actuators, module by module; none with sphere tracks.
-        track_geoms: `[n, T]` ids of the geoms that drive, per module.
+        hinge_servos: ids of their actuators, `[h]`.
+        servo_range: largest angles that those hold, `[h]` [rad].
+        servo_torque: their largest torques, `[h]` [N m].
+        wheel_servos: ids of the wheels' actuators, module by module, left before right; none with sphere tracks.
+        track_geoms: `[n, T]` ids of the geoms that drive, per module, left before right.
     """
 
     def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
@@ -110,28 +114,22 @@ class World:
         self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
         self.is_sliced = follow
         self.wheel_radius = find_wheel_radius(organism.scout)
-        hinges = [model.joint(f"hinge_{i}") for i in organism.hinges]
-        self.hinge_qpos = np.array([hinge.qposadr[0] for hinge in hinges], dtype=np.int64)
-        self.hinge_dof = np.array([hinge.dofadr[0] for hinge in hinges], dtype=np.int64)
-        self.hinge_servos = np.array(
-            [model.actuator(f"hinge_{i}").id for i in organism.hinges], dtype=np.int64
-        )
+        joints = [model.joint(name) for name in organism.servos]
+        self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_servos = np.array([model.actuator(name).id for name in organism.servos], dtype=np.int64)
         self._servos = make_slice(self.hinge_servos)
+        modules, wheels = range(organism.num_modules), range(len(find_driven_wheels(organism.scout)))
+        self.track_geoms = np.array(
+            [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in modules]
+        )
+        wheels = wheels if organism.scout.tracks != "spheres" else range(0)
         self.wheel_servos = np.array(
-            [i for i in range(model.nu) if "_wheel_" in model.actuator(i).name], dtype=np.int64
+            [model.actuator(f"module_{i}_wheel_{k}").id for i in modules for k in wheels], dtype=np.int64
         )
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
-        names = [model.geom(int(i)).name for i in self.robot_geoms]
-        self.track_geoms = np.array(
-            [
-                [
-                    g
-                    for g, name in zip(self.robot_geoms, names, strict=True)
-                    if name.startswith(f"module_{i}_track")
-                ]
-                for i in range(organism.num_modules)
-            ]
-        )
+        self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()
+        self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()
 
     @property
     def num_modules(self) -> int:
@@ -140,7 +138,7 @@ class World:
 
     @property
     def num_hinges(self) -> int:
-        """Number of working hinges."""
+        """Number of joints with a servo: working hinges and, where modules have two joints, rotations of arms."""
         return len(self.hinge_qpos)
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
@@ -165,14 +163,12 @@ class World:
         Args:
             control: written in place.
             target: target of the hinges [rad].
-            track_speed: one per simulation or one per module [m/s]; only wheels with joints read it here.
+            track_speed: one per simulation, per module or per side [m/s]; only wheels with joints read it here.
         """
         control[:, self._servos] = target
         if len(self.wheel_servos):
-            rate = np.broadcast_to(track_speed, (len(control), self.num_modules)) / self.wheel_radius
-            control[:, self.wheel_servos] = np.repeat(
-                rate, len(self.wheel_servos) // self.num_modules, axis=1
-            )
+            rate = self._spread_speed(track_speed) / self.wheel_radius
+            control[:, self.wheel_servos] = rate.reshape(-1, len(self.wheel_servos))
 
     def write_track_speed(
         self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
@@ -181,10 +177,18 @@ class World:
 
         Args:
             field: values of `geom_surfacevel`, written in place.
-            track_speed: one per simulation or one per module [m/s].
+            track_speed: one per simulation, per module or per side [m/s].
         """
         if not len(self.wheel_servos):
-            field[:, self.track_geoms, 4] = (track_speed / self.wheel_radius)[:, :, None]
+            field[:, self.track_geoms, 4] = self._spread_speed(track_speed) / self.wheel_radius
+
+    def _spread_speed(self, track_speed: Float[np.ndarray, "N tracks"]) -> Float[np.ndarray, "N n T"]:
+        """Return the speed at each of what drives [m/s]: alike in a body, a module, or a side of a module."""
+        modules, wheels = self.track_geoms.shape
+        speed = track_speed[:, :, None]
+        if track_speed.shape[1] == 2 * modules:
+            speed = np.repeat(track_speed.reshape(-1, modules, 2), wheels // 2, axis=2)
+        return np.broadcast_to(speed, (len(track_speed), modules, wheels))
 
     def lay_down(
         self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0
@@ -204,8 +208,16 @@ class World:
         laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
         qpos = self.model.qpos0.copy()
         qpos[:3], qpos[3:7] = laid.position, laid.quaternion
-        qpos[self.hinge_qpos] = laid.hinges
+        if not self._placement.is_snake:
+            return self._settler.settle(qpos, LIFT)
+        qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
         return qpos
+
+    @cached_property
+    def _settler(self) -> Settler:
+        """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
+        sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
+        return Settler(self.model, sites, self.hinge_dof)
 
 
 def make_slice(ids: np.ndarray) -> slice | np.ndarray:
