@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
-    from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
+    from symbrion_gym.errors import (
+        ArenaError,
+        OptionError,
+        OrganismError,
+        SurveyError,
+        SymbrionGymError,
+        TaskError,
+    )
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
@@ -68,6 +75,7 @@ __all__ = [
     "SurveyRobot",
     "SurveyRoom",
     "SymbrionGymError",
+    "TaskError",
     "Timing",
     "Trajectory",
     "TraversabilityConfig",
