@@ -22,4 +22,4 @@ class SurveyError(ArenaError):
 
 
 class TaskError(SymbrionGymError, ValueError):
-    """A task or one of its terms is wrong, or cannot be restored; the message names it and a remedy."""
+    """A task is unknown, impossible in an arena or cannot be restored; the message gives the reason and a remedy."""
