@@ -51,6 +51,7 @@ RANDOM_LIMITS = {
     "start_lateral": (-5.0, 5.0),
     "yaw": (-np.pi, np.pi),
     "track_speed": (0.0, 2.0),
+    "roll": (-np.pi, np.pi),
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)

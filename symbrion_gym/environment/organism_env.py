@@ -198,11 +198,14 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             OptionError: an unknown option or a value out of range.
         """
         super().reset(seed=seed)
-        world, wanted = self.world, {**self.config.randomize, **(options or {})}
+        world, wanted = (
+            self.world,
+            {**self.world.task.start.randomize(), **self.config.randomize, **(options or {})},
+        )
         self.domain = domain = draw_domain(self._nominal._asdict(), wanted, self.np_random)
         apply_domain(world, self.model, domain)
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
+        self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
         target, speed = self.data.qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed)
         world.write_control(self._control, target, speed)
         mujoco.mj_forward(self.model, self.data)

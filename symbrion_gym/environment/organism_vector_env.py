@@ -182,11 +182,13 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         domains = []
         self.batch.reset(rows, stage=0)
         for row in rows:
-            wanted = {**self.config.randomize, **self._options[row]}
+            wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
             domain = draw_domain(self._nominal._asdict(), wanted, self._rngs[row])
             world = self._worlds[self._selected[row]]
             apply_domain(world, self._models.select(row, self._selected[row]), domain)
-            self._qpos[row] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
+            self._qpos[row] = world.lay_down(
+                domain.start_offset, domain.start_lateral, domain.yaw, domain.roll
+            )
             target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
             world.write_control(self._control[row : row + 1], target, speed)
             domains.append(domain)
