@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reconstruction.deprecation import accept_former_fields
+from reconstruction.progress import Progress
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
@@ -101,6 +102,9 @@ class EnvironmentConfig:
         default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
         default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
             is given.
+        course: sizes of an arena made in code, fields of `Course` or `StairsCourse`.
+        default_course: name of an arena made in code -> sizes that a registered id sets.
+        progress: called while a surface in a file is made an arena; None to log it.
         stretch: factor on all lengths along x, to simulate errors of a scan.
         friction: sliding friction of tracks and bodies on everything; None for the arena's own.
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
@@ -142,6 +146,9 @@ class EnvironmentConfig:
     pit: float | None = None
     default_pit: float | None = None
     default_ends: tuple[tuple[float, float], tuple[float, float]] | None = None
+    course: Mapping[str, Any] = field(default_factory=dict)
+    default_course: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    progress: Progress | None = None
     stretch: float = 1.0
     friction: float | None = None
     track_speed: float = 0.10
