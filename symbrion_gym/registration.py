@@ -6,6 +6,8 @@ from typing import Any
 
 import gymnasium as gym
 
+from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS
+
 _RANDOMIZE = {
     "friction": (0.55, 0.9),
     "torque_scale": (0.9, 1.1),
@@ -34,6 +36,7 @@ def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], 
 _SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
 _CLIMB = {"arena": "stairs", "modules": 8, "track_control": "body"}
 _LONE = {"modules": 1, "track_control": "skid", "randomize": _TURNED}
+_GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "SnakePit-v0": ({"default_pit": 0.40}, 2.0),
     "SnakePit-v1": (_SNAKE_V1, 2.0),
@@ -51,13 +54,13 @@ _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "Climb-easy-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
     "Climb-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
     "Climb-hard-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
-    "Reach-easy-v0": _task("reach", 1.3, arena="gsrm", **_LONE, parameters={"distance": 0.6}),
-    "Reach-v0": _task("reach", 2.0, arena="gsrm", **_LONE, parameters={"distance": 1.5}),
+    "Reach-easy-v0": _task("reach", 1.3, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
+    "Reach-v0": _task("reach", 2.0, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
     "Reach-hard-v0": _task(
         "reach",
         3.0,
         arena="gsrm",
-        **_LONE,
+        **_GUIDED,
         parameters={"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)},
     ),
     "Traverse-easy-v0": _task(

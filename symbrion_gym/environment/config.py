@@ -16,7 +16,9 @@ from reconstruction.range_checks import check_choice, check_not_negative, check_
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS, SENSORS
 from symbrion_gym.tasks.catalog import choose_task, find_parameters
+from symbrion_gym.tasks.recorders import Recorder, check_recorders
 from symbrion_gym.tasks.starts import START_NAMES
 
 if TYPE_CHECKING:
@@ -28,22 +30,6 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.task import Task
 
-SENSORS = (
-    "hinge_angle",
-    "hinge_rate",
-    "pitch",
-    "roll",
-    "acceleration",
-    "ir",
-    "contact",
-    "previous_action",
-    "hinge_target",
-    "dock_force",
-    "odometry",
-    "track_odometry",
-    "laser",
-)
-DEFAULT_SENSORS = SENSORS[:8]
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
@@ -121,6 +107,7 @@ class EnvironmentConfig:
         sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
         task: a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None for `default_task`.
         task_parameters: parameters of a named task; `from_options` takes them as options of their own.
+        recorders: what is kept of every episode, of `symbrion_gym.tasks.recorders`; `read_records` returns it.
         default_task: name of the task that a registered id sets.
         default_parameters: parameters that a registered id sets for its own task.
         start: parameter of the task, as all that follow: where it starts; None for the task's own value.
@@ -164,6 +151,7 @@ class EnvironmentConfig:
     sensor_noise: SensorNoise | None = None
     task: Task | str | None = None
     task_parameters: Mapping[str, Any] = field(default_factory=dict)
+    recorders: tuple[Recorder, ...] = ()
     default_task: str = "snake_pit"
     default_parameters: Mapping[str, Any] = field(default_factory=dict)
     start: StartName | Point | None = None
@@ -204,6 +192,7 @@ class EnvironmentConfig:
         for name in self.sensors:
             check_choice("sensors", name, SENSORS, OptionError)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
+        object.__setattr__(self, "recorders", check_recorders(self.recorders))
         for name in self.randomize:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 

@@ -246,6 +246,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             self.render()
         return observation[0], reward, terminated, truncated, {**info, **measured} if measured else info
 
+    def read_records(self) -> dict[str, Any]:
+        """Return what the option `recorders` kept of the present episode, by name."""
+        return self._episodes.read_records(0)
+
     def _advance(self) -> dict[str, float]:
         """Step the physics of a tick; return the times of MuJoCo's timers if the option `timers` is set."""
         if not self.config.timers:
