@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
     from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
+    from symbrion_gym.robot.body_plans import load_organism, organism_to_text
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+    from symbrion_gym.robot.random_organism import make_random_organism
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
     from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -77,9 +79,12 @@ __all__ = [
     "draw_traversability",
     "letter_h",
     "load_arena",
+    "load_organism",
     "load_tiles",
     "make_arena",
+    "make_random_organism",
     "make_scout",
+    "organism_to_text",
     "snake",
     "survey",
     "timing",

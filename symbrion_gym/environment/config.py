@@ -14,6 +14,7 @@ from reconstruction.deprecation import accept_former_fields
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
+from symbrion_gym.environment.organism_options import check_organism_options
 from symbrion_gym.errors import OptionError, OrganismError
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ class SnakePitConfig:
     Attributes:
         arena: a name, a folder, a mesh file or an `Arena`.
         modules: length of the snake, or an `Organism`.
+        organism: the body in place of `modules`: what `load_organism` reads, or an `Organism`.
         pit: width of the pit of the named courses [m]; None for `default_pit`.
         default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
         default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
@@ -144,6 +146,7 @@ class SnakePitConfig:
     margins: RouteMargins | None = None
     pit_search: PitSearch | None = None
     sensor_noise: SensorNoise | None = None
+    organism: int | str | Path | Organism | None = None
 
     def __post_init__(self) -> None:
         check_not_negative(self, _NOT_NEGATIVE, OptionError)
@@ -160,6 +163,8 @@ class SnakePitConfig:
             or self.frame_skip < 1
         ):
             raise OptionError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
+        if self.organism is not None and self.modules != type(self).modules:
+            check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
@@ -191,6 +196,7 @@ class SnakePitConfig:
         names = [entry.name for entry in fields(cls)]
         for name in given:
             check_choice("option", name, names, OptionError)
+        check_organism_options(given)
         return cls(**given)
 
     def _find_given(self, *names: str) -> list[str]:

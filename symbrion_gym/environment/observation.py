@@ -39,7 +39,9 @@ def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[s
     return joined
 
 
-def _find_bounds(world: World, num_actions: int) -> dict[str, tuple[int, float | np.ndarray, float | np.ndarray]]:
+def _find_bounds(
+    world: World, num_actions: int
+) -> dict[str, tuple[int, float | np.ndarray, float | np.ndarray]]:
     """Return name -> size, smallest and largest value of each part of an observation."""
     n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
     angle, docks = world.servo_range, len(world.organism.hinges)

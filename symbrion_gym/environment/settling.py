@@ -175,4 +175,26 @@ class Settler:
         """Return the smallest and largest change of each degree of freedom that moves."""
         turn, angle = _TURN_PER_STEP * step, qpos[self._qpos]
         low, high = np.maximum(-turn, -self._limit - angle), np.minimum(turn, self._limit - angle)
-        return [(-step, step), (-step, step), (-step, step), (-turn, turn), (-turn, turn), *zip(low.tolist(), high.tolist(), strict=True)]
+        return [
+            (-step, step),
+            (-step, step),
+            (-step, step),
+            (-turn, turn),
+            (-turn, turn),
+            *zip(low.tolist(), high.tolist(), strict=True),
+        ]
+
+
+def find_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
+    """Return how deep a pose reaches into the ground, or into itself [m].
+
+    Args:
+        model: the model.
+        data: overwritten.
+        qpos: the pose.
+    """
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    return float(-data.contact.dist.min(initial=0.0))
