@@ -11,9 +11,6 @@ class RaiseHead(PassFinish):
     def progress(self, state):
         return state.position[:, 0, 2]
 
-    def limits(self, state):
-        return {"progress": 0.2}
-
     def has_arrived(self, state):
         return state.height[:, 0] > 0.2
 
