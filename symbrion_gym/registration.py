@@ -17,12 +17,10 @@ _RANDOMIZE = {
 }
 """What differs from episode to episode: friction, strength of the hinges, start [m] and heading [rad]."""
 _TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
-SUCCESS_BONUS = 1.0
-"""Every task rewards a success with this; its progress comes on top."""
 
 
 def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], float]:
-    """Return the options of an id and the reward from which on its task counts as solved."""
+    """Return the options of an id, and nine tenths of the progress and bonus of a success: so much counts as solved."""
     parameters = options.pop("parameters", {})
     randomize = options.pop("randomize", _RANDOMIZE)
     return {
@@ -39,55 +37,55 @@ _LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
-    "SnakePit-v0": ({"default_pit": 0.40}, 2.0),
-    "SnakePit-v1": (_SNAKE_V1, 2.0),
-    "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 3.5),
-    "SnakeStairs-v0": ({"arena": "stairs"}, 2.0),
+    "SnakePit-v0": ({"default_pit": 0.40}, 3.2),
+    "SnakePit-v1": (_SNAKE_V1, 3.3),
+    "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 4.2),
+    "SnakeStairs-v0": ({"arena": "stairs"}, 2.6),
     "SnakeTerrain-v0": (
-        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -0.4), (-0.35, 0.3))},
+        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -2.0), (-0.35, 0.3))},
         1.5,
     ),
-    "CrossGap-easy-v0": _task("cross_gap", 2.0, track_control="body", default_pit=0.35),
-    "CrossGap-v0": _task("cross_gap", 2.0, track_control="body"),
+    "CrossGap-easy-v0": _task("cross_gap", 3.2, track_control="body", default_pit=0.35),
+    "CrossGap-v0": _task("cross_gap", 3.3, track_control="body"),
     "CrossGap-hard-v0": _task(
-        "cross_gap", 2.0, track_control="body", default_pit=0.36, parameters={"bottomless": True}
+        "cross_gap", 3.2, track_control="body", default_pit=0.36, parameters={"bottomless": True}
     ),
-    "Climb-easy-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
-    "Climb-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
-    "Climb-hard-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
-    "Reach-easy-v0": _task("reach", 1.3, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
-    "Reach-v0": _task("reach", 2.0, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
+    "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
+    "Climb-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
+    "Climb-hard-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
+    "Reach-easy-v0": _task("reach", 1.4, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
+    "Reach-v0": _task("reach", 2.2, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
     "Reach-hard-v0": _task(
         "reach",
-        3.0,
+        4.4,
         arena="gsrm",
         **_GUIDED,
         parameters={"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)},
     ),
     "Traverse-easy-v0": _task(
         "traverse",
-        1.5,
+        2.7,
         arena="truth",
         default_pit=0.0,
         default_organism=4,
         track_control="skid",
         parameters={"share": 0.4},
     ),
-    "Traverse-v0": _task("traverse", 2.5, arena="gsrm", default_organism=4, track_control="skid"),
+    "Traverse-v0": _task("traverse", 2.7, arena="gsrm", default_organism=4, track_control="skid"),
     "Traverse-hard-v0": _task(
         "traverse",
-        2.5,
+        2.7,
         arena="gsrm",
         default_organism=4,
         track_control="skid",
         randomize={**_TURNED, "friction": (0.3, 0.45)},
     ),
-    "Explore-easy-v0": _task("explore", 1.5, arena="gsrm", **_LONE, parameters={"share": 0.4}),
-    "Explore-v0": _task("explore", 2.5, arena="gsrm", **_LONE, parameters={"share": 0.7}),
-    "Explore-hard-v0": _task("explore", 3.0, arena="gsrm", **_LONE, parameters={"share": 0.9}),
-    "Recover-easy-v0": _task("recover", 1.5, **_FALLEN, parameters={"least": 1.3, "most": 1.6}),
-    "Recover-v0": _task("recover", 1.5, **_FALLEN, parameters={"least": 1.5, "most": 1.9}),
-    "Recover-hard-v0": _task("recover", 2.5, **_FALLEN, parameters={"least": 2.4}),
+    "Explore-easy-v0": _task("explore", 2.8, arena="gsrm", **_LONE, parameters={"share": 0.4}),
+    "Explore-v0": _task("explore", 4.4, arena="gsrm", **_LONE, parameters={"share": 0.7}),
+    "Explore-hard-v0": _task("explore", 5.4, arena="gsrm", **_LONE, parameters={"share": 0.9}),
+    "Recover-easy-v0": _task("recover", 1.7, **_FALLEN, parameters={"least": 1.3, "most": 1.6}),
+    "Recover-v0": _task("recover", 1.9, **_FALLEN, parameters={"least": 1.5, "most": 1.9}),
+    "Recover-hard-v0": _task("recover", 2.6, **_FALLEN, parameters={"least": 2.4}),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
