@@ -70,7 +70,7 @@ def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
     if not isinstance(task, Task):
         raise TaskError(f"task must be a Task or one of {', '.join(TASKS)}, got {task!r}")
     changes = dict(parameters)
-    start = changes.pop("start", "floor")
+    start: Any = changes.pop("start", "floor")
     if not (isinstance(start, str) and start == "floor"):
         changes["start"] = Start(start, task.start.roll)
     for name in changes:

@@ -15,7 +15,7 @@ def find_standing(state: TaskState, rows: Int[np.ndarray, " M"]) -> Bool[np.ndar
     """
     criteria = state.criteria
     low, high = criteria.ground_band
-    stands = (state.up[rows] > criteria.upright).all(axis=1)
+    stands: np.ndarray = np.logical_and.reduce(state.up[rows] > criteria.upright, axis=1)
     for index in np.flatnonzero(stands):
         row = rows[index]
         x, _, z = state.position[row].T
