@@ -32,7 +32,7 @@ def make_arena(
     surface: Reconstruction | trimesh.Trimesh | str | Path,
     *,
     accuracy: float | None = None,
-    max_pieces: int = 1500,
+    max_pieces: int = 2200,
     kind: str = "convex",
     viewpoints: ArrayLike | None = None,
     course: Course | StairsCourse | None = None,
@@ -47,9 +47,10 @@ def make_arena(
 ) -> Arena:
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
-    A terrain of few planes becomes slabs, any other surface convex patches of its own, thickened away from free
-    space; coacd decomposes what is a solid where that gives as good a result. `Arena.quality` says what was reached,
-    `Arena.provenance` how: `passes`, `accuracy`, `is_reached`, `worst`, `warnings`.
+    A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
+    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
+    `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
 
     Args:
         surface: a reconstruction, whose viewpoints tell where free space is; a mesh; or a file of either; meters,
@@ -113,7 +114,7 @@ def make_arena(
         quality,
         friction,
         course,
-        kind,
+        "hfield" if contact.height_field is not None else kind,
         contact.height_field,
         about,
         scanned.offset,

@@ -18,6 +18,7 @@ from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
 from reconstruction.scans.frames import describe_odd_size, find_offset
 from symbrion_gym.arenas.surface_file import load_surface
+from symbrion_gym.contact.ray_mesh import RayMesh
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -30,6 +31,10 @@ _FARTHEST = 1e8
 
 _ONE_SIDED = 0.6
 """A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
+_LOOKS_DOWN = -0.2
+"""Faces whose normal rises less look down, by 12 degrees or more: no noisy walls."""
+_BEHIND = 1e-5
+"""Rays start this far behind a face, in extents of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +93,27 @@ def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Tri
 
 
 def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
-    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
-    if scanned.points is None or scanned.viewpoints is None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where nothing tells.
+
+    Readings vote where their viewpoints are known. Without viewpoints an open surface is taken to look up: faces that
+    look down and have the open sky behind them, such as the far side of a tree, were seen from there.
+    """
+    if scanned.viewpoints is None:
+        return None if mesh.is_watertight else _find_backs_below_sky(mesh)
+    if scanned.points is None:
         return None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
     return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
+def _find_backs_below_sky(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
+    """Return which faces look down with nothing above their backs."""
+    found = mesh.face_normals[:, 2] < _LOOKS_DOWN
+    starts = mesh.triangles_center[found] - _BEHIND * mesh.extents.max() * mesh.face_normals[found]
+    ranges = RayMesh([mesh]).cast(starts, np.tile([0.0, 0.0, 1.0], (len(starts), 1)))
+    found[found] = np.isinf(ranges)
+    return found
 
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:

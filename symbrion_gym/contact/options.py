@@ -10,7 +10,7 @@ from symbrion_gym.contact.acceptance import AcceptanceConfig
 from symbrion_gym.contact.boxing import BoxConfig
 from symbrion_gym.contact.default_accuracy import AccuracyConfig
 from symbrion_gym.contact.distances import DistanceConfig
-from symbrion_gym.contact.kinds import CONTACT_KINDS
+from symbrion_gym.contact.kinds import CONTACT_KINDS, FieldConfig
 from symbrion_gym.contact.patches import PatchConfig
 from symbrion_gym.contact.plane_snapping import SnapConfig
 from symbrion_gym.contact.planes import PlaneConfig
@@ -73,6 +73,7 @@ class ContactConfig:
         seams: how seams are closed.
         boxes: how pieces are turned into boxes.
         primitives: which planes become boxes, for the kind "primitives".
+        heights: which terrains become height fields.
         union: how slabs are united for coacd.
         search: how coacd decomposes a solid.
     """
@@ -95,6 +96,7 @@ class ContactConfig:
     seams: SeamConfig = field(default_factory=SeamConfig)
     boxes: BoxConfig = field(default_factory=BoxConfig)
     primitives: PrimitiveConfig = field(default_factory=PrimitiveConfig)
+    heights: FieldConfig = field(default_factory=FieldConfig)
     union: UnionConfig = field(default_factory=UnionConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
 
@@ -117,7 +119,7 @@ class ContactOptions:
     """
 
     accuracy: float | None = None
-    max_pieces: int = 1500
+    max_pieces: int = 2200
     kind: str = "convex"
     thickness: float = 0.2
     seed: int = 0
