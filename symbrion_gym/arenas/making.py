@@ -106,6 +106,7 @@ def make_arena(
         "versions": find_versions(),
         **contact.notes,
         "warnings": warnings,
+        **({"cut": scanned.cut} if scanned.cut else {}),
     }
     return Arena(
         name or "arena",

@@ -50,6 +50,7 @@ class ScannedSurface:
         seen_from: viewpoint of every reading.
         dropped: share of the readings that pre-processing dropped.
         offset: what was subtracted from the coordinates of the scan [m].
+        cut: what was cut off as far from every reading, in words; nothing where nothing was.
     """
 
     mesh: trimesh.Trimesh
@@ -60,6 +61,7 @@ class ScannedSurface:
     seen_from: Int[np.ndarray, " N"] | None = None
     dropped: float | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cut: str = ""
 
 
 def take_surface(
@@ -178,6 +180,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.seen_from,
         None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+        str(made.notes.get("cut", "")),
     )
 
 

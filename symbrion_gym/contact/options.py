@@ -89,7 +89,7 @@ class ContactConfig:
     simplification: SimplificationConfig = field(default_factory=SimplificationConfig)
     patches: PatchConfig = field(default_factory=PatchConfig)
     joining: float = 0.8
-    aim: float = 0.5
+    aim: float = 0.4
     thickness: ThicknessConfig = field(default_factory=ThicknessConfig)
     slab_pass: SlabPassConfig = field(default_factory=SlabPassConfig)
     slabs: SlabConfig = field(default_factory=SlabConfig)
