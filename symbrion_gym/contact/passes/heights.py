@@ -73,5 +73,5 @@ def _sample_heights(problem: ContactProblem, spacing: float, config: FieldConfig
     is_known = np.isfinite(problem.ground.height(x, y))
     if min(rows, columns) < 3 or is_known[1:-1, 1:-1].mean() < config.known:
         return None
-    nearest = distance_transform_edt(~is_known, return_distances=False, return_indices=True)
+    nearest = np.asarray(distance_transform_edt(~is_known, return_distances=False, return_indices=True))
     return heights._replace(heights=heights.heights[tuple(nearest)])

@@ -79,6 +79,7 @@ def test_what_the_scanner_looked_through_is_cut_sooner() -> None:
         [[-1.0, -0.3, -0.3], [-1.0, 0.3, -0.3], [-1.0, 0.0, 0.4]], [[0, 1, 2]], process=False
     )
     mesh = trimesh.util.concatenate([wall, pane])
+    assert isinstance(mesh, trimesh.Trimesh)
     points = read_floor(81) @ np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]]).T
     rim = np.asarray(pane.vertices)
     between = np.concatenate(

@@ -83,7 +83,9 @@ def test_ground_with_holes_keeps_its_pieces():
 def test_ground_below_a_roof_keeps_its_pieces():
     ground = make_waves()
     roof = make_waves(11).apply_translation([0, 0, 1.5])
-    contact = make(trimesh.util.concatenate([ground, roof]))
+    both = trimesh.util.concatenate([ground, roof])
+    assert isinstance(both, trimesh.Trimesh)
+    contact = make(both)
     assert contact.height_field is None
 
 
