@@ -37,6 +37,8 @@ class UnionConfig:
         num_points: points of the ground that are compared.
         max_move: walls may move by this [m].
         max_change: ground that differs by less has not changed [m].
+        fewer: coacd's pieces are worth it where they are no more than this share of the slabs: its hulls bend planes by
+            the threshold, and bodies slow down at what bends.
     """
 
     overlap: float = 1.0005
@@ -45,6 +47,7 @@ class UnionConfig:
     num_points: int = 60_000
     max_move: float = 0.002
     max_change: float = 0.01
+    fewer: float = 0.5
 
 
 UNION_DEFAULTS = UnionConfig()

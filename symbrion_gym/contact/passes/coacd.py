@@ -38,6 +38,8 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
         )
     except ArenaError as error:
         raise NoCandidate(str(error)) from error
+    if len(pieces) > config.union.fewer * len(best.pieces):
+        raise NoCandidate(f"coacd gives {len(pieces)} pieces of {len(best.pieces)} flat slabs")
     if has_moved(pieces, best.pieces, config.union):
         raise NoCandidate("coacd's pieces move walls")
     return problem.measure(pieces, {**best.notes, "way": "coacd of slabs"})
