@@ -2,8 +2,8 @@
 
 A body at rest sinks in by tenths of a millimeter. Where it slides from one piece to the next over a crest, it meets the
 upper edge of the next one's hidden end from behind: for the first step the way out across that end is the shortest one,
-and the contact pushes the body back. Ends that stop short of the crest, a hair beneath the plane that bodies come
-from, are never met. What is hidden as a whole is left out.
+and the contact pushes the body back. Ends a hair beneath the plane that bodies come from are never met: they stop short
+of a crest, and reach into the ground at the foot of a slope. What is hidden as a whole is left out.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from reconstruction.geometry.sampling import sample_grid
 
 _ON_FACE = 1e-4
 """Corners this close to a plane belong to its face [m]."""
+_SAME_SIDE = 1e-4
+"""Planes whose coefficients differ by less are one: corners are rounded to 1 µm."""
 
 
 @dataclass(frozen=True)
@@ -86,29 +88,29 @@ def _shorten(
     piece, planes = pieces[i], halfspaces[i]
     corners = np.asarray(piece.vertices)
     for side in planes[planes[:, 2] <= STEEP]:
-        move = 0.0
+        moves = [0.0]
         for top in planes[planes[:, 2] > STEEP]:
             ends = _find_edge(corners, side, top)
             if ends is None:
                 continue
-            moves = [
-                _find_move(ends, side, top, other, config) for j, other in enumerate(halfspaces) if j != i
-            ]
-            move = max(move, *moves, 0.0)
-        if move > 0:
+            others = (other for j, other in enumerate(halfspaces) if j != i)
+            moves += [_find_move(ends, side, top, other, config) for other in others]
+        move = max(moves) or min(moves)
+        if move:
             piece = _move_side(piece, side, move)
     return piece
 
 
 def _move_side(piece: trimesh.Trimesh, side: Float[np.ndarray, " 4"], move: float) -> trimesh.Trimesh:
-    """Return a piece with a side moved inwards [m]; the piece itself where nothing would be left."""
+    """Return a piece with a side moved inwards, or outwards below 0 [m]; the piece itself where that is no solid."""
     corners = np.asarray(piece.vertices)
     if find_box(piece) is not None:  # stays a box to the last digit
         is_side = np.abs(corners @ side[:3] + side[3]) < _ON_FACE
         made = make_hull(corners - is_side[:, None] * (move * side[:3]))
     else:
-        cut = np.append(side[:3], side[3] + move)
-        made = make_solid(np.vstack([find_halfspaces(piece), cut]), corners.mean(axis=0))
+        moved = find_halfspaces(piece)
+        moved[np.abs(moved - side).max(axis=1) < _SAME_SIDE, 3] += move
+        made = make_solid(moved, corners.mean(axis=0))
     return piece if made is None else made
 
 
@@ -133,7 +135,10 @@ def _find_move(
     other: Float[np.ndarray, "H 4"],
     config: EdgeConfig,
 ) -> float:
-    """Return how far a side moves inwards to clear another piece's tops [m]; 0 where it may stay."""
+    """Return how far a side moves until its upper edge is clear of another piece's tops [m].
+
+    Above 0 inwards, from a crest; below 0 outwards, where the edge ends at the foot of a slope; 0 where it may stay.
+    """
     share = np.linspace(0.0, 1.0, config.edge_points)[:, None]
     points = (1.0 - share) * ends[0] + share * ends[1]
     inwards = -side[:3] + (side[:3] @ top[:3]) * top[:3]
@@ -141,12 +146,13 @@ def _find_move(
     is_top = other[:, 2] > STEEP
     around = other[~is_top]
     is_near = (points @ around[:, :3].T + around[:, 3]).max(axis=1) < config.reach
-    most = 0.0
+    moves = [0.0]
     for plane in other[is_top]:
         heights = (points @ plane[:3] + plane[3])[is_near]
         fall = -float(plane[:3] @ inwards)
-        if not len(heights) or fall <= 0 or np.abs(heights).max() > config.reach:
+        if not len(heights) or fall == 0 or np.abs(heights).max() > config.reach:
             continue
-        move = (float(heights.max()) + config.clearance) / fall * -float(side[:3] @ inwards)
-        most = max(most, move) if move <= config.max_move else most
-    return most
+        move = max(float(heights.max()) + config.clearance, 0.0) / fall * -float(side[:3] @ inwards)
+        if abs(move) <= config.max_move:
+            moves.append(move)
+    return max(moves) or min(moves)
