@@ -40,7 +40,7 @@ class EdgeConfig:
         piece_points: points a side of the grid on which a piece is looked at.
     """
 
-    clearance: float = 2.5e-4
+    clearance: float = 5e-4
     max_move: float = 0.01
     reach: float = 3e-3
     edge_points: int = 9
