@@ -17,6 +17,7 @@ from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
 from reconstruction.scans.frames import describe_odd_size, find_offset
+from symbrion_gym.arenas.exact_readings import simulate_readings
 from symbrion_gym.arenas.surface_file import load_surface
 from symbrion_gym.errors import ArenaError
 
@@ -172,14 +173,31 @@ def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
 
 
 def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) -> ScannedSurface:
-    """Return a surface whose components look to the viewpoints that saw them."""
-    mesh = scanned.mesh
+    """Return a surface whose components look to the viewpoints that saw them.
+
+    Of a mesh without readings only what a viewpoint sees has a vote: the underside of a table that was seen from above
+    has none, and stays the underside of its top.
+    """
+    mesh, points, seen_from = scanned.mesh, scanned.points, None
+    if points is None:
+        mesh = mesh.copy()
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)  # triangles of an .stl share none
+        points, seen_from = _see(mesh, viewpoints)
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
-    points = scanned.points if scanned.points is not None else vertices[faces].mean(axis=1)
-    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints)
+    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints, seen_from)
     mesh = trimesh.Trimesh(turned.vertices, turned.faces, process=False)
     return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
+
+
+def _see(
+    mesh: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"]
+) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
+    """Return exact readings of a mesh; none of one that has no area or is damaged, which the repair refuses."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    if not np.isfinite(vertices).all() or not mesh.area > 0:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    return simulate_readings(mesh, viewpoints)
 
 
 def _recenter(scanned: ScannedSurface) -> ScannedSurface:
