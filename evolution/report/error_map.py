@@ -16,6 +16,7 @@ from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
 from evolution.report.touchable import find_touchable
+from reconstruction.quantities import format_distance
 from symbrion_gym.contact.offsets import find_nearest, find_offsets
 from symbrion_gym.contact.quality import ArenaQuality
 
@@ -95,8 +96,9 @@ def _find_limit(values: Sequence[np.ndarray]) -> float:
 def describe_quality(quality: ArenaQuality) -> str:
     """Return the figures that go with an error map, in one or two lines."""
     lines = [
-        f"{quality.num_pieces} pieces; surface to contact: mean {_format(quality.mean)}, "
-        f"95 % {_format(quality.p95)}, max {_format(quality.max)}; {quality.uncovered:.1%} without contact"
+        f"{quality.num_pieces} pieces; surface to contact: mean {format_distance(quality.mean)}, "
+        f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "
+        f"{quality.uncovered:.1%} without contact"
     ]
     if quality.beams_contact is not None and quality.beams_surface is not None:
         lines.append(
@@ -104,10 +106,6 @@ def describe_quality(quality: ArenaQuality) -> str:
             f"{quality.beams_surface:.1%} on the surface; free space that is solid: {quality.free_space or 0:.1%}"
         )
     return "\n".join(lines)
-
-
-def _format(distance: float) -> str:
-    return f"{1000 * distance:.3g} mm" if distance < 1.0 else f"{distance:.3g} m"
 
 
 def _compose(

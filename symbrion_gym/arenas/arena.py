@@ -14,6 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.geometry.elevation import Elevation
+from reconstruction.quantities import format_distance
 from symbrion_gym.arenas.checks import check_friction, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
@@ -29,7 +30,7 @@ from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfi
 from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Arena:
     """A world without a robot.
 
@@ -67,6 +68,17 @@ class Arena:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "hfield") != (self.height_field is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
+
+    def __repr__(self) -> str:
+        """Return name, contact, size and quality in one line."""
+        size = (
+            " x ".join(f"{side:.3g}" for side in self.surface.extents) if len(self.surface.faces) else "empty"
+        )
+        contact = (
+            "a height field" if self.height_field is not None else f"{len(self.pieces)} {self.kind} pieces"
+        )
+        off = f"{format_distance(self.quality.mean)} off in the mean"
+        return f"Arena({self.name!r}: {contact}, {len(self.surface.faces)} faces, {size} m, {off})"
 
     @classmethod
     def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:

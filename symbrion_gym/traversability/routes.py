@@ -103,7 +103,8 @@ def find_driving_route(
     if not ground.num_regions:
         raise ArenaError(
             f"arena {name!r} has no drivable ground for a body of {ground.footprint.length:.2f} x "
-            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more"
+            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more, or, if the scan has another "
+            "axis up than z, say so where it is read (--up y, up='y')"
         )
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
