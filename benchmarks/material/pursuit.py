@@ -27,7 +27,7 @@ class PursuitConfig:
         turn_gain: turning speed of the tracks per error of the heading [m/s/rad].
         max_turn: turning speed of the tracks at most, per module in the length [m/s]: a module that turns faster tips
             over on slopes, and more modules in a row slip more than they turn.
-        turn_on_spot: larger errors of the heading are turned away on the spot [rad].
+        turn_on_spot: larger errors of the heading are turned away on the spot, smaller ones on the way [rad].
         reverse: with a larger error of the heading the robot goes on with its other end ahead [rad].
         arrived: distance in plan from the goal [m] ...
         arrived_share: ... or this share of half the robot's length, whichever is more.
@@ -38,7 +38,8 @@ class PursuitConfig:
         control_steps: physics steps in a tick of control, of 5 ms each.
         stuck_ticks: ticks in which a robot that is not stuck moves or turns.
         stuck_motion: it moves its middle or, in a turn, its ends at least this far [m].
-        recovery_ticks: ticks for which a stuck robot drives straight, backwards and forwards in turns.
+        recovery_ticks: ticks for which a stuck robot drives straight, forwards or backwards by chance: fewest, and one
+            more than the most.
         lift: height above the ground at which the robot is put down [m].
     """
 
@@ -46,7 +47,7 @@ class PursuitConfig:
     look_ahead: float = 0.15
     turn_gain: float = 0.10
     max_turn: float = 0.05
-    turn_on_spot: float = 0.6
+    turn_on_spot: float = 1.0
     reverse: float = 1.9
     arrived: float = 0.08
     arrived_share: float = 0.3
@@ -57,7 +58,7 @@ class PursuitConfig:
     control_steps: int = 10
     stuck_ticks: int = 60
     stuck_motion: float = 0.03
-    recovery_ticks: int = 20
+    recovery_ticks: tuple[int, int] = (10, 50)
     lift: float = 0.005
 
 
@@ -108,17 +109,18 @@ class Pursuit:
     ) -> tuple[float, float]:
         """Return the speeds of the left and right tracks [m/s]."""
         config = self._config
-        self._notice(center, heading)
-        if self._recovery > 0:
-            self._recovery -= 1
-            return self._direction * config.speed, self._direction * config.speed
         way = self._find_target(center[:2]) - center[:2]
         error = _wrap(np.arctan2(way[1], way[0]) - heading - np.pi * (self._ahead < 0))
         if abs(error) > config.reverse:
             self._ahead, error = -self._ahead, _wrap(error + np.pi)
+        self._notice(center, heading, rng)
+        if self._recovery > 0:
+            self._recovery -= 1
+            return self._direction * config.speed, self._direction * config.speed
         turn = float(np.clip(config.turn_gain * error, -self._max_turn, self._max_turn))
-        forward = 0.0 if abs(error) > config.turn_on_spot else self._ahead * (config.speed - abs(turn))
-        return forward - turn, forward + turn
+        forward = self._ahead * config.speed * max(0.0, 1.0 - abs(error) / config.turn_on_spot)
+        slower = config.speed / max(config.speed, abs(forward) + abs(turn))
+        return slower * (forward - turn), slower * (forward + turn)
 
     def _find_target(self, place: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
         """Return the point of the path to drive to: ahead of the nearest one near what was reached before."""
@@ -128,15 +130,15 @@ class Pursuit:
         self._reached = max(self._reached, float(travelled[np.argmin(gap)]))
         return np.array([np.interp(self._reached + ahead, travelled, self._path[:, k]) for k in range(2)])
 
-    def _notice(self, center: Float[np.ndarray, " 3"], heading: float) -> None:
+    def _notice(self, center: Float[np.ndarray, " 3"], heading: float, rng: np.random.Generator) -> None:
         """Begin to recover where the robot has hardly moved for a while."""
         ends = self._half_length * np.array([np.cos(heading), np.sin(heading)])
         pose = np.concatenate([center, ends])
         self._last = [*self._last[-self._config.stuck_ticks :], pose]
         is_stuck = np.linalg.norm(pose - self._last[0]) < self._config.stuck_motion
         if len(self._last) > self._config.stuck_ticks and is_stuck and self._recovery == 0:
-            self._recovery, self._last = self._config.recovery_ticks, []
-            self._direction = -self._direction
+            self._recovery, self._last = int(rng.integers(*self._config.recovery_ticks)), []
+            self._direction = float(rng.choice([-1.0, 1.0]))
 
 
 def _wrap(angle: float) -> float:

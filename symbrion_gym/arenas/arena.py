@@ -20,6 +20,7 @@ from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.saving import save_arena
+from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
@@ -141,6 +142,8 @@ class Arena:
     ) -> DrivingRoute:
         """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
 
+        Where the positions of the scanner are known, they are chosen where it saw the ground.
+
         Args:
             body: an organism, or what a body of any kind needs; None for one Scout.
             start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
@@ -152,7 +155,9 @@ class Arena:
                 goal; the message names the nearest place that is possible.
             OptionError: the body is of another kind.
         """
-        return find_driving_route(self.traversability(body), start, goal, self.name, config)
+        viewpoints = self.provenance.get("viewpoints")
+        find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
+        return find_driving_route(self.traversability(body), start, goal, self.name, config, find_seen)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""

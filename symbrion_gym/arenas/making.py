@@ -23,6 +23,7 @@ from symbrion_gym.arenas.scanned import (
     repair_surface,
     take_surface,
 )
+from symbrion_gym.arenas.seen_places import choose_positions
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -117,6 +118,7 @@ def make_arena(
         "versions": find_versions(),
         **contact.notes,
         "warnings": warnings,
+        "viewpoints": choose_positions(scanned.viewpoints),
     }
     return Arena(
         name or "arena",

@@ -21,6 +21,9 @@ SLOPE_LIMITS = ((1, float(np.deg2rad(15.0))), (2, float(np.deg2rad(20.0))))
 """(modules in a row, slope that they climb [rad]), measured likewise on planes: 1 module climbs 20 degrees and tips
 over at 25; on bumps of natural terrain it tips over at 17, so 15. 2 modules climb 30 degrees straight up, and get stuck
 where they turn on natural terrain of more than 20."""
+ROLL_LIMIT = float(np.deg2rad(15.0))
+"""Side slope on which Scouts stay upright [rad]. Measured in MuJoCo across planes, at rest, driving and turning: 1, 2,
+4 and 8 modules stand at 25 degrees and tip over at 30; bumps of natural terrain add up to 10 on one side."""
 _FRICTION_SHARE = 0.85
 """Share of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner."""
 
@@ -35,6 +38,7 @@ class Footprint:
         height: free height that it needs above the ground [m]: a Scout's 0.105, and 0.02 to rock on tracks.
         max_slope: steepest ground that it climbs [rad]; see `SLOPE_LIMITS`.
         max_step: highest step that it climbs [m]; see `STEP_LIMITS`.
+        max_roll: steepest ground that it crosses sideways [rad]; see `ROLL_LIMIT`.
         radius: distance of its middle from walls and rims that it keeps [m]; None for half of its diagonal, so that
             it can turn on the spot everywhere.
 
@@ -47,15 +51,17 @@ class Footprint:
     height: float = 0.125
     max_slope: float = SLOPE_LIMITS[0][1]
     max_step: float = STEP_LIMITS[0][1]
+    max_roll: float = ROLL_LIMIT
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        check_positive(self, ("length", "width", "height", "max_slope"), OptionError)
+        check_positive(self, ("length", "width", "height", "max_slope", "max_roll"), OptionError)
         check_not_negative(self, ("max_step",), OptionError)
         if self.radius is not None:
             check_not_negative(self, ("radius",), OptionError)
-        if not self.max_slope < np.pi / 2:
-            raise OptionError(f"Footprint: max_slope must be below pi/2 rad, got {self.max_slope!r}")
+        for name in ("max_slope", "max_roll"):
+            if not getattr(self, name) < np.pi / 2:
+                raise OptionError(f"Footprint: {name} must be below pi/2 rad, got {getattr(self, name)!r}")
 
     @property
     def reach(self) -> float:
