@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 import symbrion_gym as sg
+from evolution.report.framing import find_frame
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
@@ -42,9 +43,9 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
     surface = np.asarray(arena.surface.triangles)
     front, labels = find_touchable(arena)
     contact = arena.pieces if arena.height_field is None else arena.height_field
-    drawn = []
+    drawn, frame = [], find_frame(arena)
     for direction in DIRECTIONS:
-        view = make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
+        view = make_view(frame, *direction, OVERSAMPLING * WIDTH)
         drawn.append(_measure(surface, view, lambda points, normals: find_offsets(points, normals, contact)))
         drawn.append(_measure(front, view, lambda points, _: find_nearest(points, arena.surface).heights))
     limit = limit or _find_limit([values for _, values in drawn])
