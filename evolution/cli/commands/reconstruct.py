@@ -62,6 +62,7 @@ class Reconstruct(TileOptions, ScanCommand):
                 method=self.method,
                 seed=self.seed,
                 unit=self.unit,
+                viewpoints=self.viewpoint,
                 is_raw=self.raw,
             )
         with console.track(f"Reading {self.source.name}"):
