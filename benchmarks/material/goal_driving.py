@@ -53,8 +53,9 @@ def drive(
     """
     body, config = body or snake(1), config or PursuitConfig()
     ground, robot = arena.traversability(body), TrackedRobot(arena, body)
-    inside = ground.region == route.region
-    far = np.linalg.norm(ground.positions - route.goal, axis=1) > LEAST_WAY
+    distance = np.linalg.norm(ground.positions - route.goal, axis=1)
+    inside = (ground.region == route.region) & (distance > ground.grid.cell)
+    far = distance > LEAST_WAY
     candidates = np.flatnonzero(inside & far if (inside & far).any() else inside)
     drives = []
     for seed in seeds:
