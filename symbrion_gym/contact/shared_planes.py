@@ -46,6 +46,8 @@ def share_planes(
         tolerance: distance that does not matter [m].
         config: which regions share.
     """
+    if not len(planes.normals):
+        return planes
     origin = np.asarray(mesh.triangles_center).mean(axis=0)
     sums = _sum_regions(mesh, planes, origin, config)
     _, _, own = fit_planes(sums)

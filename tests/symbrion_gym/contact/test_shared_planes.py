@@ -53,3 +53,9 @@ def test_equal_meshes_share_equal_planes():
     first, second = share_planes(mesh, planes, 0.003), share_planes(mesh.copy(), planes, 0.003)
     assert np.array_equal(first.normals, second.normals)
     assert np.array_equal(first.offsets, second.offsets)
+
+
+def test_without_planes_there_is_nothing_to_share():
+    mesh, planes = make_squares([0.0, 0.001])
+    none = planes._replace(normals=np.zeros((0, 3)), offsets=np.zeros(0), labels=np.full(len(mesh.faces), -1))
+    assert share_planes(mesh, none, 0.003) is none
