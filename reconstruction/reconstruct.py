@@ -144,6 +144,15 @@ class Reconstruction:
                 f"{', '.join(f'{value:.15g}' for value in cloud.offset)} m were subtracted from the coordinates"
             )
 
+    def __repr__(self) -> str:
+        """Return method, size of the mesh and number of readings in one line."""
+        vertices = self.mesh.vertices
+        size = " x ".join(f"{side:.3g}" for side in np.ptp(vertices, axis=0)) if len(vertices) else "empty"
+        return (
+            f"Reconstruction({self.method}: {len(vertices)} vertices, {len(self.mesh.faces)} faces, {size} m, "
+            f"of {self.readings.num_points} readings)"
+        )
+
     @cached_property
     def dropped(self) -> Dropped | None:
         """The readings that pre-processing left no point for; None where the readings are the points."""

@@ -10,6 +10,7 @@ from symbrion_gym.contact.acceptance import AcceptanceConfig
 from symbrion_gym.contact.boxing import BoxConfig
 from symbrion_gym.contact.default_accuracy import AccuracyConfig
 from symbrion_gym.contact.distances import DistanceConfig
+from symbrion_gym.contact.hidden_edges import EdgeConfig
 from symbrion_gym.contact.kinds import CONTACT_KINDS, FieldConfig
 from symbrion_gym.contact.patches import PatchConfig
 from symbrion_gym.contact.plane_snapping import SnapConfig
@@ -72,6 +73,7 @@ class ContactConfig:
         slabs: how a terrain is cut into slabs.
         seams: how seams are closed.
         boxes: how pieces are turned into boxes.
+        edges: how far hidden ends of pieces stop short of crests.
         primitives: which planes become boxes, for the kind "primitives".
         heights: which terrains become height fields.
         union: how slabs are united for coacd.
@@ -95,6 +97,7 @@ class ContactConfig:
     slabs: SlabConfig = field(default_factory=SlabConfig)
     seams: SeamConfig = field(default_factory=SeamConfig)
     boxes: BoxConfig = field(default_factory=BoxConfig)
+    edges: EdgeConfig = field(default_factory=EdgeConfig)
     primitives: PrimitiveConfig = field(default_factory=PrimitiveConfig)
     heights: FieldConfig = field(default_factory=FieldConfig)
     union: UnionConfig = field(default_factory=UnionConfig)
