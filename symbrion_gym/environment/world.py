@@ -236,7 +236,7 @@ class World:
     def _settler(self) -> Settler:
         """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
         sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
-        return Settler(self.model, sites, self.hinge_dof)
+        return Settler(self.model, sites, self.hinge_dof, self.organism.scout.size[2] / 2)
 
 
 def make_slice(ids: np.ndarray) -> slice | np.ndarray:
