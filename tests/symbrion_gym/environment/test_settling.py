@@ -9,7 +9,7 @@ from symbrion_gym.environment.settling import Settler, find_depth
 _BODY = """
 <body name="trunk" pos="0 0 {height}">
   <freejoint name="root"/>
-  <geom type="box" size="0.1 0.05 0.05" mass="10"/>
+  <geom type="box" size="0.1 0.05 0.05" mass="3"/>
   <site name="module_0"/>
   <body name="leg" pos="0.2 0 0">
     <joint name="hinge" axis="0 1 0" pos="-0.1 0 0" range="-1.5 1.5" limited="true"/>
