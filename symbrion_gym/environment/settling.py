@@ -178,7 +178,7 @@ class Settler:
         friction = np.full(len(sliding), _FRICTION / len(rising))
         found = linprog(
             np.concatenate([pose.lifting, [_PENALTY], friction]),
-            A_ub=np.concatenate([_join(*row, len(sliding)) for row in rows]),
+            A_ub=np.concatenate([_join(each, overlap, slide, len(sliding)) for each, overlap, slide in rows]),
             b_ub=np.concatenate([distance - gap, np.full(2 * len(rising), step), np.zeros(2 * len(sliding))]),
             bounds=[*self._find_bounds(pose.qpos, step), *[(0.0, None)] * (1 + len(sliding))],
             method="highs-ds",
