@@ -7,6 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import symbrion_gym as sg
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -45,3 +47,14 @@ def test_ppo_trains() -> None:
         progress, successes = example.evaluate(policy, trials=4)
         assert progress > 0
         assert 0 <= successes <= 1
+
+
+@pytest.mark.parametrize("arena", ["truth", "gsrm"])
+def test_a_scout_drives_to_random_places(arena: str) -> None:
+    ground = sg.load_arena(arena)
+    places = ground.traversability()
+    rng, drive = np.random.default_rng(5), load("drive_to_a_place").drive
+    for _ in range(2):
+        goal = rng.choice(np.flatnonzero(places.region >= 0))
+        start = rng.choice(np.flatnonzero(places.region == places.region[goal]))
+        assert drive(ground, *(tuple(places.positions[place, :2]) for place in (start, goal)))

@@ -113,7 +113,8 @@ class GroundPlacement:
             parent = organism.parents[module]
             levels[module] = level if parent < 0 else levels[parent]
             limit = levels[module] + _STOREY_RISE
-            heights[module] = self._arena.elevation.height_below(*spots[module].T, limit)
+            x, y = spots[module].T
+            heights[module] = self._arena.elevation.height_below(x, y, limit)
             if np.isfinite(heights[module]).any():
                 levels[module] = np.nanmax(heights[module])
         return heights

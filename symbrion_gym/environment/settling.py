@@ -26,6 +26,8 @@ _MAX_ITERATIONS = 60
 """More than any organism on the arenas at hand needs."""
 _PENALTY = 10.0
 """Weight of the deepest overlap against the height of the center of mass: overlaps are removed first."""
+_FRICTION = 0.4
+"""Share of the weight that holds a module back from sliding: below the friction of any ground, so that it rests."""
 _DANGLING = np.pi / 3
 """Hinges bend no farther to either side, so that what hangs over an edge does not fold under it [rad]."""
 
@@ -39,8 +41,7 @@ class _Linearized(NamedTuple):
         leaving: their change.
         height: of the center of mass [m].
         lifting: its change.
-        rising: change of the modules' heights.
-        holding: change of the horizontal place of the ground below the center of mass, as part of the root.
+        shifting: change of the places of the modules' undersides.
     """
 
     qpos: Float[np.ndarray, " nq"]
@@ -48,8 +49,7 @@ class _Linearized(NamedTuple):
     leaving: Float[np.ndarray, "C m"]
     height: float
     lifting: Float[np.ndarray, " m"]
-    rising: Float[np.ndarray, "n m"]
-    holding: Float[np.ndarray, "2 m"]
+    shifting: Float[np.ndarray, "n 3 m"]
 
     def find_merit(self, gap: float) -> float:
         """Return what is minimized: height of the center of mass, and the deepest overlap."""
@@ -64,21 +64,26 @@ class Settler:
     """Finds the pose of rest of a body with loose joints on the contact geometry of its arena.
 
     The potential energy is lowered step by step. Each step is a linear program: the center of mass goes down as far as
-    the distances to the ground, linear in the step, allow. Heading stays, and so does the point of the ground below the
-    center of mass, about which the body turns: as friction holds it, without a torque. In the pose that this ends in,
-    the ground carries the body with no torque of the servos.
+    the distances to the ground, linear in the step, allow, and where it gains more than friction takes when modules
+    slide. Heading stays. In the pose that this ends in, the ground carries the body with no torque of the servos.
 
     Args:
         model: the arena with the body; copied.
         modules: ids of the sites that mark the modules.
         joints: addresses of the body's joints in qvel.
+        half_height: height of a module's center above its underside [m].
 
     References:
-        Schittkowski & Zillober (2005): sequential linear programming with a trust region.
+        Fletcher & Sainz de la Maza (1989), Mathematical Programming 43: sequential linear programming with a trust
+        region. Mielke (2005), Evolution in rate-independent systems: friction as a cost of each step.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, modules: Int[np.ndarray, " n"], joints: Int[np.ndarray, " h"]
+        self,
+        model: mujoco.MjModel,
+        modules: Int[np.ndarray, " n"],
+        joints: Int[np.ndarray, " h"],
+        half_height: float,
     ) -> None:
         self._model = model.__copy__()
         self._data = mujoco.MjData(self._model)
@@ -88,6 +93,7 @@ class Settler:
         self._model.geom_margin[is_ours[self._model.geom_bodyid]] = _MARGIN
         self._model.body_margin[is_ours] = _MARGIN
         free = int(self._model.jnt_dofadr[self._model.body_jntadr[self._root]])
+        self._half_height = half_height
         self._moving = np.array([free, free + 1, free + 2, free + 3, free + 4, *joints])
         joint = self._model.dof_jntid[joints]
         self._qpos = self._model.jnt_qposadr[joint]
@@ -97,10 +103,12 @@ class Settler:
         """Return the pose of rest below a pose above the ground.
 
         Args:
-            qpos: where the body begins, clear of the ground.
+            qpos: where the body begins; it is lifted until it is clear of the ground.
             gap: distance that it keeps from the ground [m].
         """
-        rough = self._lower(qpos, gap, _ROUGHLY)
+        above = qpos.copy()
+        above[2] += self._linearize(qpos).find_overlap(gap)
+        rough = self._lower(above, gap, _ROUGHLY)
         rough[:2] = qpos[:2]
         return self._lower(rough, gap, _SHORTEST_STEP)
 
@@ -108,10 +116,10 @@ class Settler:
         """Return the pose of rest, up to a shortest step; the root has moved as far as the body has tilted."""
         step, best = _STEP, self._linearize(qpos)
         for _ in range(_MAX_ITERATIONS):
-            trial = best.qpos.copy()
-            mujoco.mj_integratePos(self._model, trial, self._find_step(best, step, gap), 1.0)
+            trial, (change, lost) = best.qpos.copy(), self._find_step(best, step, gap)
+            mujoco.mj_integratePos(self._model, trial, change, 1.0)
             tried = self._linearize(trial)
-            gained = best.find_merit(gap) - tried.find_merit(gap)
+            gained = best.find_merit(gap) - tried.find_merit(gap) - lost
             best = tried if gained > 0.0 else best
             step = step / 2 if gained < _ENOUGH else step
             if step < shortest:
@@ -137,39 +145,49 @@ class Settler:
                 model, data, jacobian, None, data.contact.pos[contact], int(bodies[contact, second])
             )
             leaving[row] = (2 * second - 1) * data.contact.frame[contact, :3] @ jacobian[:, moving]
-        rising = np.zeros((len(self._modules), len(moving)))
+        shifting = np.zeros((len(self._modules), 3, len(moving)))
         for row, site in enumerate(self._modules.tolist()):
-            mujoco.mj_jacSite(model, data, jacobian, None, site)
-            rising[row] = jacobian[2, moving]
+            foot = data.site_xpos[site] - [0.0, 0.0, self._half_height]
+            mujoco.mj_jac(model, data, jacobian, None, foot, int(model.site_bodyid[site]))
+            shifting[row] = jacobian[:, moving]
         mujoco.mj_jacSubtreeCom(model, data, jacobian, self._root)
         center = data.subtree_com[self._root]
-        foot = np.array([*center[:2], np.min(data.contact.pos[found, 2], initial=center[2])])
         lifting = jacobian[2, moving].copy()
-        mujoco.mj_jac(model, data, jacobian, None, foot, self._root)
-        holding = jacobian[:2, moving].copy()
         distance = data.contact.dist[found].copy()
-        return _Linearized(qpos, distance, leaving, float(center[2]), lifting, rising, holding)
+        return _Linearized(qpos, distance, leaving, float(center[2]), lifting, shifting)
 
-    def _find_step(self, pose: _Linearized, step: float, gap: float) -> Float[np.ndarray, " nv"]:
-        """Return the step that lowers the center of mass most."""
+    def _find_step(
+        self, pose: _Linearized, step: float, gap: float
+    ) -> tuple[Float[np.ndarray, " nv"], float]:
+        """Return the step that lowers the center of mass most, and what friction takes [m], as a height.
+
+        Unknowns of the linear program are the step, the largest overlap, and how far each module slides along x and y.
+        """
         from scipy.optimize import linprog
 
         is_near = pose.distance < gap + _REACH * step
         distance, leaving = pose.distance[is_near], pose.leaving[is_near]
-        slack, nothing = -np.ones((len(distance), 1)), np.zeros((len(pose.rising), 1))
+        rising, sliding = pose.shifting[:, 2], pose.shifting[:, :2].reshape(-1, len(pose.lifting))
+        rows = [
+            (-leaving, -1.0, 0.0),
+            (rising, 0.0, 0.0),
+            (-rising, 0.0, 0.0),
+            (sliding, 0.0, -1.0),
+            (-sliding, 0.0, -1.0),
+        ]
+        friction = np.full(len(sliding), _FRICTION / len(rising))
         found = linprog(
-            np.append(pose.lifting, _PENALTY),
-            A_ub=np.block([[-leaving, slack], [pose.rising, nothing], [-pose.rising, nothing]]),
-            A_eq=np.hstack([pose.holding, np.zeros((2, 1))]),
-            b_eq=np.zeros(2),
-            b_ub=np.concatenate([distance - gap, np.full(2 * len(pose.rising), step)]),
-            bounds=[*self._find_bounds(pose.qpos, step), (0.0, None)],
+            np.concatenate([pose.lifting, [_PENALTY], friction]),
+            A_ub=np.concatenate([_join(each, overlap, slide, len(sliding)) for each, overlap, slide in rows]),
+            b_ub=np.concatenate([distance - gap, np.full(2 * len(rising), step), np.zeros(2 * len(sliding))]),
+            bounds=[*self._find_bounds(pose.qpos, step), *[(0.0, None)] * (1 + len(sliding))],
             method="highs-ds",
         )
         change = np.zeros(self._model.nv)
-        if found.x is not None:
-            change[self._moving] = found.x[:-1]
-        return change
+        if found.x is None:
+            return change, 0.0
+        change[self._moving] = found.x[: len(self._moving)]
+        return change, float(friction @ found.x[-len(sliding) :])
 
     def _find_bounds(self, qpos: Float[np.ndarray, " nq"], step: float) -> list[tuple[float, float]]:
         """Return the smallest and largest change of each degree of freedom that moves."""
@@ -183,6 +201,14 @@ class Settler:
             (-turn, turn),
             *zip(low.tolist(), high.tolist(), strict=True),
         ]
+
+
+def _join(
+    rows: Float[np.ndarray, "R m"], overlap: float, slide: float, num_slides: int
+) -> Float[np.ndarray, "R M"]:
+    """Return rows of the linear program: coefficients of the step, of the overlap, and of a slide for each row."""
+    slides = np.eye(len(rows), num_slides) * slide
+    return np.hstack([rows, np.full((len(rows), 1), overlap), slides])
 
 
 def find_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:

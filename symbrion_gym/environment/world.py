@@ -20,12 +20,14 @@ from symbrion_gym.environment.rendering import add_scene
 from symbrion_gym.environment.settling import Settler, find_depth
 from symbrion_gym.environment.tumbling import tumble
 from symbrion_gym.robot.organism_sensors import add_sensors
-from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
+from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius, limit_wheels
 from symbrion_gym.tasks.scene import Scene
 
 _SUNK = 0.005
 """A snake that follows a line on the ground may reach this deep into what rises beside the line; else it is settled as
 other bodies are [m]."""
+_TIPPED = 0.1
+"""A lone module that turns by more as it settles was not at rest on its line, but about to tip over an edge [rad]."""
 _SAME = 1e-9
 """Numbers closer than this are equal but for rounding."""
 
@@ -96,6 +98,8 @@ class World:
         spec = self.arena.spec()
         add_scene(spec, *self._image_size)
         self.organism.add_to(spec, spec.worldbody)
+        if self.config.track_control == "skid" and self.organism.scout.tracks != "spheres":
+            limit_wheels(spec, self.organism.scout.wheel_torque)
         add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
         for geom in spec.worldbody.geoms:
             if geom.group == ARENA_CONTACT_GROUP:
@@ -216,9 +220,13 @@ class World:
         if roll:
             return tumble(self.scene, qpos, route.heading + yaw, roll)
         qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
-        if self._placement.is_snake and find_depth(self.model, self._probe, qpos) <= _SUNK:
+        if not self._placement.is_snake or find_depth(self.model, self._probe, qpos) > _SUNK:
+            return self._settler.settle(qpos, LIFT)
+        if self.num_modules > 1:
             return qpos
-        return self._settler.settle(qpos, LIFT)
+        settled = self._settler.settle(qpos, LIFT)
+        has_tipped = abs(settled[3:7] @ qpos[3:7]) < np.cos(_TIPPED / 2)
+        return settled if has_tipped else qpos
 
     @cached_property
     def _probe(self) -> mujoco.MjData:
@@ -229,7 +237,7 @@ class World:
     def _settler(self) -> Settler:
         """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
         sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
-        return Settler(self.model, sites, self.hinge_dof)
+        return Settler(self.model, sites, self.hinge_dof, self.organism.scout.size[2] / 2)
 
 
 def make_slice(ids: np.ndarray) -> slice | np.ndarray:

@@ -42,6 +42,8 @@ class ScoutConfig:
         wheel_mass: mass of a driven wheel, where tracks have joints [kg] [E].
         wheel_armature: inertia of its motor and gear [kg m²] [E].
         wheel_gain: torque of its servo per error of its rate [N m s/rad] [E]: stiff, so that wheels keep their speed.
+        wheel_torque: largest torque of a driven wheel [N m] [E], where the sides of a module have speeds of their own:
+            a jump of stiff servos against each other would throw it up. Else servos have no limit.
         friction: sliding friction of the tracks on the ground [E].
         dock_force: force that a docking unit holds [N] [E]; a larger one is reported, docks never tear.
         acceleration_range: largest reading of an accelerometer [m/s²] [E: 4 g].
@@ -79,6 +81,7 @@ class ScoutConfig:
     wheel_mass: float = 0.002
     wheel_armature: float = 1e-4
     wheel_gain: float = 2.0
+    wheel_torque: float = 0.05
     friction: float = 0.7
     dock_force: float = 100.0
     acceleration_range: float = 4 * 9.81
@@ -96,8 +99,8 @@ class ScoutConfig:
     def __post_init__(self) -> None:
         positive = (
             "dock_reach arm_reach pitch chassis_mass arm_mass hinge_range hinge_torque hinge_speed "
-            "hinge_stiffness track_radius wheel_mass wheel_gain friction dock_force acceleration_range contact_range "
-            "ir_range laser_range twist_range twist_torque"
+            "hinge_stiffness track_radius wheel_mass wheel_gain wheel_torque friction dock_force acceleration_range "
+            "contact_range ir_range laser_range twist_range twist_torque"
         )
         check_positive(self, positive.split(), OrganismError)
         not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"

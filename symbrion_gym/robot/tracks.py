@@ -124,6 +124,14 @@ def _add_wheels(
         servo.set_to_velocity(kv=config.wheel_gain)
 
 
+def limit_wheels(spec: mujoco.MjSpec, torque: float) -> None:
+    """Limit the torque of all driven wheels of a model under construction [N m]."""
+    for servo in spec.actuators:
+        if "_wheel_" in servo.name:
+            servo.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+            servo.forcerange = [-torque, torque]
+
+
 def add_contact(
     frame: mujoco.MjsFrame,
     body: mujoco.MjsBody,

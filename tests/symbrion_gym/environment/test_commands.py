@@ -1,0 +1,70 @@
+"""Actions become targets of servos and speeds of tracks, on the left and on the right."""
+
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.commands import Commands
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+
+
+def find_heading(env):
+    forward = env.physics.rotation[0, 0, [0, 3]]
+    return np.arctan2(forward[1], forward[0])
+
+
+@pytest.mark.parametrize("tracks", ["spheres", "wheels", "cylinders"])
+def test_a_lone_scout_turns_on_the_spot_and_drives_straight(tracks):
+    env = SnakePitEnv(modules=1, track_control="skid", tracks=tracks, track_speed=0.05)
+    env.reset(seed=0)
+    assert env.action_space.shape == (2,)
+    before, place = find_heading(env), env.physics.position[0, 0].copy()
+    for _ in range(50):
+        env.step(np.array([-1.0, 1.0]))
+    turned = find_heading(env) - before
+    assert 0.5 < turned < 1.1  # without slip it would be 1 s * 0.05 m/s / 0.0325 m
+    assert np.linalg.norm(env.physics.position[0, 0] - place) < 0.01
+    place = env.physics.position[0, 0].copy()
+    for _ in range(50):
+        env.step(np.ones(2))
+    way = env.physics.position[0, 0] - place
+    assert np.linalg.norm(way) == pytest.approx(0.05, abs=0.005)
+    assert np.arctan2(way[1], way[0]) == pytest.approx(find_heading(env), abs=0.1)
+
+
+@pytest.mark.parametrize("tracks", ["spheres", "wheels"])
+@pytest.mark.parametrize("control", ["skid", "modules"])
+def test_each_number_goes_to_its_own_side_of_its_own_module(tracks, control):
+    """In a tree, parts are not in the order of the modules."""
+    env = SnakePitEnv(organism="H", track_control=control, tracks=tracks)
+    env.reset(seed=0)
+    hinges, modules = env.world.num_hinges, env.world.num_modules
+    sides = 2 if control == "skid" else 1
+    speeds = np.linspace(-1.0, 1.0, modules * sides)
+    env.step(np.concatenate([np.zeros(hinges), speeds]))
+    for module in range(modules):
+        for k, left in ((0, True), (9, False)):
+            name = f"module_{module}_track_{k}"
+            if tracks == "spheres":
+                rate = env.model.geom_surfacevel[env.model.geom(name).id, 4]
+                assert (env.model.geom(name).pos[1] > 0) or env.world.is_by_site or not left
+            else:
+                rate = env.data.ctrl[env.model.actuator(name.replace("track", "wheel")).id]
+            wanted = speeds[module * sides + (0 if left or sides == 1 else 1)]
+            assert rate == pytest.approx(0.1 * wanted / 0.02)
+
+
+def test_the_speed_of_the_head_is_the_mean_of_its_sides():
+    world = SnakePitEnv(modules=2, track_control="skid").world
+    commands = Commands(world, 1)
+    commands.begin(0, np.zeros(1), 0.1)
+    commands.take(np.array([[0.0, 1.0, -0.5, 0.3, 0.3]]))
+    assert commands.find_head_speed() == pytest.approx(0.1 * 0.25)
+
+
+def test_what_is_not_a_number_keeps_the_last_command():
+    commands = Commands(SnakePitEnv(modules=1, track_control="skid").world, 2)
+    for row in range(2):
+        commands.begin(row, np.zeros(0), 0.1)
+    commands.take(np.array([[0.5, -2.0], [0.1, 0.2]]))
+    _, speed = commands.take(np.array([[np.nan, 1.0], [0.3, np.nan]]), np.array([True, False]))
+    np.testing.assert_allclose(speed, [[0.05, 0.1], [0.01, 0.02]])

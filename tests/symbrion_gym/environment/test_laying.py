@@ -1,0 +1,93 @@
+"""Organisms of any shape lie on the ground as it is, and stay there."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym.robot.random_organism import make_random_organism
+
+_RISE = 0.005
+"""No module rises by more in the first half second [m]."""
+_DEPTH = 0.003
+"""No contact is deeper in the first step [m]."""
+RAMP = {"arena": "truth", "start": (-1.2, 0.1), "goal": (1.5, 0.0)}
+
+
+def make_trees(num: int) -> list[Organism]:
+    rng = np.random.default_rng(0)
+    return [make_random_organism(int(rng.integers(3, 10)), rng) for _ in range(num)]
+
+
+def assert_rests(env: SnakePitEnv, yaw: float) -> None:
+    """The organism, with tracks that stand still, neither jumps nor lies in the ground."""
+    env.reset(seed=0, options={"yaw": yaw})
+    heights = env.physics.position[0, :, 2].copy()
+    mujoco.mj_step(env.model, env.data)
+    assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH
+    hold = np.full(env.action_space.shape, np.nan)
+    for _ in range(25):
+        env.step(hold)
+        assert (env.physics.position[0, :, 2] - heights).max() <= _RISE
+    assert (heights - env.physics.position[0, :, 2]).max() < 0.01
+    assert np.abs(env.data.qvel).max() < 0.1
+
+
+@pytest.mark.parametrize("body", [cross(1), cross(2), letter_h(), *make_trees(3)])
+@pytest.mark.parametrize(
+    "where", [RAMP, {"arena": "gsrm"}, {"arena": "stairs", "start": (0.0, 0.2), "goal": (1.5, 0.0)}]
+)
+def test_trees_rest_where_they_are_laid(body, where):
+    env = SnakePitEnv(**where, organism=body, track_speed=0.0)
+    for yaw in (0.0, 0.6):
+        assert_rests(env, yaw)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arena", ["truth", "gsrm", "gg"])
+def test_every_body_rests_at_every_start(arena):
+    for body in (*map(snake, range(1, 10)), *make_trees(10)):
+        env = SnakePitEnv(arena=arena, organism=body, track_speed=0.0)
+        for yaw in (0.0, 0.6):
+            assert_rests(env, yaw)
+
+
+def test_modules_of_a_cross_follow_a_ramp():
+    """Laid flat at the highest point, its lower arm would hang 13 cm above the ramp."""
+    env = SnakePitEnv(**RAMP, organism=cross(2), track_speed=0.0)
+    env.reset(seed=0)
+    place = env.physics.position[0]
+    above = place[:, 2] - env.world.arena.height(place[:, 0], place[:, 1])
+    np.testing.assert_allclose(above, 0.0525 / np.cos(np.arctan(0.25)), atol=0.006)
+
+
+def test_a_snake_follows_its_line_as_ever():
+    """On a slope alone, two millimeters above it."""
+    env = SnakePitEnv(**RAMP, modules=3)
+    env.reset(seed=0)
+    height = env.world.arena.height(-1.2, 0.1) + 0.0525 / np.cos(np.arctan(0.25)) + 0.002
+    np.testing.assert_allclose(env.data.qpos[:2], [-1.2, 0.1], atol=1e-12)
+    assert env.data.qpos[2] == pytest.approx(height, abs=5e-4)
+    np.testing.assert_allclose(env.data.qpos[7:], 0.0, atol=1e-6)
+
+
+def test_a_snake_that_would_lie_in_the_ground_is_settled():
+    env = SnakePitEnv(**RAMP, modules=8, track_speed=0.0)
+    env.reset(seed=0, options={"yaw": 0.6})
+    assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH
+
+
+def test_a_lone_module_on_a_crest_has_tipped_already():
+    env = SnakePitEnv(arena="truth", modules=1, start=(0.735, -0.21), goal=(2.0, -0.21), track_speed=0.0)
+    assert_rests(env, 0.0)
+    assert env.physics.rotation[0, 0, 6] < -0.1
+
+
+def test_the_start_is_found_where_the_organism_begins():
+    env = SnakePitEnv(**RAMP, organism="cross2")
+    env.reset(seed=0)
+    np.testing.assert_allclose(env.data.qpos[:2], [-1.2, 0.1], atol=0.02)
+    for seed in (1, 2):
+        first = env.reset(seed=seed)[0]
+        np.testing.assert_array_equal(first, env.reset(seed=seed)[0])

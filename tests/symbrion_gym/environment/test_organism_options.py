@@ -1,0 +1,112 @@
+"""The option organism, and options that contradict each other."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from side_by_side import assert_equal_ticks
+
+from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.robot.organism import cross, letter_h, snake
+from symbrion_gym.robot.scout_constants import ScoutConfig
+
+SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3, tracks="wheels")
+
+
+@pytest.mark.parametrize(
+    ("organism", "body"),
+    [(3, snake(3)), ("H", letter_h()), ("cross1", cross(1)), ("SBSF0000", snake(2)), (cross(1), cross(1))],
+)
+def test_the_option_takes_whatever_describes_a_body(organism, body):
+    assert SnakePitEnv(organism=organism).world.organism == body
+
+
+def test_a_body_plan_may_come_from_a_file(tmp_path):
+    (tmp_path / "body.txt").write_text("SBSFSBSF00000000", encoding="utf-8")
+    assert SnakePitEnv(organism=str(tmp_path / "body.txt")).world.organism == snake(3)
+
+
+def test_constants_of_the_modules_reach_a_ready_organism():
+    given = {"hinge_torque": 2.0, "track_speed": 0.05, "tracks": "wheels", "friction": 0.4}
+    for name in ("modules", "organism"):
+        env = SnakePitEnv(**{name: snake(2)}, **given)
+        env.reset(seed=0)
+        assert {key: getattr(env.world.organism.scout, key) for key in given} == given
+        assert env.model.actuator("hinge_1").forcerange[1] == 2.0
+        assert (env.model.geom_friction[env.world.robot_geoms, 0] == 0.4).all()
+        assert env.domain.track_speed == 0.05
+
+
+def test_a_ready_organism_keeps_what_no_option_names():
+    env = SnakePitEnv(organism=snake(2, SLOW))
+    _, info = env.reset(seed=0)
+    assert env.world.organism.scout == SLOW
+    assert info["friction"] == 0.3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"modules": 3, "organism": 4}, "'modules' and 'organism'"),
+        ({"modules": 8, "organism": "H"}, "'modules' and 'organism'"),
+        (
+            {"modules": snake(2, SLOW), "hinge_torque": 4.5},
+            r"hinge_torque=4\.5 contradicts hinge_torque=3\.0",
+        ),
+        ({"organism": snake(2, SLOW), "tracks": "spheres"}, "tracks='spheres' contradicts"),
+        ({"organism": snake(2, SLOW), "friction": 0.5}, r"friction=0\.5 contradicts"),
+        ({"track_control": "skids"}, "constant, body, modules, skid"),
+    ],
+)
+def test_options_that_contradict_are_refused_by_name(options, message):
+    with pytest.raises(OptionError, match=message):
+        SnakePitEnv(**options)
+
+
+def test_the_configuration_refuses_them_too():
+    with pytest.raises(OptionError, match="give one of them"):
+        SnakePitConfig(modules=3, organism="H")
+    with pytest.raises(OptionError, match="contradicts"):
+        SnakePitEnv(**dataclasses.asdict(SnakePitConfig()) | {"modules": snake(2, SLOW), "organism": None})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"organism": "dragon"}, "no organism 'dragon'"),
+        ({"organism": 60}, "60 modules are too many"),
+        ({"organism": True}, "got True"),
+        ({"modules": "H"}, "names go to organism"),
+    ],
+)
+def test_what_is_no_body_is_refused(options, message):
+    with pytest.raises(OrganismError, match=message):
+        SnakePitEnv(**options)
+
+
+@pytest.mark.parametrize("control", ["constant", "body", "modules", "skid"])
+@pytest.mark.parametrize("organism", [1, "H", "SLSF0000SBSL0000"])
+def test_every_body_passes_the_checker_without_warnings(organism, control):
+    check_env(SnakePitEnv(organism=organism, track_control=control), skip_render_check=True)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"organism": 1, "track_control": "skid"},
+        {"organism": "cross1", "track_control": "skid", "tracks": "wheels"},
+        {"organism": snake(3, ScoutConfig(dofs=2)), "track_control": "modules"},
+        {"organism": "H", "track_control": "body", "noise": 0.0, "start": (-1.2, 0.1), "goal": (1.0, 0.0)},
+    ],
+)
+def test_vector_and_single_agree_to_the_bit(options):
+    vector = SnakePitVectorEnv(2, **options)
+    singles = [SnakePitEnv(**options) for _ in range(2)]
+    first, _ = vector.reset(seed=3)
+    for i, single in enumerate(singles):
+        np.testing.assert_array_equal(first[i], single.reset(seed=3 + i)[0])
+    assert_equal_ticks(vector, singles, 60, np.random.default_rng(0))
