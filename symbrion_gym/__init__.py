@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from symbrion_gym.sensing.survey_world import SurveyRoom
     from symbrion_gym.sensing.timing import Timing, timing
     from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
-    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.features.gap import GapSearch, PitSearch
     from symbrion_gym.tasks.route import RouteMargins
     from symbrion_gym.tasks.success_check import SuccessCriteria
     from symbrion_gym.traversability.drawing import draw_traversability
@@ -57,6 +57,7 @@ __all__ = [
     "Docking",
     "DrivingRoute",
     "Footprint",
+    "GapSearch",
     "LaserScanner",
     "OptionError",
     "Organism",

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.assets import SCANNED_PITS
 from symbrion_gym.environment.config import SnakePitConfig
@@ -37,7 +36,7 @@ def find_arena(config: SnakePitConfig) -> Arena:
     if pit is None:
         return load_arena(arena)
     if is_named:
-        return load_arena(arena, course=Course(pit=pit))
+        return load_arena(arena, pit=pit)
     loaded = load_arena(arena)
     if getattr(loaded.course, "pit", None) != config.pit:
         raise ArenaError(

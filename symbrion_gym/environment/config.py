@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.robot.organism import Organism
     from symbrion_gym.robot.sensor_noise import SensorNoise
-    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.features.gap import GapSearch
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.success_check import SuccessCriteria
 
@@ -105,7 +105,7 @@ class SnakePitConfig:
         stuck_progress: smallest progress that counts as such, for `stuck_time` [m].
         criteria: limits of a success; None for the defaults of `SuccessCriteria`.
         margins: distances of the route from ramp, pit and rim; None for the defaults of `RouteMargins`.
-        pit_search: what counts as a pit of a surface without a course; None for the defaults of `PitSearch`.
+        pit_search: what counts as a pit on a surface; None for the defaults of `GapSearch`.
         sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
 
     Raises:
@@ -141,7 +141,7 @@ class SnakePitConfig:
     stuck_progress: float = 0.02
     criteria: SuccessCriteria | None = None
     margins: RouteMargins | None = None
-    pit_search: PitSearch | None = None
+    pit_search: GapSearch | None = None
     sensor_noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:

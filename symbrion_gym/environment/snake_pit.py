@@ -118,7 +118,7 @@ class SnakePitEnv(gym.Env[np.ndarray, np.ndarray]):
     | `stuck_progress`      | 0.02      | smallest progress that counts, for `stuck` [m]                  |
     | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
     | `margins`             | None      | a `RouteMargins`: distances from ramp, pit and rim              |
-    | `pit_search`          | None      | a `PitSearch`: how a pit is found in a scanned surface          |
+    | `pit_search`          | None      | a `GapSearch`: how a pit is found in a scanned surface          |
     | `sensor_noise`        | None      | a `SensorNoise`: standard deviations at `noise` 1               |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
 
