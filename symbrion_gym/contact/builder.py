@@ -18,6 +18,7 @@ from symbrion_gym.contact.kinds import make_height_field
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.passes.coacd import NoCandidate, decompose_body, decompose_united_slabs
 from symbrion_gym.contact.passes.finish import close_seams, fit_boxes, stop_clock
+from symbrion_gym.contact.passes.heights import fit_height_field, measure_heights
 from symbrion_gym.contact.passes.patches import fit_flat_patches, fit_patches, make_prisms
 from symbrion_gym.contact.passes.slabs import fit_slabs
 from symbrion_gym.contact.problem import ContactProblem
@@ -31,6 +32,7 @@ PASSES: dict[str, tuple[Pass, ...]] = {
         fit_slabs,
         fit_flat_patches,
         fit_patches,
+        fit_height_field,
         decompose_united_slabs,
         decompose_body,
         close_seams,
@@ -105,10 +107,7 @@ def _run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
 def _make_height_field(problem: ContactProblem) -> Contact:
     """Return the heights of a terrain on a grid."""
     heights = make_height_field(problem.surface, problem.ground)
-    mesh = heights.as_mesh()
-    gaps = problem.distance.find_gaps_of_sheet(mesh)
-    quality = problem.distance.summarize(gaps, 0, problem.deadline.elapsed)
-    return Contact([], quality, heights, {"way": "height field"})
+    return measure_heights(problem, heights, {"way": "height field"})
 
 
 def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:
