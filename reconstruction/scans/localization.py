@@ -46,10 +46,11 @@ class LocalizationConfig:
     max_pitch: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("vibration", "match_error", "min_height"):
-            value = getattr(self, name)
-            if not (value is None and name == "vibration") and not value > 0:
-                raise ScanError(f"{name} must be above 0, got {value}")
+        if self.vibration is not None and not self.vibration > 0:
+            raise ScanError(f"vibration must be above 0, got {self.vibration}; None estimates it")
+        for name in ("match_error", "min_height"):
+            if not getattr(self, name) > 0:
+                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
         if not 0 < self.max_pitch <= 1:
             raise ScanError(f"max_pitch must be above 0 and at most 1, got {self.max_pitch}")
 

@@ -41,10 +41,11 @@ class OdometryConfig:
     max_scale_error: float = 0.2
 
     def __post_init__(self) -> None:
-        for name in ("yaw_noise", "slip", "turn_way", "max_scale_error"):
-            value = getattr(self, name)
-            if not (value is None and name == "slip") and not value >= 0:
-                raise ScanError(f"{name} must not be negative, got {value}")
+        if self.slip is not None and not self.slip >= 0:
+            raise ScanError(f"slip must not be negative, got {self.slip}; None estimates it")
+        for name in ("yaw_noise", "turn_way", "max_scale_error"):
+            if not getattr(self, name) >= 0:
+                raise ScanError(f"{name} must not be negative, got {getattr(self, name)}")
         if self.calibration_window < 1:
             raise ScanError(f"calibration_window must be 1 or more, got {self.calibration_window}")
 
