@@ -96,7 +96,7 @@ class World:
         self.organism = find_organism(config, self.friction)
         ends = *config.find_ends(), config.margins, config.pit_search
         self.map_route = find_route(on_map, self.organism, *ends)
-        self.route = find_route(self.arena, self.organism, *ends)
+        self.route = self.map_route if self.arena is on_map else find_route(self.arena, self.organism, *ends)
         self._poses = self.organism.find_poses()
         self._is_snake = self.organism == snake(self.organism.num_modules, self.organism.scout)
         self.model = self._make_spec().compile()
