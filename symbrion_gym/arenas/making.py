@@ -44,7 +44,7 @@ def make_arena(
     *,
     accuracy: float | None = None,
     max_pieces: int = 2200,
-    kind: str = "convex",
+    kind: str = "auto",
     viewpoints: ArrayLike | None = None,
     unit: str | None = None,
     up: str | None = None,
@@ -73,7 +73,8 @@ def make_arena(
         accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
             spacing of the scan, 3 mm or more.
         max_pieces: no more convex pieces than these.
-        kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
+        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
+            "prisms".
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
         unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
         up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
@@ -140,7 +141,7 @@ def make_arena(
         quality,
         friction,
         course,
-        "hfield" if contact.height_field is not None else kind,
+        ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
         contact.height_field,
         about,
         scanned.offset,

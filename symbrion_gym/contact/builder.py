@@ -27,21 +27,15 @@ from symbrion_gym.errors import ArenaError
 Pass = Callable[[ContactProblem, Contact | None], Contact | None]
 """From the problem and the best so far to a candidate; None where the pass does not apply."""
 
+_SURFACE_PASSES = (fit_slabs, fit_flat_patches, fit_patches)
+_LATER_PASSES = (decompose_united_slabs, decompose_body, close_seams, fit_boxes)
 PASSES: dict[str, tuple[Pass, ...]] = {
-    "convex": (
-        fit_slabs,
-        fit_flat_patches,
-        fit_patches,
-        fit_height_field,
-        decompose_united_slabs,
-        decompose_body,
-        close_seams,
-        fit_boxes,
-    ),
-    "primitives": (fit_slabs, fit_flat_patches, fit_patches),
+    "auto": (*_SURFACE_PASSES, fit_height_field, *_LATER_PASSES),
+    "convex": (*_SURFACE_PASSES, *_LATER_PASSES),
+    "primitives": _SURFACE_PASSES,
     "prisms": (make_prisms,),
 }
-"""Passes of each kind of contact geometry that has pieces, in order."""
+"""Passes of each choice of contact geometry that has pieces, in order."""
 
 
 def make_contact(

@@ -1,8 +1,9 @@
-"""Four kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
+"""The kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
 
 | kind | what it is | for |
 |---|---|---|
-| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | everything |
+| `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
+| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
 | `primitives` | the paper's mixed model: planes of a terrain become boxes, the rest convex pieces | few large planes |
 | `hfield` | MuJoCo's height field | rough, unbroken ground |
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
@@ -21,6 +22,9 @@ from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.errors import ArenaError
 
 CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms")
+"""What an arena can be made of."""
+CONTACT_CHOICES = ("auto", *CONTACT_KINDS)
+"""What can be asked for."""
 
 _INSIDE = 1e-6
 """The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""

@@ -11,7 +11,7 @@ from symbrion_gym.contact.boxing import BoxConfig
 from symbrion_gym.contact.default_accuracy import AccuracyConfig
 from symbrion_gym.contact.distances import DistanceConfig
 from symbrion_gym.contact.hidden_edges import EdgeConfig
-from symbrion_gym.contact.kinds import CONTACT_KINDS, FieldConfig
+from symbrion_gym.contact.kinds import CONTACT_CHOICES, FieldConfig
 from symbrion_gym.contact.patches import PatchConfig
 from symbrion_gym.contact.plane_snapping import SnapConfig
 from symbrion_gym.contact.planes import PlaneConfig
@@ -111,7 +111,7 @@ class ContactOptions:
     Attributes:
         accuracy: mean distance between contact and surface that is good enough [m]; None: as fine as the scan.
         max_pieces: no more convex pieces than these.
-        kind: one of `CONTACT_KINDS`.
+        kind: one of `CONTACT_CHOICES`.
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
         time_limit: emergency stop: building ends then with the best so far [s].
@@ -123,15 +123,17 @@ class ContactOptions:
 
     accuracy: float | None = None
     max_pieces: int = 2200
-    kind: str = "convex"
+    kind: str = "auto"
     thickness: float = 0.2
     seed: int = 0
     time_limit: float = 300.0
     config: ContactConfig = field(default_factory=ContactConfig)
 
     def __post_init__(self) -> None:
-        if self.kind not in CONTACT_KINDS:
-            raise ArenaError(f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if self.kind not in CONTACT_CHOICES:
+            raise ArenaError(
+                f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_CHOICES)}"
+            )
         for name in ("accuracy", "thickness", "time_limit"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < float("inf"):

@@ -22,7 +22,7 @@ def fit_height_field(problem: ContactProblem, best: Contact | None) -> Contact |
         return None
     config, extents = problem.config, problem.surface.extents
     is_sparse = len(best.pieces) < config.heights.least_density * float(extents[0] * extents[1])
-    if is_sparse or best.notes["way"].endswith("slabs") or problem.options.kind != "convex":
+    if is_sparse or best.notes["way"].endswith("slabs"):
         return None
     field = _find_coarsest_field(problem, config.acceptance, config.heights)
     if field is None:

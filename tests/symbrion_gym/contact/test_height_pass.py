@@ -105,3 +105,9 @@ def test_an_arena_says_that_it_is_a_height_field(tmp_path):
 def test_too_coarse_grids_are_not_taken():
     config = replace(DENSE, heights=replace(DENSE.heights, coarsest=0.5, finest=0.4))
     assert make(make_waves(), config).height_field is None
+
+
+def test_where_pieces_are_asked_for_there_is_no_height_field():
+    contact = make_contact(make_waves(), ContactOptions(kind="convex", config=DENSE), ACCURACY)
+    assert contact.height_field is None
+    assert contact.pieces
