@@ -99,9 +99,9 @@ def measure_steps(quick: bool) -> dict:
     """Measure the time of a physics step of one snake under one sequence of controls."""
     mesh, course = scan_course(_PIT, "gsrm 2200"), Course()
     arenas = {"boxes": Arena.from_course(course)}
-    arenas |= {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
+    arenas |= {name: make_arena(scan_course(_PIT, name)) for name in MAIN}
     for kind in ("primitives", "hfield"):
-        arenas[kind] = make_arena(mesh, kind=kind, course=course)
+        arenas[kind] = make_arena(mesh, kind=kind)
     return {"steps_us": _show_one(time_steps(arenas, 100 if quick else 600))}
 
 
@@ -110,13 +110,13 @@ def measure_seams(quick: bool) -> dict:
     course = Course()
     truth = Arena.from_course(course)
     arenas = {"truth moved by 1 mm along": _move(truth, [0.001, 0.0, 0.0])}
-    arenas |= {name: make_arena(scan_course(_PIT, name), course=course) for name in MAIN}
+    arenas |= {name: make_arena(scan_course(_PIT, name)) for name in MAIN}
     for name in ("gsrm", "gg"):
         arenas[f"ready-made {name}"] = ready = load_arena(name)
-        arenas[f"ready-made {name}, made again"] = make_arena(ready.surface, course=course)
+        arenas[f"ready-made {name}, made again"] = make_arena(ready.surface)
     if not quick:
         mesh = arenas["ready-made gsrm"].surface
-        arenas["exact triangles of ready-made gsrm"] = make_arena(mesh, kind="prisms", course=course)
+        arenas["exact triangles of ready-made gsrm"] = make_arena(mesh, kind="prisms")
     found = compare_pulled(truth, course, arenas)
     for rows in found.values():
         _show(rows)
@@ -136,7 +136,7 @@ def measure_outcomes(quick: bool) -> dict:
         wanted += [(kind, name) for kind in ("primitives", "hfield") for name in RESOLUTIONS]
         wanted += [("prisms", name) for name in ("gsrm 800", "gsrm 2200", "gg 1500")]
     for kind, name in wanted:
-        arena = make_arena(scan_course(_EASY_PIT, name), course=course, kind=kind)
+        arena = make_arena(scan_course(_EASY_PIT, name), kind=kind)
         label = name if kind == "convex" else f"{name}, {kind}"
         rows[label] = comparison.compare(arena)
         _show({label: rows[label]})
@@ -153,7 +153,7 @@ def measure_waves(quick: bool) -> dict:
     if not quick:
         rows["truth moved by 1 mm"] = comparison.compare(_move(truth, [0.0, 0.0, 0.001]))
     for name in MAIN:
-        rows[name] = comparison.compare(make_arena(scan_course(_EASY_PIT, name), course=course))
+        rows[name] = comparison.compare(make_arena(scan_course(_EASY_PIT, name)))
     _show(rows)
     return {"behaviour_of_waves": rows}
 
@@ -162,8 +162,8 @@ def measure_rays(quick: bool) -> dict:
     """Measure the time of one laser scan with several ray casters, and compare MuJoCo's ranges with Embree's."""
     course, mesh = Course(), scan_course(_PIT, "gg")
     arenas = {
-        "gg": make_arena(mesh, course=course),
-        "hfield": make_arena(mesh, course=course, kind="hfield"),
+        "gg": make_arena(mesh),
+        "hfield": make_arena(mesh, kind="hfield"),
         "hand-made": load_arena("simple"),
         "boxes": Arena.from_course(course),
     }

@@ -166,5 +166,5 @@ def make_model(method: str, size: int, folder: Path, course: Course | None = Non
         points = thin(preprocess(survey(load_arena("truth", course), seed=0)), SPACING)
         sizes: dict[str, Any] = {"units": size} if method == "gsrm" else {"triangles": size}
         mesh = reconstruct(points, method=method, seed=0, **sizes).mesh
-        make_arena(mesh, name=path.name, course=course, seed=0).save(path)
+        make_arena(mesh, name=path.name, seed=0).save(path)
     return str(path)

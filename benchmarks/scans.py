@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from benchmarks.material.survey_noise import measure_noise
 from benchmarks.report import write_results
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.scans.leveling import level_floor
@@ -207,6 +208,11 @@ def run(quick: bool = False, pictures: Path | None = None) -> dict:
     for name in seeds[0]:
         print(f"{name:26s}" + "".join(f"{row[name]:12.5g}" for row in seeds))
     results: dict = {"survey": seeds, "speed": measure_speed(surface, 1 if quick else 5)}
+    results["noise"] = measure_noise(surface, quick)
+    for row in results["noise"]:
+        print("noise x {noise:g}, priors {priors}:".format(**row), end=" ")
+        print("{localization_max:.4f} m {localization_max_deg:.3f} deg".format(**row), end=", median ")
+        print("{localization_median:.4f} m {localization_median_deg:.4f} deg".format(**row))
     if REAL_SCAN.exists():
         results["real_scan"] = measure_real_scan(REAL_SCAN)
         if pictures:

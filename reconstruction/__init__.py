@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from reconstruction.scans.localization import LocalizationConfig, localise, localize
     from reconstruction.scans.mesh_files import is_mesh, load_mesh
     from reconstruction.scans.mixed_pixels import MixedPixelsConfig
+    from reconstruction.scans.noise_priors import NoisePriors
     from reconstruction.scans.preprocess import (
         PreprocessConfig,
         level_floor,
@@ -48,6 +49,7 @@ __all__ = [
     "LevelingConfig",
     "LocalizationConfig",
     "MixedPixelsConfig",
+    "NoisePriors",
     "PreprocessConfig",
     "Progress",
     "Quality",

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
     from symbrion_gym.tasks.catalog import make_task
     from symbrion_gym.tasks.criteria import SuccessCriteria
-    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.features.gap import GapSearch, PitSearch
     from symbrion_gym.tasks.route import RouteMargins
     from symbrion_gym.tasks.starts import Start
     from symbrion_gym.tasks.state import TaskState
@@ -70,6 +70,7 @@ __all__ = [
     "DrivingRoute",
     "EnvironmentConfig",
     "Footprint",
+    "GapSearch",
     "Goal",
     "LaserScanner",
     "OptionError",

@@ -40,6 +40,8 @@ EXACT = ("truth", "simple")
 def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) -> dict[str, Arena]:
     """Make the ready-made arenas and save each in a folder of its name.
 
+    The course is looked at by the scanner of the survey alone; the arenas made of its points know nothing of it.
+
     Args:
         folder: where the arenas' folders go.
         seed: seed of the survey and the networks.
@@ -64,7 +66,7 @@ def make_ready_made(folder: Path, seed: int = 0, progress: Progress = silent) ->
             name = find_scanned_name(method, pit)
             progress(f"{name}: network and pieces", (index + 0.6) / len(pits))
             mesh = reconstruct(points, method=recipe.method, units=recipe.units, seed=seed).mesh
-            made = make_arena(mesh, name=name, course=course, seed=seed, time_limit=TIME_LIMIT)
+            made = make_arena(mesh, name=method, seed=seed, time_limit=TIME_LIMIT)
             # Equal seeds make equal files: the time it took is left out.
             arenas[name] = replace(made, quality=replace(made.quality, seconds=0.0))
     for name, arena in arenas.items():

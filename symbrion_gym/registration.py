@@ -42,8 +42,8 @@ _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 4.2),
     "SnakeStairs-v0": ({"arena": "stairs"}, 2.6),
     "SnakeTerrain-v0": (
-        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -2.0), (-0.35, 0.3))},
-        1.5,
+        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -0.4), (-0.35, 0.3))},
+        2.0,
     ),
     "CrossGap-easy-v0": _task("cross_gap", 3.2, track_control="body", default_pit=0.35),
     "CrossGap-v0": _task("cross_gap", 3.3, track_control="body"),
@@ -71,10 +71,10 @@ _SPECS: dict[str, tuple[dict[str, Any], float]] = {
         track_control="skid",
         parameters={"share": 0.4},
     ),
-    "Traverse-v0": _task("traverse", 2.7, arena="gsrm", default_organism=4, track_control="skid"),
+    "Traverse-v0": _task("traverse", 2.0, arena="gsrm", default_organism=4, track_control="skid"),
     "Traverse-hard-v0": _task(
         "traverse",
-        2.7,
+        2.0,
         arena="gsrm",
         default_organism=4,
         track_control="skid",

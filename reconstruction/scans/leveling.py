@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import rotate_about
+from reconstruction.scans.noise_priors import LEAST_SCANS, NoisePriors, estimate_shake
 from reconstruction.scans.scan import ScanLog
 
 _NEIGHBOR_VOTE = 0.5
@@ -18,6 +19,16 @@ _REFINEMENTS = (2.0, 1.0, 1.0, 1.0)
 _MIN_WEIGHT = 1e-3
 """Least sum of squared distances [m^2] that a declination is refined by: one reading at 3 cm."""
 _TINY = 1e-12
+_SHAKES = 5.5
+"""Tilts up to this many standard deviations of the sway are looked for."""
+_TILTS = (float(np.radians(2.0)), float(np.radians(8.0)))
+"""Smallest and largest limit of the tilt [rad]: a standing robot may lean on its floor; ramps are steeper."""
+_UNKNOWN_TILT = float(np.radians(4.0))
+"""Limit of the tilt in logs of few scans [rad]."""
+_SAMPLE = 400
+"""About as many scans tell how much a robot sways."""
+_NOISES, _LEAST_TOLERANCE = 3.0, 0.01
+"""Readings off the line of the floor by this many standard deviations of the noise count, and by 1 cm [m]."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +36,9 @@ class LevelingConfig:
     """How the floor is found in a scan (`find_declination`).
 
     Attributes:
-        max_tilt: largest declination looked for [rad]. 4 degrees is several times the vibration of a tracked robot
-            (0.7 degrees), and less than a ramp.
-        tolerance: largest distance of a reading from the line of the floor [m]: three times the noise of the
+        max_tilt: largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot,
+            which is estimated from the log; 4 degrees where it has too few scans.
+        tolerance: largest distance of a reading from the line of the floor [m]: three times the noise of a common
             scanner beyond 3 m.
         max_slope: a scan plane is vertical where the vertical component of its normal is less than this.
         num_bins: bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each.
@@ -39,7 +50,7 @@ class LevelingConfig:
         height_window: bins above that one, itself included, of which the fullest is taken.
     """
 
-    max_tilt: float = float(np.radians(4.0))
+    max_tilt: float | None = None
     tolerance: float = 0.03
     max_slope: float = 0.3
     num_bins: int = 40
@@ -50,7 +61,7 @@ class LevelingConfig:
     height_window: int = 5
 
     def __post_init__(self) -> None:
-        if not 0 < self.max_tilt < np.pi / 2:
+        if self.max_tilt is not None and not 0 < self.max_tilt < np.pi / 2:
             raise ScanError(f"max_tilt must be above 0 and below pi / 2, got {self.max_tilt}")
         for name in ("tolerance", "max_slope", "full_weight_distance", "height_bin", "height_share"):
             if not getattr(self, name) > 0:
@@ -68,6 +79,7 @@ def level_floor(
     tolerance: float | None = None,
     *,
     config: LevelingConfig | None = None,
+    priors: NoisePriors | None = None,
 ) -> ScanLog:
     """Turn every vertical scan so that its floor is level: ``T <- T_robot R(n, -delta) T_mount``.
 
@@ -85,17 +97,32 @@ def level_floor(
         max_tilt: replaces `config.max_tilt` [rad].
         tolerance: replaces `config.tolerance` [m].
         config: how the floor is found.
+        priors: what is known of the robot's sway and of the scanner's noise; replaces `max_tilt` and `tolerance` of
+            the configuration by several times these.
 
     Raises:
         ScanError: `max_tilt` or `tolerance` is out of its range.
     """
-    config = config or LevelingConfig()
+    config = use_priors(config or LevelingConfig(), priors)
     if max_tilt is not None:
         config = replace(config, max_tilt=max_tilt)
     if tolerance is not None:
         config = replace(config, tolerance=tolerance)
     turn = find_tilt(log, config)
     return log.replace(poses=log.poses @ np.linalg.inv(log.mount) @ turn @ log.mount)
+
+
+def use_priors(config: LevelingConfig, priors: NoisePriors | None) -> LevelingConfig:
+    """Return the configuration with the limits that follow from what is known of robot and scanner."""
+    if priors is not None and priors.shake is not None:
+        config = replace(config, max_tilt=_find_max_tilt(priors.shake))
+    if priors is not None and priors.range_noise is not None:
+        config = replace(config, tolerance=max(_NOISES * priors.range_noise, _LEAST_TOLERANCE))
+    return config
+
+
+def _find_max_tilt(shake: float) -> float:
+    return float(np.clip(_SHAKES * shake, *_TILTS))
 
 
 def find_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, "S 4 4"]:
@@ -120,7 +147,20 @@ def find_declination(log: ScanLog, config: LevelingConfig | None = None) -> Floa
     if len(log.ranges) == 0 or not _is_vertical(log, config.max_slope):
         return np.zeros(len(log.ranges))
     u, v = _plane_coordinates(log, config)
-    limit = float(np.tan(config.max_tilt))
+    if config.max_tilt is not None:
+        return _find_angles(u, v, config.max_tilt, config)
+    if len(u) < LEAST_SCANS:
+        return _find_angles(u, v, _UNKNOWN_TILT, config)
+    some = slice(None, None, max(1, len(u) // _SAMPLE))
+    shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1], config))
+    return _find_angles(u, v, _find_max_tilt(shake), config)
+
+
+def _find_angles(
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float, config: LevelingConfig
+) -> Float[np.ndarray, " S"]:
+    """Return the declination in every scan, looked for up to a largest one [rad]."""
+    limit = float(np.tan(max_tilt))
     tangent = _vote(u, v, limit, config)
     tangent = _refine(u, v, tangent, limit, config.tolerance)
     return np.arctan(np.clip(tangent, -limit, limit))

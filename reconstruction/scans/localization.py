@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -11,10 +11,14 @@ from jaxtyping import Float
 from reconstruction.errors import ScanError
 from reconstruction.geometry.pose import make_pose, to_planar, transform_planar
 from reconstruction.progress import Progress, silent
-from reconstruction.scans.leveling import LevelingConfig, find_tilt
+from reconstruction.scans.leveling import LevelingConfig, find_declination, find_tilt, use_priors
+from reconstruction.scans.noise_priors import UNKNOWN_SHAKE, NoisePriors, estimate_shake
 from reconstruction.scans.odometry import OdometryConfig, fuse_odometry
 from reconstruction.scans.scan import HorizontalScans, ScanLog
 from reconstruction.scans.scan_matching import ScanMatchingConfig, match_to_map
+
+_LEAST_VIBRATION = 1e-5
+"""A robot that does not sway keeps the weights finite [rad]."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +29,8 @@ class LocalizationConfig:
         matching: parameters of the matching of the horizontal scans.
         odometry: how far it is trusted.
         leveling: finds the tilt across the robot, which moves the horizontal scanner.
-        vibration: standard deviation of the robot's pitch as it drives [rad]; 0.74 degrees is a tracked robot on
-            a hard floor. Larger values smooth the track more.
+        vibration: standard deviation of the robot's pitch as it drives [rad]; larger values smooth the track more.
+            None: estimated, as that of its roll, which leveling finds.
         match_error: standard deviation of the position of a scan matched to the final map [m].
         min_height: a horizontal scanner below this height [m] shows no pitch: its sway is less than the error of
             matching.
@@ -36,13 +40,15 @@ class LocalizationConfig:
     matching: ScanMatchingConfig = field(default_factory=ScanMatchingConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     leveling: LevelingConfig = field(default_factory=LevelingConfig)
-    vibration: float = 0.0129
+    vibration: float | None = None
     match_error: float = 0.001
     min_height: float = 0.1
     max_pitch: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("vibration", "match_error", "min_height"):
+        if self.vibration is not None and not self.vibration > 0:
+            raise ScanError(f"vibration must be above 0, got {self.vibration}; None estimates it")
+        for name in ("match_error", "min_height"):
             if not getattr(self, name) > 0:
                 raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
         if not 0 < self.max_pitch <= 1:
@@ -50,11 +56,16 @@ class LocalizationConfig:
 
     def find_sway(self, height: float) -> float:
         """Return the standard deviation of the position of a scanner at this height, matching error included [m]."""
-        return float(np.hypot(self.vibration * height, self.match_error))
+        vibration = UNKNOWN_SHAKE if self.vibration is None else self.vibration
+        return float(np.hypot(vibration * height, self.match_error))
 
 
 def localize(
-    log: ScanLog, progress: Progress = silent, *, config: LocalizationConfig | None = None
+    log: ScanLog,
+    progress: Progress = silent,
+    *,
+    config: LocalizationConfig | None = None,
+    priors: NoisePriors | None = None,
 ) -> ScanLog:
     """Return the log with poses from scan matching, and with its errors reported where the truth is known.
 
@@ -65,18 +76,22 @@ def localize(
         log: with horizontal scans.
         progress: called with the current step.
         config: configuration of matching, odometry and leveling.
+        priors: what is known of the robot's noise; replaces `vibration`, and `slip` and `max_tilt` of odometry and
+            leveling. What neither gives is estimated from the log.
 
     Raises:
         ScanError: the log has no horizontal scans.
         MissingExtraError: the extra `scan` is not installed.
     """
-    config = config or LocalizationConfig()
+    config = _use_priors(config or LocalizationConfig(), priors)
     if log.horizontal is None:
         raise ScanError(
             "the log has no horizontal scans to localize the robot by; give poses with the ScanLog"
         )
     ground = (log.poses @ np.linalg.inv(log.mount))[:, 2, 3]
     place = log.horizontal.mount[:3, 3]
+    if config.vibration is None:
+        config = replace(config, vibration=_find_vibration(log, config))
     sway = (find_tilt(log, config.leveling)[:, :3, :3] @ place - place)[:, :2]
     matched = match_to_map(log.horizontal, sway, config.matching, progress)
     height = float(place[2])
@@ -89,6 +104,20 @@ def localize(
     if log.truth is not None:
         report |= measure_localization(planar, to_planar(log.truth.robot_poses))
     return log.replace(poses=robot @ log.mount, report=report)
+
+
+def _use_priors(config: LocalizationConfig, priors: NoisePriors | None) -> LocalizationConfig:
+    if priors is None:
+        return config
+    odometry = config.odometry if priors.slip is None else replace(config.odometry, slip=priors.slip)
+    vibration = config.vibration if priors.shake is None else max(priors.shake, _LEAST_VIBRATION)
+    leveling = use_priors(config.leveling, priors)
+    return replace(config, odometry=odometry, leveling=leveling, vibration=vibration)
+
+
+def _find_vibration(log: ScanLog, config: LocalizationConfig) -> float:
+    """Return the sway of the robot [rad], estimated from the floor that its scans show."""
+    return max(estimate_shake(find_declination(log, config.leveling)), _LEAST_VIBRATION)
 
 
 def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
@@ -135,7 +164,7 @@ def match_scans(
     """
     config = config or LocalizationConfig()
     planar = match_to_map(scans, sway, config.matching, progress)
-    sigma = config.find_sway(float(scans.mount[2, 3]))
+    sigma = None if config.vibration is None else config.find_sway(float(scans.mount[2, 3]))
     return _move_to_start(fuse_odometry(planar, scans.odometry, sigma, config.odometry), scans.start)
 
 
@@ -158,14 +187,14 @@ def find_pitch(
         matched: x, y, yaw as the scans were matched.
         planar: the same, fused with the odometry.
         height: height of the horizontal scanner above the ground [m]; below 0.1 m the pitch is 0.
-        config: the vibration and the error of matching.
+        config: the vibration, as large as the way to the matched poses where it is None, and the error of matching.
     """
     config = config or LocalizationConfig()
     if height < config.min_height:
         return np.zeros(len(planar))
     ahead = np.stack([np.cos(planar[:, 2]), np.sin(planar[:, 2])], axis=1)
     lead = ((matched - planar)[:, :2] * ahead).sum(axis=1)
-    sway = config.find_sway(height)
+    sway = float(np.std(lead)) if config.vibration is None else config.find_sway(height)
     share = sway**2 / (sway**2 + config.match_error**2)
     return np.arcsin(np.clip(share * lead / height, -config.max_pitch, config.max_pitch))
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.quantities import format_distance
-from symbrion_gym.arenas.checks import check_friction, check_name
+from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.geometry import ArenaGeometry
@@ -41,11 +41,13 @@ class Arena:
         surface: the exact surface, for rays and pictures.
         quality: distances of the pieces from the surface.
         friction: sliding friction of the ground.
-        course: the exact course behind it, where there is one: pit edges, start and goal.
+        course: the exact course that the arena is, as the truth is made of one; None for everything that was scanned:
+            start, edges and finish are then found on the surface (`symbrion_gym.tasks.features`).
         kind: the kind of contact geometry.
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
+        friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -61,10 +63,12 @@ class Arena:
     height_field: HeightField | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction_source: str = "given"
 
     def __post_init__(self) -> None:
         check_name(self.name)
         check_friction(self.friction)
+        check_friction_source(self.friction_source)
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "hfield") != (self.height_field is not None):
@@ -93,6 +97,7 @@ class Arena:
             friction=course.friction,
             course=course,
             provenance={"course": course.as_dict()},
+            friction_source="exact",
         )
 
     @cached_property
@@ -173,12 +178,14 @@ class Arena:
             "name": self.name,
             "kind": self.kind,
             "friction": self.friction,
+            "friction_source": self.friction_source,
             "num_pieces": len(self.pieces),
-            "course": self.course.as_dict() if self.course is not None else None,
             "quality": self.quality.as_dict(),
             "provenance": self.provenance,
             "offset": list(self.offset),
         }
+        if self.course is not None:
+            about["course"] = self.course.as_dict()
         save_arena(folder, self.name, self.geometry, self.friction, about)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 FRICTION_LIMITS = (1e-3, 5.0)
 """Sliding friction of ground and robot; MuJoCo's contacts are sound within these."""
+FRICTION_SOURCES = ("exact", "given", "assumed")
+"""Where the friction of an arena comes from: it is made in code, a user gave it, or nobody measured it."""
 _LONGEST_NAME = 200
 """Characters of a name."""
 _SMALLEST_AREA = 1e-9
@@ -34,6 +36,16 @@ def check_friction(friction: float, what: str = "friction") -> None:
     is_number = isinstance(friction, int | float | np.number) and not isinstance(friction, bool)
     if not (is_number and low <= friction <= high):
         raise ArenaError(f"{what} is {friction!r}; a number from {low:g} to {high:g} is needed")
+
+
+def check_friction_source(source: str) -> None:
+    """Refuse a source of the friction that there is not.
+
+    Raises:
+        ArenaError: with the value and what there is.
+    """
+    if source not in FRICTION_SOURCES:
+        raise ArenaError(f"friction_source is {source!r}; there are: {', '.join(FRICTION_SOURCES)}")
 
 
 def check_name(name: str) -> None:

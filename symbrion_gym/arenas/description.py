@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from reconstruction.files.typed_json import JsonError, as_type, read_json
-from symbrion_gym.arenas.checks import check_friction, check_name
+from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
@@ -44,10 +44,11 @@ class ArenaDescription:
         num_pieces: number of contact pieces in the folder.
         quality: as `ArenaQuality.as_dict` returned it.
         provenance: what the arena was made of.
-        course: as `Course.as_dict` returned it; None where there is no course.
+        course: as `Course.as_dict` returned it, for arenas made in code; None for scanned ones.
         place: where the meshes lie, relative to the folder.
         files: the arena's own files, where the folder lists them.
         offset: what was subtracted from the coordinates of the scan [m].
+        friction_source: see `Arena`.
 
     Raises:
         ArenaError: a field is out of range.
@@ -60,16 +61,18 @@ class ArenaDescription:
     num_pieces: int
     quality: dict[str, Any]
     provenance: dict[str, Any]
-    course: dict[str, Any] | None
+    course: dict[str, Any] | None = None
     place: Literal["", ".arena/"] = PLAIN
     files: tuple[str, ...] | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction_source: str = "given"
 
     def __post_init__(self) -> None:
         if self.format < 1:
             raise ArenaError(f"format is {self.format}; formats count from 1")
         check_name(self.name)
         check_friction(self.friction)
+        check_friction_source(self.friction_source)
         if not 0 <= self.num_pieces <= _MOST_PIECES:
             raise ArenaError(f"num_pieces is {self.num_pieces}; 0 to {_MOST_PIECES} are possible")
         if (self.kind == "hfield") != (self.num_pieces == 0):
@@ -92,6 +95,7 @@ class ArenaDescription:
             "quality": ArenaQuality.from_dict(self.quality),
             "provenance": self.provenance,
             "offset": self.offset,
+            "friction_source": self.friction_source,
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -1,7 +1,7 @@
 """An arena as a folder: `arena.xml` for MuJoCo's viewer, OBJ meshes, `arena.json` with where it came from.
 
 arena.xml            contact pieces and surface; drag it into MuJoCo's viewer
-arena.json           name, kind, friction, course, quality, provenance
+arena.json           name, kind, friction, quality, provenance; of exact arenas their course
 surface.obj          the exact surface, to 0.1 mm
 pieces/000.obj ...   the contact pieces, to 1 µm
 height_field.npz     in place of pieces, for the kind "hfield"

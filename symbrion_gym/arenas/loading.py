@@ -14,23 +14,36 @@ from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS, find_assets
 from symbrion_gym.errors import ArenaError
 
 
-def load_arena(name: str | Path, course: Course | StairsCourse | None = None, **options: Any) -> Arena:
+def load_arena(
+    name: str | Path, course: Course | StairsCourse | None = None, pit: float | None = None, **options: Any
+) -> Arena:
     """Return a named arena, or one from a folder or a mesh file.
 
     Args:
         name: "truth", "simple" and "stairs" are made in code; "gsrm" and "gg" come with the package. Anything
             else is a path: a folder that `Arena.save` wrote, or a mesh file for `make_arena`. A folder of yours
             with one of these names is `./gsrm`.
-        course: other sizes, for the arenas made in code; which of the scans, by its pit, for those that come with
-            the package; what was scanned, for a mesh file.
+        course: other sizes, for the arenas made in code; which of the scans, by the pit of what was scanned, for those
+            that come with the package, which know nothing else of it; for a mesh file see `make_arena`.
+        pit: width of the pit of a named arena [m], in place of a course with nothing else changed.
         options: options of `make_arena`, for a mesh file.
 
     Raises:
-        ArenaError: there is no such arena.
+        ArenaError: there is no such arena, or none with such a pit.
     """
+    if pit is not None and (course is not None or name not in NAMED_ARENAS or name == "stairs"):
+        raise ArenaError(
+            f"pit={pit} is an option of {', '.join(n for n in NAMED_ARENAS if n != 'stairs')}, without a course; leave "
+            "it out"
+        )
     if name in ("truth", "simple", "stairs"):
-        return _make_exact(str(name), course)
-    path = _find_scanned(str(name), course) if name in NAMED_ARENAS else Path(name)
+        return _make_exact(str(name), course if pit is None else Course(pit=pit))
+    width = pit if course is None else getattr(course, "pit", None)
+    path = (
+        _find_scanned(str(name), course is None and pit is None, width)
+        if name in NAMED_ARENAS
+        else Path(name)
+    )
     try:
         if path.is_dir():
             return Arena.load(path)
@@ -51,9 +64,9 @@ def find_scanned_name(name: str, pit: float) -> str:
     return name if pit == SCANNED_PITS[name][0] else f"{name}-{pit:.2f}"
 
 
-def _find_scanned(name: str, course: Course | StairsCourse | None) -> Path:
+def _find_scanned(name: str, is_default: bool, pit: float | None) -> Path:
     pits = SCANNED_PITS[name]
-    pit = pits[0] if course is None else getattr(course, "pit", None)
+    pit = pits[0] if is_default else pit
     if pit not in pits:
         widths = " and ".join(f"{width:.2f}" for width in pits)
         raise ArenaError(

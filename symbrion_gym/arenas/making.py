@@ -28,11 +28,15 @@ from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
 from symbrion_gym.contact.options import ContactConfig, ContactOptions
+from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction.reconstruct import Reconstruction
 
 logger = logging.getLogger(__name__)
+
+ASSUMED_FRICTION = 0.7
+"""Rubber tracks on a hard floor, about; a scan does not show it."""
 
 
 def make_arena(
@@ -75,9 +79,10 @@ def make_arena(
         unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
         up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
         scale: a further factor on all lengths of a mesh.
-        course: the course that was scanned, where it is known: its pit edges, start and goal are kept.
+        course: the course that an exact surface, as a drawn one, is known to be: its pit edges, start and goal are
+            kept. Never that behind a scan, on whose surface they are found.
         name: what to call it; the file's name unless given.
-        friction: sliding friction; the course's, or 0.7, unless given.
+        friction: sliding friction; unless given the course's, or 0.7, as is assumed of a scan (`friction_source`).
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
         time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
@@ -86,9 +91,14 @@ def make_arena(
         progress: called with what is being done and the share done.
 
     Raises:
-        ArenaError: the surface cannot be used, or an option is out of range.
+        ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
     """
     config = config or ContactConfig()
+    if course is not None and not isinstance(surface, trimesh.Trimesh | str | Path):
+        raise ArenaError(
+            "course is the truth behind a scan, of which an arena knows nothing; leave it out: start, edges and finish "
+            "are found on the surface"
+        )
     options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
     scanned = take_surface(surface, viewpoints, MeshFrame(unit, up, scale))
     if name is None and isinstance(surface, str | Path):
@@ -111,8 +121,9 @@ def make_arena(
     for warning in warnings:
         logger.warning("%s", warning)
     progress("done", 1.0)
+    source = "given"
     if friction is None:
-        friction = course.friction if course is not None else 0.7
+        friction, source = (course.friction, "exact") if course is not None else (ASSUMED_FRICTION, "assumed")
     about = {
         "source": scanned.source,
         "num_faces": len(scanned.mesh.faces),
@@ -134,4 +145,5 @@ def make_arena(
         contact.height_field,
         about,
         scanned.offset,
+        source,
     )

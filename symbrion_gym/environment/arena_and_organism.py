@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import COURSES, Course, make_course
+from symbrion_gym.arenas.course import COURSES, make_course
 from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS
 from symbrion_gym.environment.config import MAX_MODULES, EnvironmentConfig
@@ -49,7 +49,7 @@ def find_arena(config: EnvironmentConfig) -> Arena:
     if pit is None:
         return _load(arena, config)
     if is_named:
-        return load_arena(arena, course=Course(pit=pit))
+        return load_arena(arena, pit=pit)
     loaded = _load(arena, config)
     if getattr(loaded.course, "pit", None) != config.pit:
         raise ArenaError(

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.organism import Organism
     from symbrion_gym.robot.sensor_noise import SensorNoise
     from symbrion_gym.tasks.criteria import SuccessCriteria
-    from symbrion_gym.tasks.pit_search import PitSearch
+    from symbrion_gym.tasks.features.gap import GapSearch
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.task import Task
 
@@ -168,7 +168,7 @@ class EnvironmentConfig:
     effort_weight: float | None = None
     criteria: SuccessCriteria | None = None
     margins: RouteMargins | None = None
-    pit_search: PitSearch | None = None
+    pit_search: GapSearch | None = None
     organism: int | str | Path | Organism | None = None
 
     def __post_init__(self) -> None:

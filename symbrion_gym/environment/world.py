@@ -88,7 +88,9 @@ class World:
         self.friction = float(self.organism.scout.friction)
         self.task = config.find_task()
         self.map_route = self.task.find_route(on_map, self.organism)
-        self.route = self.task.find_route(self.arena, self.organism)
+        self.route = (
+            self.map_route if self.arena is on_map else self.task.find_route(self.arena, self.organism)
+        )
         self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
         self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
         self.model = self._make_spec().compile()

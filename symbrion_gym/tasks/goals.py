@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.pit_search import PitSearch
+from symbrion_gym.tasks.features.gap import GapSearch
 from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route
 from symbrion_gym.tasks.standing import find_honest_along, find_standing
 from symbrion_gym.tasks.starts import Start
@@ -28,7 +28,7 @@ class PassFinish:
 
     place: Point | None = None
     margins: RouteMargins | None = None
-    pit_search: PitSearch | None = None
+    pit_search: GapSearch | None = None
 
     def __post_init__(self) -> None:
         if self.place is not None and np.ndim(self.place) == 1:

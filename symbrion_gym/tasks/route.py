@@ -11,10 +11,11 @@ import numpy as np
 from reconstruction.range_checks import check_not_negative
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.errors import ArenaError, OptionError, TaskError
 from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.features.gap import Gap, GapSearch, find_gap
+from symbrion_gym.tasks.features.way import place_along
 from symbrion_gym.tasks.ground_ends import Ends, find_ends
-from symbrion_gym.tasks.pit_search import PitSearch, find_pit
 from symbrion_gym.traversability.routes import read_place
 
 Point = Sequence[float] | np.ndarray
@@ -82,9 +83,7 @@ class Route:
 
     def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
         """Return x and y in the world [m] of positions along the way and to its left [m]."""
-        c, n = self.direction
-        across = self.lateral + left
-        return c * s - n * across, n * s + c * across
+        return place_along(self.heading, self.lateral, s, left)
 
 
 def find_route(
@@ -93,13 +92,15 @@ def find_route(
     start: StartName | Point = "floor",
     goal: Point | None = None,
     margins: RouteMargins | None = None,
-    pit_search: PitSearch | None = None,
+    pit_search: GapSearch | None = None,
 ) -> Route:
-    """Find the way through an arena from the course behind it or from start and goal.
+    """Find the way through an arena from start and goal, or on its surface.
 
-    Without either, the way runs through the middle of the surface along its longer side; where it meets a
-    pit, the finish lies beyond that. Where this way is no open ground, as in a room, it is about the longest straight
-    way over ground that the organism can drive on.
+    Without start and goal, the way runs through the middle of the surface along its longer side. Where it meets a
+    gap, the start lies before the ramp that leads to it, the finish beyond it, and what is as wide as its ground
+    belongs to the way. Where this way is no open ground, as in a room, it is about the longest straight way over
+    ground that the organism can drive on. Of an exact arena alone, as the truth is, start, pit and finish are those
+    of its course.
 
     Args:
         arena: arena to cross.
@@ -108,7 +109,7 @@ def find_route(
             storeys; without it, it is the largest drivable one.
         goal: (x, y) or (x, y, z) to be reached by the head [m].
         margins: distances from ramp, pit and rim; None for the defaults.
-        pit_search: what counts as a pit of a surface without a course; None for the defaults.
+        pit_search: what counts as a pit on a surface; None for the defaults.
 
     Raises:
         ArenaError: the start or the goal lies off the surface or off the ground (the message names the nearest possible
@@ -116,24 +117,27 @@ def find_route(
             straight way as long as the organism.
     """
     margins = margins or RouteMargins()
-    scout, course = organism.scout, arena.course
+    course = arena.course
     if course is not None and isinstance(start, str) and goal is None:
         if isinstance(course, Course):
             return _follow_pit_course(course, arena, organism, start, margins)
         return _follow_stairs(course, arena, organism, start, margins)
     is_before_pit = isinstance(start, str) and start == "pit"
-    length = (organism.num_modules - 1) * scout.pitch
-    route = _follow_surface(arena, organism, start, goal, margins)
-    is_searched = goal is None and route.start_height is None
-    pit = _find_pit_on(route, arena, length, pit_search) if is_searched else None
-    if pit is not None:
-        begin = pit[0] - margins.before_pit - scout.arm_reach if is_before_pit else route.start
-        return replace(route, start=begin, finish=pit[1] + scout.pitch / 2, pit=pit)
+    reason = "a goal is given"
+    if isinstance(start, str) and goal is None:
+        try:
+            gap = find_gap(arena, organism, search=pit_search)
+            return _cross_gap(gap, arena, organism, is_before_pit, margins)
+        except TaskError as error:
+            reason = str(error)
     if is_before_pit:
         raise ArenaError(
-            f"arena {arena.name!r} has no known pit to start before; use start='floor' or (x, y)"
+            f"arena {arena.name!r} has no known pit to start before ({reason}); use start='floor' or (x, y)"
         )
-    return route
+    route = _follow_surface(arena, organism, start, goal, margins)
+    if isinstance(start, str) or goal is not None or route.start_height is not None:
+        return route
+    return _finish_beyond_gap(route, arena, organism, pit_search)
 
 
 def _find_lowest(arena: Arena, margins: RouteMargins) -> tuple[float, float]:
@@ -167,13 +171,36 @@ def _follow_stairs(
     return Route(0.0, -margins.before_foot - scout.arm_reach, 0.0, finish, course.width / 2, lowest)
 
 
-def _find_pit_on(
-    route: Route, arena: Arena, length: float, search: PitSearch | None
-) -> tuple[float, float, float] | None:
-    """Return s of the edges of the first pit on a way across a surface, and the height of its floor."""
-    start = np.array(route.place(route.start))
-    found = find_pit(arena, start, np.array(route.direction), route.finish + length - route.start, search)
-    return None if found is None else (route.start + found[0], route.start + found[1], found[2])
+def _cross_gap(
+    gap: Gap, arena: Arena, organism: Organism, is_before_pit: bool, margins: RouteMargins
+) -> Route:
+    """Return the way across a gap, from before the ramp that leads to it, or from before the gap."""
+    way, scout = gap.way, organism.scout
+    length = (organism.num_modules - 1) * scout.pitch
+    if is_before_pit:
+        start = gap.near - margins.before_pit - scout.arm_reach
+    elif gap.start > way.begin:
+        start = gap.start - margins.before_foot - scout.arm_reach
+    else:
+        start = way.begin + length + margins.before_rim
+    return Route(
+        heading=way.heading,
+        start=start,
+        lateral=way.lateral,
+        finish=gap.find_finish(organism),
+        half_width=way.half_width,
+        lowest=_find_lowest(arena, margins)[1],
+        pit=(gap.near, gap.far, gap.floor),
+    )
+
+
+def _finish_beyond_gap(route: Route, arena: Arena, organism: Organism, search: GapSearch | None) -> Route:
+    """Return a way from a given start with its finish beyond the first gap on it; the way itself without one."""
+    try:
+        gap = find_gap(arena, organism, route.direction, search, np.array(route.place(route.start)))
+    except TaskError:
+        return route
+    return replace(route, finish=gap.find_finish(organism), pit=(gap.near, gap.far, gap.floor))
 
 
 def _follow_surface(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.features.gap import GapSearch
 from symbrion_gym.tasks.goals import PassFinish
-from symbrion_gym.tasks.pit_search import PitSearch
 from symbrion_gym.tasks.rewards import gain_potential, gain_progress, has_failed, has_succeeded, spend_power
 from symbrion_gym.tasks.route import Point, RouteMargins, StartName
 from symbrion_gym.tasks.starts import Start
@@ -26,7 +26,7 @@ def make_snake_pit(
     failure_cost: float | None = None,
     criteria: SuccessCriteria | None = None,
     margins: RouteMargins | None = None,
-    pit_search: PitSearch | None = None,
+    pit_search: GapSearch | None = None,
 ) -> Task:
     """Make the task of crossing a pit, or climbing stairs or a ramp, or reaching a place straight ahead.
 

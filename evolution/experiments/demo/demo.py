@@ -144,7 +144,7 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     for method, surface in surfaces.items():
         with track(f"4/7 arena from {method}") as step:
             arenas[method] = sg.make_arena(
-                surface.mesh, name=method, course=sg.Course(), seed=config.seed, progress=step.progress
+                surface.mesh, name=method, seed=config.seed, progress=step.progress
             )
             arenas[method].save(config.folder / "arenas" / method)
         seconds[f"arena {method}"] = step.seconds

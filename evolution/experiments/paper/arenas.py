@@ -92,4 +92,4 @@ def _build_arena(folder: Path, name: str, recipe: Recipe, config: PaperConfig) -
         return simple
     mesh = simple.surface if recipe.method == "hand" else load_surface(folder, recipe.method, config).mesh
     # No cache: a cached arena carries the building time of the first time.
-    return sg.make_arena(mesh, kind=recipe.kind, name=name, course=sg.Course(), seed=config.seed, cache=False)
+    return sg.make_arena(mesh, kind=recipe.kind, name=name, seed=config.seed, cache=False)

@@ -35,7 +35,7 @@ def measure_resolutions(
         within = scale_progress(progress, name, index / len(names), 1 / len(names))
         within("arena", 0.0)
         mesh = rc.Reconstruction.load(folder / "surfaces" / f"{name}.npz").mesh
-        arena = sg.make_arena(mesh, name=name, course=sg.Course(), seed=config.seed)
+        arena = sg.make_arena(mesh, name=name, seed=config.seed)
         arena.save(folder / "arenas" / name)
         run = evolve_champion(folder, name, f"runs/{name}", config, config.model_generations, workers, within)
         assert run.champion is not None

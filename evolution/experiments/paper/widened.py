@@ -65,11 +65,11 @@ def measure_widened(
             {"surface": "new network", "seconds": new_seconds, **measure_surface(new.mesh, surface)},
         ],
     }
-    stages = {"before": ("narrow", before, narrow), "after": ("refined", refined, sg.Course())}
-    for index, (when, (name, network, course)) in enumerate(stages.items()):
+    stages = {"before": ("narrow", before), "after": ("refined", refined)}
+    for index, (when, (name, network)) in enumerate(stages.items()):
         within = scale_progress(progress, f"evolution {when}", 0.2 + 0.4 * index, 0.4)
         network.save(folder / "surfaces" / f"{name}.npz")
-        arena = sg.make_arena(network.mesh, name=name, course=course, seed=config.seed)
+        arena = sg.make_arena(network.mesh, name=name, seed=config.seed)
         arena.save(folder / "arenas" / name)
         run = evolve_champion(
             folder, name, f"runs/{name}", config, config.widened_generations, workers, within

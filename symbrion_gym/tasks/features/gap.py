@@ -60,6 +60,10 @@ class GapSearch:
         check_counts(self, ("wall_steps",), OptionError)
 
 
+PitSearch = GapSearch
+"""Former name."""
+
+
 @dataclass(frozen=True)
 class Gap:
     """A gap, with the way across it; s along that way [m].
@@ -125,6 +129,7 @@ def find_gap(
     organism: Organism | None = None,
     direction: Sequence[float] | np.ndarray | None = None,
     search: GapSearch | None = None,
+    start: Sequence[float] | np.ndarray | None = None,
 ) -> Gap:
     """Find the first gap on the way across a surface.
 
@@ -137,36 +142,32 @@ def find_gap(
         organism: what has to cross it; a gap narrower than half of a module is none to it. None for one Scout.
         direction: (x, y) of the way; None for the longer side of the surface, then the shorter one.
         search: what counts as a gap; None for the defaults.
+        start: (x, y) where the way begins; None for the middle of the surface's rim.
 
     Raises:
         TaskError: there is none; the message gives the reason.
     """
     search = search or GapSearch()
     least = (organism or Organism(1)).scout.size[0] / 2
+
+    def read(direction: Sequence[float] | np.ndarray | None) -> Profile:
+        return read_profile(arena, direction, WaySearch(step=search.step), start)
+
     if direction is not None:
-        return _find_on_way(arena, read_way(arena, direction, search), least, search)
-    profile = read_way(arena, None, search)
+        return _find_skewed(arena, read(direction), least, search)[0]
+    profile = read(None)
     try:
         gap, skew = _find_skewed(arena, profile, least, search)
     except TaskError as reason:
         c, n = profile.way.direction
         try:
-            return _find_on_way(arena, read_way(arena, (-n, c), search), least, search)
+            return _find_skewed(arena, read((-n, c)), least, search)[0]
         except TaskError:
             raise reason from None
     if abs(skew) < _STRAIGHT:
         return gap
     heading = profile.way.heading - np.arctan(skew)
-    return _find_on_way(arena, read_way(arena, (np.cos(heading), np.sin(heading)), search), least, search)
-
-
-def read_way(arena: Arena, direction: Sequence[float] | np.ndarray | None, search: GapSearch) -> Profile:
-    """Read the profile in the spacing of a search."""
-    return read_profile(arena, direction, WaySearch(step=search.step))
-
-
-def _find_on_way(arena: Arena, profile: Profile, least: float, search: GapSearch) -> Gap:
-    return _find_skewed(arena, profile, least, search)[0]
+    return _find_skewed(arena, read((np.cos(heading), np.sin(heading))), least, search)[0]
 
 
 def _find_skewed(arena: Arena, profile: Profile, least: float, search: GapSearch) -> tuple[Gap, float]:

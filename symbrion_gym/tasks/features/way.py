@@ -144,33 +144,43 @@ def place_along(
 
 
 def find_way(
-    arena: Arena, direction: Sequence[float] | np.ndarray | None = None, search: WaySearch | None = None
+    arena: Arena,
+    direction: Sequence[float] | np.ndarray | None = None,
+    search: WaySearch | None = None,
+    start: Sequence[float] | np.ndarray | None = None,
 ) -> Way:
-    """Find the straight way through the middle of a surface, and the width of its ground.
+    """Find the straight way across a surface, and the width of its ground.
 
     Args:
         arena: an arena; its course, if it knows one, is not looked at.
         direction: (x, y) of the way; None for the longer side of the smallest rectangle around the surface, towards
             larger x.
         search: how the way is looked at; None for the defaults.
+        start: (x, y) where the way begins; None for the middle of the surface's rim.
 
     Raises:
         TaskError: there is no surface, or no open ground along the way; the message gives the reason.
     """
-    return read_profile(arena, direction, search).way
+    return read_profile(arena, direction, search, start).way
 
 
 def read_profile(
-    arena: Arena, direction: Sequence[float] | np.ndarray | None = None, search: WaySearch | None = None
+    arena: Arena,
+    direction: Sequence[float] | np.ndarray | None = None,
+    search: WaySearch | None = None,
+    start: Sequence[float] | np.ndarray | None = None,
 ) -> Profile:
-    """Read the heights along the straight way through the middle of a surface; see `find_way`."""
+    """Read the heights along the straight way across a surface; arguments as `find_way`."""
     search = search or WaySearch()
     points = np.asarray(arena.surface.vertices, dtype=np.float64)[:, :2]
     heading, middle = _find_axis(points, arena.name)
     heading = heading if direction is None else _read_direction(direction)
     axes = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     low, high = (points @ axes).min(axis=0), (points @ axes).max(axis=0)
-    lateral = round(float((middle @ axes)[1]) / _WHOLE) * _WHOLE + 0.0
+    if start is None:
+        lateral = round(float((middle @ axes)[1]) / _WHOLE) * _WHOLE + 0.0
+    else:
+        low[0], lateral = (float(value) for value in np.asarray(start, dtype=np.float64)[:2] @ axes)
     step = max(search.step, float(high[0] - low[0]) / search.max_samples)
     lane = max(search.lane, float(high[1] - low[1]) / search.max_samples)
     s = np.arange(low[0], high[0] + step / 2, step)
@@ -204,6 +214,7 @@ def _find_axis(points: Float[np.ndarray, "V 2"], name: str) -> tuple[float, Floa
 
 
 def _read_direction(direction: Sequence[float] | np.ndarray) -> float:
+    """Return the heading of a direction [rad]."""
     vector = np.asarray(direction, dtype=np.float64).ravel()
     if len(vector) != 2 or not np.isfinite(vector).all() or not vector.any():
         raise TaskError(f"direction must be (x, y), not (0, 0), got {direction!r}")
@@ -215,7 +226,7 @@ def _read_middle(heights: Float[np.ndarray, "D M"], name: str, search: WaySearch
     is_seen = np.isfinite(heights).any(axis=1)
     if is_seen.mean() < 1.0 - search.unseen:
         raise TaskError(
-            f"the way through the middle of arena {name!r} has no surface on {100 * (1 - is_seen.mean()):.0f} % of "
+            f"the way across arena {name!r} has no surface on {100 * (1 - is_seen.mean()):.0f} % of "
             "its length; give a direction, or start and goal"
         )
     profile = np.zeros(len(heights))
@@ -236,7 +247,7 @@ def _refuse_covered(
     share = float(np.isfinite(below).mean())
     if share > search.covered:
         raise TaskError(
-            f"something hangs above {100 * share:.0f} % of the way through the middle of arena {arena.name!r}, as in a "
+            f"something hangs above {100 * share:.0f} % of the way across arena {arena.name!r}, as in a "
             "room; give start and goal"
         )
 

@@ -15,6 +15,7 @@ from reconstruction.scans.localization import (
     match_scans,
     measure_localization,
 )
+from reconstruction.scans.noise_priors import NoisePriors
 from reconstruction.scans.odometry import OdometryConfig
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from reconstruction.scans.scan_matching import ScanMatchingConfig
@@ -139,6 +140,14 @@ def test_the_settings_are_used():
     ):
         other = localize(log, config=config).poses
         assert 0 < np.abs(other - poses).max() < 0.2
+
+
+def test_stated_priors_are_those_of_the_settings():
+    scans, true = make_drive(num_scans=40)
+    log = ScanLog(np.ones((40, 3)), np.zeros(3), make_pose(*true.T), horizontal=scans)
+    settings = LocalizationConfig(vibration=0.02, odometry=OdometryConfig(slip=0.03))
+    stated = localize(log, priors=NoisePriors(slip=0.03, shake=0.02))
+    np.testing.assert_array_equal(stated.poses, localize(log, config=settings).poses)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from damage import flip_bits
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import reconstruction as rc
 from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
@@ -50,7 +51,7 @@ def scanned():
 
 @pytest.fixture(scope="module")
 def arena(scanned):
-    return make_arena(scanned, course=Course(), cache=False, name="scanned")
+    return make_arena(scanned, cache=False, name="scanned")
 
 
 @pytest.mark.parametrize(
@@ -209,7 +210,25 @@ def test_mesh_files_load_by_path(scanned, tmp_path):
     scanned.export(tmp_path / "pit.ply")
     arena = load_arena(tmp_path / "pit.ply", course=Course(), cache=tmp_path / "cache")
     assert arena.name == "pit"
-    assert arena.course == Course()
+    assert (arena.course, arena.friction_source) == (Course(), "exact")
+    assert (make_arena(scanned, kind="prisms", friction=0.5)).friction_source == "given"
+
+
+def test_the_friction_of_a_scan_is_an_assumption(arena, tmp_path):
+    assert (arena.course, arena.friction, arena.friction_source) == (None, 0.7, "assumed")
+    arena.save(tmp_path / "a")
+    about = tmp_path / "a" / "arena.json"
+    assert json.loads(about.read_text())["friction_source"] == "assumed"
+    assert Arena.load(tmp_path / "a").friction_source == "assumed"
+    about.write_text(about.read_text().replace('"assumed"', '"guessed"'))
+    with pytest.raises(ArenaError, match="friction_source is 'guessed'"):
+        Arena.load(tmp_path / "a")
+
+
+def test_a_reconstruction_takes_no_course(tmp_path):
+    made = rc.reconstruct(Course().surface().vertices.repeat(20, axis=0), units=20, seed=0)
+    with pytest.raises(ArenaError, match="course is the truth behind a scan"):
+        make_arena(made, course=Course())
 
 
 def test_the_cache_gives_back_the_same_and_survives_damage(scanned, tmp_path):

@@ -51,7 +51,7 @@ def scanned():
 )
 def test_every_arena_kind_passes_the_checker_without_warnings(arena, task, scanned):
     if arena in ("convex", "hfield", "primitives", "prisms"):
-        arena = sg.make_arena(scanned, kind=arena, course=sg.Course())
+        arena = sg.make_arena(scanned, kind=arena)
     options = {"pit": None} if task == "Ramp" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -3,9 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
+from benchmarks.material.bare_surfaces import make_bare
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.environment.config import SnakePitConfig
 from symbrion_gym.environment.world import World
 from symbrion_gym.errors import ArenaError
@@ -55,9 +58,48 @@ def test_a_surface_without_course_is_crossed_along_its_longer_side():
 
 def test_the_pit_of_a_surface_without_course_is_the_finish(truth):
     bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
-    route = find_route(bare, snake(4))
-    assert -3.3 < route.start < -2.0
-    assert 0.225 < route.finish < 0.325
+    for start in ("floor", "pit"):
+        route, known = (find_route(arena, snake(4), start) for arena in (bare, truth))
+        found = (route.heading, route.lateral, route.start, route.finish, route.lowest, *route.pit)
+        exact = (known.heading, known.lateral, known.start, known.finish, known.lowest, *known.pit)
+        assert found == pytest.approx(exact, abs=1e-3)
+        assert route.half_width == pytest.approx(known.half_width, abs=0.011)
+
+
+@pytest.mark.parametrize("pit", [0.45, 0.40])
+@pytest.mark.parametrize("name", ["gsrm", "gg"])
+def test_the_route_of_a_scan_is_nearly_that_of_the_truth(name, pit):
+    scanned, truth = (load_arena(one, Course(pit=pit)) for one in (name, "truth"))
+    assert scanned.course is None
+    for start in ("floor", "pit"):
+        route, known = (find_route(arena, snake(8), start) for arena in (scanned, truth))
+        assert (route.start, route.finish) == pytest.approx((known.start, known.finish), abs=0.005)
+        assert route.pit == pytest.approx(known.pit, abs=0.005)
+        assert route.half_width == pytest.approx(known.half_width, abs=0.03)
+        assert (route.heading, route.lateral) == (0.0, 0.0)
+
+
+def test_a_pit_on_a_given_way_is_its_finish(truth):
+    bare = Arena("bare", truth.pieces, truth.surface, truth.quality)
+    route = find_route(bare, snake(3), start=(-1.2, 0.3))
+    near, far, _ = route.pit
+    assert near * np.cos(route.heading) - route.lateral * np.sin(route.heading) == pytest.approx(
+        -0.225, abs=0.01
+    )
+    assert route.finish == pytest.approx(far + 0.0627)
+    beyond = find_route(bare, snake(3), start=(0.5, 0.3))
+    assert beyond.pit is None
+
+
+def test_a_surface_without_a_ramp_is_crossed_from_its_rim():
+    ground = np.array([[-2.0, 0.25], [-0.2, 0.25], [-0.2, 0.0], [0.2, 0.0], [0.2, 0.25], [2.0, 0.25]])
+    points = np.concatenate([np.insert(ground, 1, y, axis=1) for y in (-1.0, 1.0)])
+    faces = [face for i in range(5) for face in ([i, i + 1, i + 7], [i, i + 7, i + 6])]
+    arena = make_bare(trimesh.Trimesh(points, faces, process=False))
+    route = find_route(arena, snake(4))
+    assert route.start == pytest.approx(-2.0 + 3 * 0.1254 + 0.25, abs=0.011)
+    with pytest.raises(ArenaError, match=r"to start before \(no gap on the way"):
+        find_route(make_bare(Course(pit=0.0).surface()), snake(3), start="pit")
 
 
 @pytest.mark.parametrize(

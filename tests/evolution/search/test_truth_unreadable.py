@@ -1,0 +1,81 @@
+"""Evolution on a scan never reads the truth: it runs where there is none."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import evolution as ev
+import symbrion_gym as sg
+from symbrion_gym.arenas import arena as arena_module
+from symbrion_gym.arenas import loading
+from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.assets import find_assets
+
+
+class TruthWasRead(Exception):
+    """The truth was looked at."""
+
+
+@pytest.fixture
+def no_truth(monkeypatch, tmp_path):
+    """Take away every way to the truth: its class, its files, what makes it."""
+
+    def refuse(*_, **__):
+        raise TruthWasRead
+
+    shutil.copytree(find_assets() / "arenas" / "gsrm", tmp_path / "assets" / "arenas" / "gsrm")
+    monkeypatch.setattr(loading, "find_assets", lambda: tmp_path / "assets")
+    for kind in (Course, StairsCourse):
+        monkeypatch.setattr(kind, "__init__", refuse)
+    monkeypatch.setattr(loading, "_make_exact", refuse)
+    monkeypatch.setattr(arena_module.Arena, "from_course", refuse)
+    read_text, opened = Path.read_text, Path.open
+
+    def check(path):
+        if {"truth", "simple"} & set(Path(path).parts):
+            raise TruthWasRead(path)
+
+    def read(self, *args, **kwargs):
+        check(self)
+        return read_text(self, *args, **kwargs)
+
+    def open_it(self, *args, **kwargs):
+        check(self)
+        return opened(self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "read_text", read)
+    monkeypatch.setattr(Path, "open", open_it)
+
+
+def make_config(**fields) -> ev.EvolutionConfig:
+    return ev.EvolutionConfig(
+        arena="gsrm", generations=1, population_size=4, trials=1, workers=1, stop_when_solved=False, **fields
+    )
+
+
+def test_the_truth_is_really_out_of_reach(no_truth):
+    with pytest.raises(TruthWasRead):
+        sg.load_arena("truth")
+    with pytest.raises(TruthWasRead):
+        sg.SnakePitEnv(arena="truth")
+    with pytest.raises(TruthWasRead):
+        sg.Course()
+
+
+def test_evolution_on_a_scan_runs_without_the_truth(no_truth, tmp_path):
+    run = ev.evolve(make_config(folder=str(tmp_path / "run"), environment=(("duration", 4.0),)))
+    assert len(run.history) == 1
+    assert ev.load_run(tmp_path / "run").history == run.history
+
+
+@pytest.mark.parametrize("arena", ["gsrm", "folder"])
+def test_an_environment_on_a_scan_is_made_without_the_truth(no_truth, tmp_path, arena):
+    place = tmp_path / "assets" / "arenas" / "gsrm" if arena == "folder" else arena
+    env = sg.SnakePitEnv(arena=place, modules=4, start="pit")
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(np.zeros(env.action_space.shape))
+    assert info["x_position"] < -0.4
+    near, far, _ = env.world.route.pit
+    assert far - near == pytest.approx(0.45, abs=0.005)
