@@ -34,7 +34,7 @@ def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], 
 _SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
 _LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
-_FALLEN = {"default_organism": "cross1", "track_control": "skid"}
+_FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "SnakePit-v0": ({"default_pit": 0.40}, 3.2),
