@@ -12,8 +12,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
-from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, RolloutConfig, Trials
-from evolution.controllers.controller import Controller, make_controller
+from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
+from evolution.controllers.controller import Controller
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -73,7 +74,7 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     results: dict[tuple[int, int], TrialResult] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
-        controller = make_controller(first.controller, first.modules, first.controller_config)
+        controller = find_trial_controller(first)
         for environment, own_trials in _group_by_environment(first, trials, threads, config or first.rollout):
             results |= _run_trials(environment, controller, own_trials)
     return [
@@ -86,7 +87,8 @@ def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
     arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
     rollout, laws = trials.rollout, trials.controller_config
-    return arena, trials.modules, trials.controller, trials.start, trials.environment, rollout, laws
+    body = trials.modules if trials.organism is None else trials.organism
+    return arena, body, trials.controller, trials.start, trials.environment, rollout, laws
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
@@ -96,10 +98,11 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
         trials: arena, body and further options.
         stuck_time: as in `RolloutConfig`; None for that of the trials.
     """
-    sensors = make_controller(trials.controller, trials.modules).sensors
+    sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
     options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
-    return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
+    body = trials.modules if trials.organism is None else trials.organism
+    return options | {"arena": trials.arena, "modules": body, "start": trials.start}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -149,7 +152,9 @@ def _find_environment(
     """
     sizes = config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
-    key = (find_environment_key(conditions), config.stuck_time, stretches, size, threads)
+    same = (find_environment_key(conditions), config.stuck_time, stretches, threads)
+    larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
+    key = larger[0] if larger else (same, size)
     if key not in _environments:
         while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
@@ -172,17 +177,22 @@ def _find_environment(
 def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
-    num_envs = environment.num_envs
+    num_envs, shape = environment.num_envs, environment.action_space.shape
     structure = environment.observation_structure
     waiting = deque(trials)
     running: list[Trial | None] = [None] * num_envs
     genotypes = np.zeros((num_envs, len(controller.parameters)))
     effort = np.zeros(num_envs)
-    state = controller.begin(num_envs)
+    state, fresh = controller.begin(num_envs), controller.begin(num_envs)
     results: dict[tuple[int, int], TrialResult] = {}
     observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
     while len(results) < len(trials):
         actions, state = controller.act(observation, genotypes, structure, state)
+        if actions.shape != shape:
+            raise RunError(
+                f"controller {controller.name!r} returns {actions.shape[-1]} numbers for an action of {shape[-1]}; "
+                "give a controller that drives the tracks, too, or leave out track_control"
+            )
         observation, _, terminated, truncated, info = environment.step(actions)
         effort -= info["reward_effort"]
         ended = (terminated | truncated).nonzero()[0].tolist()
@@ -198,7 +208,8 @@ def _run_trials(
                 )
                 running[row] = None
         if ended and waiting:
-            state.ticks_since_contact[ended] = 0
+            for values, first in zip(state, fresh, strict=True):
+                values[ended] = first[ended]
             observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
     return results
 

@@ -1,4 +1,4 @@
-"""The trials of a genotype, their outcome, and its fitness.
+"""The trials of a genotype.
 
 A `Job` describes everything that decides its outcome; the worker, the other jobs and the number of threads have no
 influence. That is why batch, processes and a Ray cluster give equal results.
@@ -6,6 +6,7 @@ influence. That is why batch, processes and a Ray cluster give equal results.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -14,25 +15,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from evolution.controllers.controller import ControllerConfig
+from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.scoring import Scoring as Scoring
+from evolution.controllers.controller import Controller, ControllerConfig, make_controller
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
+from evolution.limits import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE
 from reconstruction.range_checks import as_floats, as_range, check_count, coerce_floats
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.robot.organism import Organism
 
     ArenaSource: TypeAlias = str | PathLike[str] | Arena
 
-FAILED_PROGRESS = -1.0
-"""Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
 MAX_ERROR_LENGTH = 200
 """Characters of an error that a record keeps."""
 MAX_STRETCHES = 100
 """Each is a separate arena in memory."""
-MAX_WEIGHT = 1e6
-"""Largest weight of a term of the fitness [m of progress]."""
 _STRETCH_LIMITS = (0.1, 10.0)
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
@@ -92,8 +92,8 @@ class RolloutConfig:
         stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
             otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
             will make none. Changes results.
-        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used. Few
-            sizes mean few compilations. Changes the speed only.
+        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used, or a
+            larger one that is compiled already. Few sizes mean few compilations. Changes the speed only.
         max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
     """
 
@@ -118,6 +118,7 @@ class Trials:
     Attributes:
         arena: name, folder or, on backend "batch", an `Arena`.
         modules: number of modules in the snake.
+        organism: the body, where it is another than a snake of `modules`.
         controller: name of the law that reads the genotype.
         start: "pit" (close before it) or "floor".
         count: number of trials, each under other conditions.
@@ -138,6 +139,30 @@ class Trials:
     environment: Options = ()
     controller_config: ControllerConfig = field(default_factory=ControllerConfig)
     rollout: RolloutConfig = field(default_factory=RolloutConfig)
+    organism: Organism | None = None
+
+    @property
+    def body(self) -> Organism:
+        """The organism that is tried."""
+        return make_snake(self.modules) if self.organism is None else self.organism
+
+
+@functools.lru_cache(maxsize=MAX_MODULES)
+def make_snake(modules: int) -> Organism:
+    """Return a snake of Scouts."""
+    from symbrion_gym.robot.organism import snake
+
+    return snake(modules)
+
+
+def find_trial_controller(trials: Trials) -> Controller:
+    """Return the controller of trials, for their body.
+
+    Raises:
+        RunError: there is no such controller, or it does not fit the body.
+    """
+    modules = trials.modules if trials.organism is None else trials.organism.num_modules
+    return make_controller(trials.controller, modules, trials.controller_config)
 
 
 class Job(NamedTuple):
@@ -145,62 +170,6 @@ class Job(NamedTuple):
 
     genotype: Float[np.ndarray, " G"]
     trials: Trials
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a genotype's trials.
-
-    Attributes:
-        progress: progress of the whole body, mean over trials [m].
-        effort: mean over trials.
-        succeeded: for each trial, whether the strict success check passed.
-        seconds: simulated, summed over trials [s].
-        diverged: number of trials whose physics diverged.
-        error: why it could not be tried; empty if it could.
-    """
-
-    progress: float
-    effort: float
-    succeeded: tuple[bool, ...]
-    seconds: float = 0.0
-    diverged: int = 0
-    error: str = ""
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self.succeeded)
-
-    @property
-    def successes(self) -> int:
-        """Number of successful trials."""
-        return sum(self.succeeded)
-
-
-@dataclass(frozen=True)
-class Scoring:
-    """How an outcome becomes a fitness: progress + success - effort - body.
-
-    Attributes:
-        success: reward of a success rate of 1 [m of progress].
-        effort: penalty for a unit of effort.
-        module: penalty for each module; only relevant where the length of the body evolves.
-    """
-
-    success: float = 1.0
-    effort: float = 0.2
-    module: float = 0.05
-
-    def __post_init__(self) -> None:
-        coerce_floats(
-            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
-        )
-
-    def score(self, outcome: Outcome, modules: int) -> float:
-        """Return the fitness, higher is better, always finite."""
-        rate = outcome.successes / max(outcome.trials, 1)
-        return outcome.progress + self.success * rate - self.effort * outcome.effort - self.module * modules
 
 
 def make_failure(trials: Trials, error: str) -> Outcome:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from evolution.backends.making import make_backend
 from evolution.backends.rollout import make_environment_options
 from evolution.backends.trials import Job, Outcome, Randomization, Trials
 from evolution.controllers.controller import make_controller
-from evolution.search.evaluation import make_backend
 from evolution.search.validation import Champion
 from reconstruction.deprecation import accept_former_arguments
 from symbrion_gym.environment.snake_pit import SnakePitEnv

@@ -2,11 +2,14 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from evolution.backends.trials import Options, Randomization, RolloutConfig, Scoring
+from evolution.backends.making import BACKENDS
+from evolution.backends.scoring import Scoring, find_scoring
+from evolution.backends.trials import Options, Randomization, RolloutConfig
 from evolution.controllers.controller import CONTROLLERS, ControllerConfig
 from evolution.errors import RunError
 from evolution.limits import (
@@ -18,9 +21,9 @@ from evolution.limits import (
     MAX_WORKERS,
     MIN_POSITIVE,
 )
+from evolution.references import Reference, refer
 from evolution.search.cmaes import CmaesConfig
 from evolution.search.environment_options import open_options, sort_options
-from evolution.search.evaluation import BACKENDS
 from evolution.search.stages import Stage
 from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
 from reconstruction.deprecation import accept_former_fields, rename_keys
@@ -43,6 +46,15 @@ _ADDED = {
     "rollout": asdict(RolloutConfig()),
 }
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
+_REPLACEABLE: dict[str, type] = {
+    "randomization": Randomization,
+    "scoring": Scoring,
+    "validation": Validation,
+    "cmaes": CmaesConfig,
+    "controller_config": ControllerConfig,
+    "rollout": RolloutConfig,
+}
+"""Parts that a user may replace by one of another class: a file keeps its name, version and fields."""
 _MAX_SIGMA = 1000.0
 _INTEGERS = {
     "generations": (0, MAX_GENERATIONS),
@@ -88,7 +100,8 @@ class EvolutionConfig:
         handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
         stop_when_solved: whether the run ends when a champion is confirmed.
         randomization: ranges from which the conditions of the trials are sampled.
-        scoring: weights with which an outcome becomes a fitness.
+        scoring: how an outcome becomes a fitness: the weights of a `Scoring`, a function of (outcome, body), or
+            "module:name" of one.
         validation: rules by which candidates for the champion are validated.
         environment: further options of the environment, such as pit, goal or bottomless.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
@@ -136,6 +149,7 @@ class EvolutionConfig:
                 "save the arena in a folder and name that"
             )
         set_field(self, "stages", tuple(self.stages))
+        set_field(self, "scoring", find_scoring(self.scoring))
         set_field(self, "environment", sort_options(self.environment))
         self._check()
 
@@ -164,7 +178,7 @@ class EvolutionConfig:
 
         Options that are None are left out: a run from before an option existed keeps its fingerprint.
         """
-        content = asdict(self, dict_factory=_collect_for_digest)
+        content = _asdict(self, _collect_for_digest)
         content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
@@ -178,8 +192,30 @@ class EvolutionConfig:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain JSON content."""
-        return json.loads(json.dumps(asdict(self) | {"environment": dict(self.environment)}))
+        """Return plain JSON content.
+
+        Raises:
+            RunError: a part is an object of a user that nothing would restore.
+        """
+        content = _asdict(self) | {"environment": dict(self.environment)}
+        try:
+            return json.loads(json.dumps(content))
+        except TypeError as error:
+            raise RunError(
+                f"environment: {error}, and a run is stored as text; use numbers and names"
+            ) from error
+
+    def restore(self) -> "EvolutionConfig":
+        """Return the configuration with what a user wrote imported again.
+
+        Raises:
+            RunError: something cannot be imported, or has changed since the run began.
+        """
+        stored = {name: getattr(self, name) for name in _REPLACEABLE}
+        return replace(
+            self,
+            **{name: value.restore(name) for name, value in stored.items() if isinstance(value, Reference)},
+        )
 
     @classmethod
     def from_json(cls, content: object) -> "EvolutionConfig":
@@ -193,10 +229,35 @@ class EvolutionConfig:
             content = {"restart_after": None} | content
             if "validation" in content:
                 content["validation"] = rename_keys(content["validation"], FORMER_VALIDATION_NAMES)
+            references = {
+                name: Reference.from_json(content[name], f"config.{name}")
+                for name in _REPLACEABLE
+                if isinstance(content.get(name), dict) and "name" in content[name]
+            }
+            content = {name: value for name, value in content.items() if name not in references}
+        else:
+            references = {}
         try:
-            return as_type(open_options(content), cls, "config")
+            config = as_type(open_options(content), cls, "config")
         except JsonError as error:
             raise RunError(str(error)) from error
+        return replace(config, **references)
+
+
+def _asdict(
+    config: EvolutionConfig, dict_factory: Callable[[list[tuple[str, Any]]], dict[str, Any]] = dict
+) -> dict[str, Any]:
+    """Return the fields of a configuration as content of JSON."""
+    plain = replace(config, **{name: kind() for name, kind in _REPLACEABLE.items()})
+    content = asdict(plain, dict_factory=dict_factory)
+    for name, kind in _REPLACEABLE.items():
+        value = getattr(config, name)
+        if type(value) is kind:
+            content |= dict_factory([(name, asdict(value, dict_factory=dict_factory))])
+        else:
+            reference = value if isinstance(value, Reference) else refer(value, name)
+            content[name] = reference.to_json()
+    return content
 
 
 def _collect_for_digest(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from evolution.backends.making import Backend, make_backend
+from evolution.backends.scoring import compute_fitness
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
 from evolution.errors import RunError
 from evolution.search.config import RUNTIME_FIELDS, EvolutionConfig
-from evolution.search.evaluation import Backend, make_backend
 from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
@@ -52,6 +53,7 @@ def evolve(
     """
     if config.folder is None:
         return _run(config, Record(), None, simulate, on_generation, progress)
+    config.to_json()  # refuses what no file can keep before anything is written
     folder = RunFolder(config.folder)
     with folder.lock():
         folder.begin(config)
@@ -86,7 +88,7 @@ def resume(
         raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
         stored = run_folder.read_config()
-        config = replace(stored, folder=str(folder), **changes)
+        config = replace(stored, folder=str(folder), **changes).restore()
         record = run_folder.read_record(config)
         if config != stored:
             run_folder.write_config(config)
@@ -248,7 +250,7 @@ class _Evolution:
                 index=index,
                 modules=job.trials.modules,
                 genotype=genotype,
-                fitness=self._config.scoring.score(outcome, job.trials.modules),
+                fitness=compute_fitness(self._config.scoring, outcome, job.trials.body),
                 outcome=outcome,
             )
             for (index, genotype), job, outcome in zip(numbered, jobs, outcomes, strict=True)
