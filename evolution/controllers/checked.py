@@ -26,6 +26,7 @@ class CheckedController:
         controller: the user's own.
         num_actions: length of an action.
         source: where it is found again; None where it cannot be.
+        spec: what the user gave.
 
     Raises:
         RunError: it lacks a member of `Controller`, or one is wrong.
@@ -34,6 +35,7 @@ class CheckedController:
     controller: Controller
     num_actions: int
     source: ControllerSource | None = None
+    spec: Any = None
 
     def __post_init__(self) -> None:
         missing = [name for name in _MEMBERS if not hasattr(self.controller, name)]

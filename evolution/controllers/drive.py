@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from evolution.controllers.protocol import Structure
 from evolution.errors import RunError
+from reconstruction.range_checks import check_choice
 from symbrion_gym.environment.config import SENSORS
 from symbrion_gym.robot.organism import Organism
 
@@ -87,6 +88,17 @@ def find_bearing(observation: Float[np.ndarray, "P O"], structure: Structure) ->
         return np.zeros((len(observation), 1))
     first = structure[GOAL_SENSOR].start
     return np.asarray(observation[:, first : first + 1], dtype=float)
+
+
+def count_tracks(track_control: str, num_modules: int) -> int:
+    """Return the number of track speeds in an action under the option `track_control` of the environment.
+
+    Raises:
+        RunError: there is no such way to control tracks.
+    """
+    counts = {"constant": 0, "body": 1, "modules": num_modules, "skid": 2 * num_modules}
+    check_choice("track_control", track_control, tuple(counts), RunError)
+    return counts[track_control]
 
 
 def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 from evolution.controllers.checked import CheckedController
@@ -49,26 +50,29 @@ def find_controller(
         return CheckedController(spec.make(organism, num_tracks), num_actions, spec)
     found = import_path(spec) if isinstance(spec, str) else spec
     what = spec if isinstance(spec, str) else getattr(spec, "__qualname__", type(spec).__qualname__)
-    made = CheckedController(make_from(found, organism, num_tracks, what), num_actions)
+    made = CheckedController(make_from(found, organism, num_tracks, what), num_actions, spec=spec)
     with suppress(RunError):
-        return CheckedController(made.controller, num_actions, find_source(spec, made.name, made.version))
+        return replace(made, source=find_source(spec, made.name, made.version))
     return made
 
 
-def refer_to_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> Any:
+def refer_to_controller(
+    spec: Any, organism: Organism, num_tracks: int = 0, *, must_be_found: bool = False
+) -> Any:
     """Return what stands for a controller in the configuration of a run and in jobs.
 
     Args:
         spec: as in `find_controller`, or what `controller_to_json` returned.
         organism: a body that it moves; only its version is read.
         num_tracks: number of track speeds in an action.
+        must_be_found: refuse what could not be found again, for a record or workers in other processes.
 
     Returns:
         The name of a law of ours; a `ControllerSource` of a controller of a user, which can be hashed, compared and
         pickled; or `spec` itself if it cannot be found again (a lambda, say), which `controller_to_json` refuses.
 
     Raises:
-        RunError: there is no such controller.
+        RunError: there is no such controller, or it could not be found again; the message says why.
     """
     if isinstance(spec, Mapping):
         return _read_reference(spec)
@@ -80,7 +84,10 @@ def refer_to_controller(spec: Any, organism: Organism, num_tracks: int = 0) -> A
     controller = find_controller(spec, organism, None, num_tracks)
     if isinstance(controller, LawController):
         return controller.name
-    return getattr(controller, "source", None) or spec
+    reference = getattr(controller, "source", None)
+    if must_be_found and reference is None:
+        controller_to_json(controller)
+    return reference or _require_hashable(spec)
 
 
 def controller_to_json(controller: Any) -> str | dict[str, Any]:
@@ -101,12 +108,11 @@ def controller_to_json(controller: Any) -> str | dict[str, Any]:
     if isinstance(controller, ControllerSource):
         return controller.as_dict()
     if isinstance(controller, CheckedController):
-        if controller.source is not None:
-            return controller.source.as_dict()
-        controller = controller.controller
-    name, version = (str(getattr(controller, key, "?")) for key in ("name", "version"))
+        source = controller.source or find_source(controller.spec, controller.name, controller.version)
+        return source.as_dict()
     if isinstance(controller, str):
-        raise RunError(f"controller {controller!r}: its version is not known; find it first")
+        raise RunError(f"controller {controller!r}: its version is not known; `find_controller` finds it")
+    name, version = (str(getattr(controller, key, "?")) for key in ("name", "version"))
     return find_source(controller, name, version).as_dict()
 
 
@@ -128,6 +134,14 @@ def read_controller(
         raise RunError(f"controller is {content!r}; a name, or name, version and source are needed")
     reference = _read_reference(content) if isinstance(content, Mapping) else content
     return find_controller(reference, organism, config, num_tracks)
+
+
+def _require_hashable(spec: Any) -> Any:
+    try:
+        hash(spec)
+    except TypeError as error:
+        raise RunError(f"controller {spec!r} cannot be hashed; make its dataclass frozen") from error
+    return spec
 
 
 def _read_reference(content: Mapping[str, Any]) -> str | ControllerSource:
