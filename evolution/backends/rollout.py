@@ -13,10 +13,13 @@ from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
 from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, RolloutConfig, Trials
-from evolution.controllers.controller import Controller, make_controller
+from evolution.controllers.drive import count_tracks
+from evolution.controllers.finding import find_controller
+from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.robot.organism import Organism, snake
 
 
 class Trial(NamedTuple):
@@ -73,7 +76,7 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     results: dict[tuple[int, int], TrialResult] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
-        controller = make_controller(first.controller, first.modules, first.controller_config)
+        controller = find_trial_controller(first)
         for environment, own_trials in _group_by_environment(first, trials, threads, config or first.rollout):
             results |= _run_trials(environment, controller, own_trials)
     return [
@@ -96,10 +99,22 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
         trials: arena, body and further options.
         stuck_time: as in `RolloutConfig`; None for that of the trials.
     """
-    sensors = make_controller(trials.controller, trials.modules).sensors
+    sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
     options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
     return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
+
+
+def find_trial_controller(trials: Trials) -> Controller:
+    """Return the controller of trials.
+
+    Raises:
+        RunError: there is no such controller, or it does not suit the body.
+    """
+    organism = trials.modules if isinstance(trials.modules, Organism) else snake(trials.modules)
+    track_control = dict(trials.environment).get("track_control", "constant")
+    num_tracks = count_tracks(track_control, organism.num_modules)
+    return find_controller(trials.controller, organism, trials.controller_config, num_tracks)
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -198,7 +213,7 @@ def _run_trials(
                 )
                 running[row] = None
         if ended and waiting:
-            state.ticks_since_contact[ended] = 0
+            state = reset_rows(controller, state, ended)
             observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
     return results
 
