@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from evolution.backends.trials import Options, Randomization, RolloutConfig, Scoring
-from evolution.controllers.controller import CONTROLLERS, ControllerConfig
+from evolution.controllers.controller import ControllerConfig
+from evolution.controllers.drive import count_tracks
+from evolution.controllers.finding import controller_to_json, refer_to_controller
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
@@ -27,6 +29,7 @@ from reconstruction.deprecation import accept_former_fields, rename_keys
 from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.range_checks import as_integers, check_choice, coerce_floats, coerce_integers
 from symbrion_gym.environment.config import STARTS
+from symbrion_gym.robot.organism import snake
 
 RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
@@ -68,7 +71,8 @@ class EvolutionConfig:
         workers: number of threads, processes or actors.
         backend: "batch", "processes" or "ray"; the results are equal.
         address: address of an existing Ray cluster; None starts a local one.
-        controller: name of the controller: "path", "reactive", "travelling", "posture" or "network".
+        controller: name of a law of ours ("path", "reactive", "travelling", "posture" or "network"), or a controller of
+            a user: an object, a class or function of the organism, or "module:name"; see `find_controller`.
         origin: genotype at which the search begins, "zero" (no knowledge) or "hint" (set by hand for the controller;
             then a sigma of 0.15 fits better).
         population_size: number of genotypes per generation; doubles each time CMA-ES has converged and restarts, but
@@ -104,7 +108,7 @@ class EvolutionConfig:
     workers: int = 1
     backend: str = "batch"
     address: str | None = None
-    controller: str = "path"
+    controller: Any = "path"
     origin: str = "zero"
     population_size: int = 12
     sigma: float = 0.5
@@ -145,7 +149,6 @@ class EvolutionConfig:
         if self.restart_after is not None:
             coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)}, RunError)
         check_choice("backend", self.backend, BACKENDS, RunError)
-        check_choice("controller", self.controller, CONTROLLERS, RunError)
         check_choice("start", self.start, STARTS, RunError)
         check_choice("origin", self.origin, ORIGINS, RunError)
         if self.body_lengths is not None:
@@ -153,6 +156,13 @@ class EvolutionConfig:
             object.__setattr__(self, "body_lengths", lengths)
             if len(lengths) != 2 or not lengths[0] < lengths[1]:
                 raise RunError(f"body_lengths is {lengths}; shortest < longest, from 2, is needed")
+        organism = snake(self.body_lengths[1] if self.body_lengths else self.modules)
+        num_tracks = count_tracks(
+            dict(self.environment).get("track_control", "constant"), organism.num_modules
+        )
+        must_be_found = self.folder is not None or self.backend != "batch"
+        controller = refer_to_controller(self.controller, organism, num_tracks, must_be_found=must_be_found)
+        object.__setattr__(self, "controller", controller)
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:
@@ -179,7 +189,10 @@ class EvolutionConfig:
 
     def to_json(self) -> dict[str, Any]:
         """Return plain JSON content."""
-        return json.loads(json.dumps(asdict(self) | {"environment": dict(self.environment)}))
+        controller = controller_to_json(self.controller)
+        return json.loads(
+            json.dumps(asdict(self) | {"environment": dict(self.environment), "controller": controller})
+        )
 
     @classmethod
     def from_json(cls, content: object) -> "EvolutionConfig":
