@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from evolution.backends.rollout import make_environment_options
+from evolution.backends.rollout import find_trial_controller, make_environment_options
 from evolution.backends.trials import Job, Outcome, Randomization, Trials
-from evolution.controllers.controller import make_controller
+from evolution.controllers.protocol import Controller
 from evolution.search.evaluation import make_backend
 from evolution.search.validation import Champion
 from reconstruction.deprecation import accept_former_arguments
@@ -137,16 +137,23 @@ def play(
         **make_environment_options(conditions),
     )
     try:
-        return _run(environment, champion, seed, film and not window, speed, fps)
+        return _run(
+            environment, champion, find_trial_controller(conditions), seed, film and not window, speed, fps
+        )
     finally:
         environment.close()
 
 
 def _run(
-    environment: SnakePitEnv, champion: Champion, seed: int, film: bool, speed: float, fps: int
+    environment: SnakePitEnv,
+    champion: Champion,
+    controller: Controller,
+    seed: int,
+    film: bool,
+    speed: float,
+    fps: int,
 ) -> Recording:
-    controller = make_controller(champion.controller, champion.modules, champion.controller_config)
-    genotype = np.array(champion.genotype)
+    genotype = np.array(champion.genotype)[None]
     observation, info = environment.reset(seed=seed)
     state = controller.begin(1)
     positions, rotations, frames = [], [], []
