@@ -6,6 +6,7 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
+from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from jaxtyping import Float
 
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
-from evolution.controllers.controller import Controller
+from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -85,10 +86,8 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
 
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
-    arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
-    rollout, laws = trials.rollout, trials.controller_config
-    body = trials.modules if trials.organism is None else trials.organism
-    return arena, body, trials.controller, trials.start, trials.environment, rollout, laws
+    arena = trials.arena if isinstance(trials.arena, str | PathLike) else id(trials.arena)
+    return arena, trials.body, trials.episode, trials.control, trials.rollout
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
@@ -100,9 +99,9 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
     """
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
+    options = {"sensors": sensors, "stuck_time": stuck_time} | trials.episode.make_options()
     body = trials.modules if trials.organism is None else trials.organism
-    return options | {"arena": trials.arena, "modules": body, "start": trials.start}
+    return options | {"arena": trials.arena, "modules": body}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -183,7 +182,7 @@ def _run_trials(
     running: list[Trial | None] = [None] * num_envs
     genotypes = np.zeros((num_envs, len(controller.parameters)))
     effort = np.zeros(num_envs)
-    state, fresh = controller.begin(num_envs), controller.begin(num_envs)
+    state = controller.begin(num_envs)
     results: dict[tuple[int, int], TrialResult] = {}
     observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
     while len(results) < len(trials):
@@ -208,8 +207,7 @@ def _run_trials(
                 )
                 running[row] = None
         if ended and waiting:
-            for values, first in zip(state, fresh, strict=True):
-                values[ended] = first[ended]
+            state = reset_rows(controller, state, ended)
             observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
     return results
 

@@ -6,26 +6,28 @@ influence. That is why batch, processes and a Ray cluster give equal results.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
+from evolution.backends.environment_options import Options as Options
+from evolution.backends.nested import Nested
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution.backends.scoring import Scoring as Scoring
-from evolution.controllers.controller import Controller, ControllerConfig, make_controller
+from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MAX_MODULES, MIN_POSITIVE
+from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
 from reconstruction.range_checks import as_floats, as_range, check_count, coerce_floats
 from symbrion_gym.environment.config import RANDOM_LIMITS
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
     ArenaSource: TypeAlias = str | PathLike[str] | Arena
 
@@ -37,8 +39,6 @@ _STRETCH_LIMITS = (0.1, 10.0)
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
-Options = tuple[tuple[str, Any], ...]
-"""Name and value of each option of the environment, sorted by name."""
 
 
 @dataclass(frozen=True)
@@ -112,57 +112,54 @@ class RolloutConfig:
 
 
 @dataclass(frozen=True)
-class Trials:
-    """The trials of a genotype.
+class TrialConfig:
+    """How trials vary, how they are simulated and what is kept of them.
 
     Attributes:
-        arena: name, folder or, on backend "batch", an `Arena`.
-        modules: number of modules in the snake.
-        organism: the body, where it is another than a snake of `modules`.
-        controller: name of the law that reads the genotype.
-        start: "pit" (close before it) or "floor".
-        count: number of trials, each under other conditions.
-        seed: seed of the conditions; equal seeds mean equal conditions.
-        randomization: ranges from which the conditions are sampled.
-        environment: further options of the environment, as sorted pairs.
-        controller_config: parameters of the controller that are not evolved.
-        rollout: parameters of the simulation.
+        randomization: ranges from which the conditions of the trials are sampled.
+        rollout: parameters of the simulation of trials.
     """
 
+    randomization: Randomization = field(default_factory=Randomization)
+    rollout: RolloutConfig = field(default_factory=RolloutConfig)
+
+
+@dataclass(frozen=True, init=False)
+class Trials(Nested):
+    """The trials of a genotype. Fields of parts are given and read as its own: `Trials(modules=5, start="floor")`.
+
+    Attributes:
+        arena: name, folder, file or, on backend "batch", an `Arena`.
+        body: the body.
+        episode: what is to be done; options that are no field go to its `environment`.
+        control: the controller that reads the genotype.
+        trial: how the trials vary and are simulated.
+        count: number of trials, each under other conditions.
+        seed: seed of the conditions; equal seeds mean equal conditions.
+    """
+
+    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control", "trial")
+
     arena: ArenaSource = "truth"
-    modules: int = 8
-    controller: str = "reactive"
-    start: str = "pit"
+    body: BodyConfig = field(default_factory=BodyConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=partial(ControlConfig, controller="reactive"))
+    trial: TrialConfig = field(default_factory=TrialConfig)
     count: int = 2
     seed: tuple[int, ...] = (0,)
-    randomization: Randomization = field(default_factory=Randomization)
-    environment: Options = ()
-    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
-    rollout: RolloutConfig = field(default_factory=RolloutConfig)
-    organism: Organism | None = None
 
-    @property
-    def body(self) -> Organism:
-        """The organism that is tried."""
-        return make_snake(self.modules) if self.organism is None else self.organism
-
-
-@functools.lru_cache(maxsize=MAX_MODULES)
-def make_snake(modules: int) -> Organism:
-    """Return a snake of Scouts."""
-    from symbrion_gym.robot.organism import snake
-
-    return snake(modules)
+    def take_others(self, others: dict[str, Any]) -> None:
+        """Take further options of the environment."""
+        take_environment(self, others)
 
 
 def find_trial_controller(trials: Trials) -> Controller:
     """Return the controller of trials, for their body.
 
     Raises:
-        RunError: there is no such controller, or it does not fit the body.
+        RunError: there is no such controller, or it does not suit the body.
     """
-    modules = trials.modules if trials.organism is None else trials.organism.num_modules
-    return make_controller(trials.controller, modules, trials.controller_config)
+    return trials.control.make_controller(trials.body.find_organism(), trials.episode)
 
 
 class Job(NamedTuple):

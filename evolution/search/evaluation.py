@@ -1,7 +1,7 @@
 """The fitness of genotypes, on any backend: once, or call after call for a search of one's own."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -12,10 +12,9 @@ from evolution.backends.making import make_backend
 from evolution.backends.outcome import Outcome
 from evolution.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
 from evolution.backends.simulation import Simulate
-from evolution.backends.trials import Job, Randomization, Trials, find_trial_controller
-from evolution.controllers.controller import Controller
+from evolution.backends.trials import Job, Trials, find_trial_controller
+from evolution.controllers.protocol import Controller, check_genotypes
 from evolution.errors import RunError
-from evolution.search.environment_options import sort_options
 from reconstruction.deprecation import accept_former_arguments
 
 if TYPE_CHECKING:
@@ -86,7 +85,9 @@ class Evaluator:
         simulate: Simulate | None = None,
         **options: Any,
     ) -> None:
-        self.trials = make_trials(arena=arena, modules=modules, count=trials, seed=(seed,), **options)
+        if options.get("randomization", ()) is None:
+            del options["randomization"]
+        self.trials = Trials(arena=arena, modules=modules, count=trials, seed=(seed,), **options)
         self.controller: Controller = find_trial_controller(self.trials)
         self._scoring = find_scoring(Scoring(module=0.0) if scoring is None else scoring)
         self._backend = make_backend(backend, workers, address, simulate)
@@ -117,39 +118,14 @@ class Evaluator:
         if self._is_closed:
             raise RunError("this evaluator is closed; make another one")
         genotypes = np.atleast_2d(np.asarray(genotypes, dtype=float))
-        self.controller.check(genotypes)
+        check_genotypes(self.controller, genotypes)
         trials = self.trials
         if seed is not None:
             trials = replace(trials, seed=(*trials.seed, seed))
         outcomes = self._backend.run([Job(genotype, trials) for genotype in genotypes])
-        fitness = [compute_fitness(self._scoring, outcome, trials.body) for outcome in outcomes]
+        body = trials.body.find_organism()
+        fitness = [compute_fitness(self._scoring, outcome, body) for outcome in outcomes]
         return Evaluation(np.array(fitness), outcomes)
-
-
-def make_trials(
-    modules: "int | Organism", randomization: Randomization | None = None, **options: Any
-) -> Trials:
-    """Return trials of fields and of further options of the environment.
-
-    Args:
-        modules: number of modules of a snake, or an `Organism`.
-        randomization: ranges from which the conditions are sampled; None means those of `Randomization`.
-        options: other fields of `Trials`; what is none is an option of the environment.
-
-    Raises:
-        RunError: the environment has no such option, or not with such a value.
-    """
-    names = {each.name for each in fields(Trials)}
-    own = {name: value for name, value in options.items() if name in names}
-    own["environment"] = sort_options(
-        dict(own.get("environment", ()))
-        | {name: value for name, value in options.items() if name not in names}
-    )
-    if not isinstance(modules, int | np.integer):
-        if own.get("organism") is not None:
-            raise RunError("modules is an Organism, and organism is given, too; leave out one of them")
-        return Trials(**own | {"organism": modules}, randomization=randomization or Randomization())
-    return Trials(modules=int(modules), **own, randomization=randomization or Randomization())
 
 
 def evaluate(

@@ -92,10 +92,17 @@ def test_bodies_are_numbers_or_organisms():
     by_number = evaluate(np.zeros(8), **options)
     by_organism = evaluate(np.zeros(8), **options | {"modules": snake(4)})
     assert by_number.outcomes == by_organism.outcomes
-    with pytest.raises(RunError, match="returns 4 numbers for an action of 5"):
-        evaluate(np.zeros(8), modules=cross(1), duration=1.0)
+    options |= {"modules": cross(1), "scoring": lambda outcome, body: body.num_modules}
+    fitness, outcomes = evaluate(np.zeros(8), **options)
+    assert fitness == 5
+    assert not outcomes[0].error
 
 
-def test_a_controller_that_does_not_drive_the_tracks_is_refused_by_name():
-    with pytest.raises(RunError, match="'reactive' returns 3 numbers for an action of 7"):
-        evaluate(np.zeros(8), modules=4, track_control="modules")
+@pytest.mark.parametrize("track_control", ["body", "modules"])
+def test_controllers_drive_the_tracks_where_these_are_part_of_the_action(track_control):
+    options = SHORT | {"duration": 1.0, "track_control": track_control}
+    with Evaluator(**options) as evaluator:
+        fitness, outcomes = evaluator(np.zeros(len(evaluator.controller.parameters)))
+    assert not outcomes[0].error
+    with pytest.raises(RunError, match="genotypes of 2 numbers"):
+        evaluate(np.zeros(2), **options)
