@@ -99,7 +99,8 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
     """
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    options = {"sensors": sensors, "stuck_time": stuck_time} | trials.episode.make_options()
+    patience = {"stuck_time": stuck_time} if trials.episode.has_parameter("stuck_time") else {}
+    options = {"sensors": sensors} | patience | trials.episode.make_options()
     body = trials.modules if trials.organism is None else trials.organism
     return options | {"arena": trials.arena, "modules": body}
 
@@ -193,7 +194,7 @@ def _run_trials(
                 "give a controller that drives the tracks, too, or leave out track_control"
             )
         observation, _, terminated, truncated, info = environment.step(actions)
-        effort -= info["reward_effort"]
+        effort -= info.get("reward_effort", 0.0)
         ended = (terminated | truncated).nonzero()[0].tolist()
         for row in ended:
             trial = running[row]
