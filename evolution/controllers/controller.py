@@ -4,7 +4,7 @@ The only memory is how long ago each module last touched the ground, because con
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -87,7 +87,7 @@ class LawController:
     bound: float = ControllerConfig.gene_bound
     law_sensors: tuple[str, ...] = SENSORS
     hinge_range: float = HINGE_RANGE
-    config: ControllerConfig = ControllerConfig()
+    config: ControllerConfig = field(default_factory=ControllerConfig)
     version: str = "1"
 
     @property
@@ -168,9 +168,13 @@ class LawController:
         check_genotypes(self, genotypes)
 
 
+OwnController = LawController | OscillatorController
+"""A controller of this package."""
+
+
 def make_law(
     name: str, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
-) -> LawController | OscillatorController:
+) -> OwnController:
     """Make a law of ours for a body.
 
     Args:
@@ -198,9 +202,7 @@ def make_law(
     return _MAKERS[name](organism, config, body)
 
 
-def make_controller(
-    name: str, modules: int, config: ControllerConfig | None = None
-) -> LawController | OscillatorController:
+def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> OwnController:
     """Make a law of ours for a snake; see `make_law`.
 
     Raises:
@@ -287,9 +289,7 @@ def _make_oscillators(
     return make_oscillators(config.oscillators or OscillatorConfig(), config.gene_bound, **body)
 
 
-_MAKERS: dict[
-    str, Callable[[Organism, ControllerConfig, dict[str, Any]], LawController | OscillatorController]
-] = {
+_MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], OwnController]] = {
     "path": _make_path,
     "reactive": _make_reactive,
     "travelling": _make_travelling,

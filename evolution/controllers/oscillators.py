@@ -1,19 +1,18 @@
 """Coupled oscillators: a central pattern generator with one phase oscillator for each hinge, on any tree of modules.
 
-With theta the phase, r the amplitude and x the target of hinge i, p its parent (the next hinge on the way to the head, or
-a clock at the head) and c its children:
+With theta the phase, r the amplitude and x the target of hinge i, p its parent (the next hinge on the way to the head,
+or a clock at the head) and c its children:
 
-    dtheta_i/dt = 2 pi f + w sin(theta_p - theta_i - lag_i) + w sum_c sin(theta_c - theta_i + lag_c) - s N_i cos(theta_i)
+    dtheta_i/dt = 2 pi f + w sin(theta_p - theta_i - lag_i) + sum_c w sin(theta_c - theta_i + lag_c) - s N_i cos theta_i
     d2r_i/dt2   = a (a / 4 (R_i - r_i) - dr_i/dt)
     x_i         = offset_i + r_i cos(theta_i) + gain_ahead * inclination ahead + gain_behind * pitch
 
 References:
     Ijspeert (2008), Central pattern generators for locomotion control in animals and robots: a review, Neural Networks
-    21(4); the equations of phase and amplitude are those of Ijspeert, Crespi, Ryczko and Cabelguen (2007), From swimming
-    to walking with a salamander robot driven by a spinal cord model, Science 315, supporting text, equations 1-3.
-    Steering by different amplitudes to the left and right: the same, "drive".
+    21(4). Phases, amplitudes and steering by different amplitudes to the left and right: Ijspeert, Crespi, Ryczko and
+    Cabelguen (2007), From swimming to walking with a salamander robot driven by a spinal cord model, Science 315.
     Owaki, Kano, Nagasawa, Tero and Ishiguro (2013), Simple robot suggests physical interlimb communication is essential
-    for quadruped walking, J. R. Soc. Interface 10, equation 1: the feedback - s N cos(theta) from ground contact.
+    for quadruped walking, J. R. Soc. Interface 10: the feedback - s N cos theta from ground contact.
 
     Differs: couplings are not weighted by amplitudes, so that a resting hinge passes the rhythm on; N is 1 or 0.
 """
