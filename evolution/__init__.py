@@ -6,14 +6,16 @@ from reconstruction.deprecation import export_former_names
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.backends.trials import Outcome, Randomization, RolloutConfig, Scoring
+    from evolution.backends.outcome import Outcome
+    from evolution.backends.scoring import Scoring
+    from evolution.backends.trials import Randomization, RolloutConfig
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
     from evolution.controllers.controller import ControllerConfig
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
-    from evolution.search.evaluation import Evaluation, evaluate
+    from evolution.search.evaluation import Evaluation, Evaluator, evaluate
     from evolution.search.loop import evolve, load_run, resume
     from evolution.search.run import Run, load_champion
     from evolution.search.stages import Stage
@@ -25,6 +27,7 @@ __all__ = [
     "CmaesConfig",
     "ControllerConfig",
     "Evaluation",
+    "Evaluator",
     "EvolutionConfig",
     "EvolutionError",
     "Outcome",

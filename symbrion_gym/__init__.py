@@ -3,7 +3,9 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v1` and its siblings.
 """
 
-import symbrion_gym.headless  # noqa: F401  isort: skip  (before MuJoCo is imported)
+import symbrion_gym.headless
+
+import symbrion_gym.tasks  # noqa: F401  isort: skip  (so that `symbrion_gym.tasks` is there)
 
 from typing import TYPE_CHECKING
 
@@ -17,9 +19,19 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
+    from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
+    from symbrion_gym.environment.organism_env import OrganismEnv
+    from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym.environment.snake_pit import SnakePitEnv
     from symbrion_gym.environment.vector import SnakePitVectorEnv
-    from symbrion_gym.errors import ArenaError, OptionError, OrganismError, SurveyError, SymbrionGymError
+    from symbrion_gym.errors import (
+        ArenaError,
+        OptionError,
+        OrganismError,
+        SurveyError,
+        SymbrionGymError,
+        TaskError,
+    )
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
@@ -30,9 +42,14 @@ if TYPE_CHECKING:
     from symbrion_gym.sensing.survey_world import SurveyRoom
     from symbrion_gym.sensing.timing import Timing, timing
     from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
+    from symbrion_gym.tasks.catalog import make_task
+    from symbrion_gym.tasks.criteria import SuccessCriteria
     from symbrion_gym.tasks.pit_search import PitSearch
     from symbrion_gym.tasks.route import RouteMargins
-    from symbrion_gym.tasks.success_check import SuccessCriteria
+    from symbrion_gym.tasks.starts import Start
+    from symbrion_gym.tasks.state import TaskState
+    from symbrion_gym.tasks.task import Task, read_task
+    from symbrion_gym.tasks.terms import Goal, Reward, Termination
     from symbrion_gym.traversability.drawing import draw_traversability
     from symbrion_gym.traversability.drivable import TraversabilityMap
     from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
@@ -49,25 +66,36 @@ __all__ = [
     "Course",
     "Docking",
     "DrivingRoute",
+    "EnvironmentConfig",
     "Footprint",
+    "Goal",
     "LaserScanner",
     "OptionError",
     "Organism",
+    "OrganismEnv",
     "OrganismError",
+    "OrganismVectorEnv",
     "PitSearch",
     "RangeFinder",
+    "Reward",
     "RouteConfig",
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
+    "SnakePitConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",
+    "Start",
     "SuccessCriteria",
     "SurveyError",
     "SurveyRobot",
     "SurveyRoom",
     "SymbrionGymError",
+    "Task",
+    "TaskError",
+    "TaskState",
+    "Termination",
     "Timing",
     "Trajectory",
     "TraversabilityConfig",
@@ -80,6 +108,8 @@ __all__ = [
     "load_tiles",
     "make_arena",
     "make_scout",
+    "make_task",
+    "read_task",
     "snake",
     "survey",
     "timing",

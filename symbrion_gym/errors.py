@@ -19,3 +19,7 @@ class OptionError(SymbrionGymError, ValueError):
 
 class SurveyError(ArenaError):
     """A survey, its robot or a scanner cannot be set up; the message names the value and a remedy."""
+
+
+class TaskError(SymbrionGymError, ValueError):
+    """A task is unknown, impossible in an arena or cannot be restored; the message gives the reason and a remedy."""

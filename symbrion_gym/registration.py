@@ -17,7 +17,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
         "default_ends": ((-1.9, -0.4), (-0.35, 0.3)),
     },
 }
-"""Id -> options that differ from those of `SnakePitEnv`."""
+"""Id -> options that differ from those of `OrganismEnv`."""
 
 
 def register() -> None:
@@ -26,7 +26,7 @@ def register() -> None:
         if name not in gym.registry:
             gym.register(
                 name,
-                entry_point="symbrion_gym.environment.snake_pit:SnakePitEnv",
-                vector_entry_point="symbrion_gym.environment.vector:SnakePitVectorEnv",
+                entry_point="symbrion_gym.environment.organism_env:OrganismEnv",
+                vector_entry_point="symbrion_gym.environment.organism_vector_env:OrganismVectorEnv",
                 kwargs=dict(options),
             )

@@ -6,20 +6,19 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
+from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
-from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, RolloutConfig, Trials
-from evolution.controllers.drive import count_tracks
-from evolution.controllers.finding import find_controller
+from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.robot.organism import Organism, snake
 
 
 class Trial(NamedTuple):
@@ -87,9 +86,8 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
 
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
-    arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
-    rollout, laws = trials.rollout, trials.controller_config
-    return arena, trials.modules, trials.controller, trials.start, trials.environment, rollout, laws
+    arena = trials.arena if isinstance(trials.arena, str | PathLike) else id(trials.arena)
+    return arena, trials.body, trials.episode, trials.control, trials.rollout
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
@@ -101,20 +99,9 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
     """
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
-    return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
-
-
-def find_trial_controller(trials: Trials) -> Controller:
-    """Return the controller of trials.
-
-    Raises:
-        RunError: there is no such controller, or it does not suit the body.
-    """
-    organism = trials.modules if isinstance(trials.modules, Organism) else snake(trials.modules)
-    track_control = dict(trials.environment).get("track_control", "constant")
-    num_tracks = count_tracks(track_control, organism.num_modules)
-    return find_controller(trials.controller, organism, trials.controller_config, num_tracks)
+    options = {"sensors": sensors, "stuck_time": stuck_time} | trials.episode.make_options()
+    body = trials.modules if trials.organism is None else trials.organism
+    return options | {"arena": trials.arena, "modules": body}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -164,7 +151,9 @@ def _find_environment(
     """
     sizes = config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
-    key = (find_environment_key(conditions), config.stuck_time, stretches, size, threads)
+    same = (find_environment_key(conditions), config.stuck_time, stretches, threads)
+    larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
+    key = larger[0] if larger else (same, size)
     if key not in _environments:
         while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
@@ -187,7 +176,7 @@ def _find_environment(
 def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
-    num_envs = environment.num_envs
+    num_envs, shape = environment.num_envs, environment.action_space.shape
     structure = environment.observation_structure
     waiting = deque(trials)
     running: list[Trial | None] = [None] * num_envs
@@ -198,6 +187,11 @@ def _run_trials(
     observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
     while len(results) < len(trials):
         actions, state = controller.act(observation, genotypes, structure, state)
+        if actions.shape != shape:
+            raise RunError(
+                f"controller {controller.name!r} returns {actions.shape[-1]} numbers for an action of {shape[-1]}; "
+                "give a controller that drives the tracks, too, or leave out track_control"
+            )
         observation, _, terminated, truncated, info = environment.step(actions)
         effort -= info["reward_effort"]
         ended = (terminated | truncated).nonzero()[0].tolist()

@@ -6,13 +6,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from evolution.controllers.drive import count_tracks
-from evolution.controllers.finding import find_controller
 from evolution.controllers.protocol import Structure, check_genotypes, reset_rows
 from evolution.errors import RunError
 from evolution.search.run import load_champion
 from evolution.search.validation import Champion
-from symbrion_gym.robot.organism import Organism, snake
 
 
 class ChampionPolicy:
@@ -28,15 +25,8 @@ class ChampionPolicy:
 
     def __init__(self, champion: Champion | str | Path, structure: Structure) -> None:
         self.champion = champion if isinstance(champion, Champion) else load_champion(champion)
-        body = self.champion.modules
-        self._organism = body if isinstance(body, Organism) else snake(body)
-        track_control = dict(self.champion.environment).get("track_control", "constant")
-        self._controller = find_controller(
-            self.champion.controller,
-            self._organism,
-            self.champion.controller_config,
-            count_tracks(track_control, self._organism.num_modules),
-        )
+        self._organism = self.champion.body.find_organism()
+        self._controller = self.champion.control.make_controller(self._organism, self.champion.episode)
         self._genotype = np.array(self.champion.genotype)
         check_genotypes(self._controller, self._genotype)
         self._structure = structure

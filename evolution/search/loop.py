@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from evolution.backends.making import Backend, make_backend
+from evolution.backends.parts import BodyConfig
+from evolution.backends.scoring import compute_fitness
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
 from evolution.errors import RunError
 from evolution.search.config import RUNTIME_FIELDS, EvolutionConfig
-from evolution.search.evaluation import Backend, make_backend
 from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
@@ -52,6 +54,7 @@ def evolve(
     """
     if config.folder is None:
         return _run(config, Record(), None, simulate, on_generation, progress)
+    config.to_json()  # refuses what no file can keep before anything is written
     folder = RunFolder(config.folder)
     with folder.lock():
         folder.begin(config)
@@ -86,7 +89,7 @@ def resume(
         raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
         stored = run_folder.read_config()
-        config = replace(stored, folder=str(folder), **changes)
+        config = replace(stored, folder=str(folder), **changes).restore()
         record = run_folder.read_record(config)
         if config != stored:
             run_folder.write_config(config)
@@ -248,7 +251,7 @@ class _Evolution:
                 index=index,
                 modules=job.trials.modules,
                 genotype=genotype,
-                fitness=self._config.scoring.score(outcome, job.trials.modules),
+                fitness=compute_fitness(self._config.scoring, outcome, job.trials.body.find_organism()),
                 outcome=outcome,
             )
             for (index, genotype), job, outcome in zip(numbered, jobs, outcomes, strict=True)
@@ -260,17 +263,17 @@ class _Evolution:
         """Return the trials of a genotype; candidates have conditions of their own in each round (`block`)."""
         config, is_validation = self._config, kind == VALIDATION
         own_seed = (index + 1, block) if is_validation else ()
+        episode = config.episode
+        if is_validation and config.validation_start != episode.start:
+            episode = replace(episode, start=config.validation_start)
         trials = Trials(
             arena=self._stage.arena,
-            modules=self._search.count_modules(genotype),
-            controller=config.controller,
-            start=config.validation.start if is_validation else config.start,
+            body=self._search.select_body(genotype),
+            episode=episode,
+            control=config.control,
+            trial=config.trial,
             count=count,
             seed=(config.seed, kind, self._record.num_generations, *own_seed),
-            randomization=config.randomization,
-            environment=config.environment,
-            controller_config=config.controller_config,
-            rollout=config.rollout,
         )
         return Job(self._search.select_controller_genes(genotype), trials)
 
@@ -324,15 +327,14 @@ class _Evolution:
         return Champion(
             genotype=tuple(self._search.select_controller_genes(entry.genotype).tolist()),
             names=self._search.controller.parameters,
-            controller=config.controller,
-            modules=entry.modules,
+            control=config.control,
+            body=config.body if config.body_lengths is None else BodyConfig(entry.modules),
+            episode=config.episode,
             arena=config.all_stages[stage].arena,
             generation=entry.generation,
             fitness=entry.fitness,
             successes=entry.outcome.successes if is_validated else 0,
             trials=entry.outcome.trials if is_validated else 0,
-            environment=config.environment,
-            controller_config=config.controller_config,
         )
 
     def _is_solved(self) -> bool:

@@ -10,7 +10,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.assets import SCANNED_PITS
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.scout_constants import ScoutConfig
@@ -19,7 +19,7 @@ _RESIZABLE = ("truth", "simple", *SCANNED_PITS)
 """Named arenas whose pit has a width of choice."""
 
 
-def find_arena(config: SnakePitConfig) -> Arena:
+def find_arena(config: EnvironmentConfig) -> Arena:
     """Return the arena of the options; `pit` resizes the arenas made in code.
 
     Raises:
@@ -46,7 +46,7 @@ def find_arena(config: SnakePitConfig) -> Arena:
     return loaded
 
 
-def find_organism(config: SnakePitConfig, friction: float) -> Organism:
+def find_organism(config: EnvironmentConfig, friction: float) -> Organism:
     """Return the organism of the options.
 
     Raises:

@@ -15,14 +15,17 @@ from reconstruction.range_checks import check_choice, check_not_negative, check_
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.tasks.catalog import choose_task, find_parameters
+from symbrion_gym.tasks.starts import START_NAMES
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.robot.organism import Organism
     from symbrion_gym.robot.sensor_noise import SensorNoise
+    from symbrion_gym.tasks.criteria import SuccessCriteria
     from symbrion_gym.tasks.pit_search import PitSearch
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
-    from symbrion_gym.tasks.success_check import SuccessCriteria
+    from symbrion_gym.tasks.task import Task
 
 SENSORS = (
     "hinge_angle",
@@ -40,8 +43,7 @@ SENSORS = (
     "laser",
 )
 DEFAULT_SENSORS = SENSORS[:8]
-STARTS = ("floor", "pit")
-TRACK_CONTROLS = ("constant", "body", "modules")
+TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
     "torque_scale": (1e-3, 10.0),
@@ -58,20 +60,37 @@ MAX_TIMESTEP = 0.02
 """Contacts are not resolved by longer physics steps [s]."""
 RENAMED_OPTIONS = {"randomise": "randomize", "abyss": "bottomless"}
 """Old name -> new name of options; the old ones are deprecated."""
-_NOT_NEGATIVE = (
-    "track_speed",
-    "noise",
+TASK_OPTIONS = (
+    "start",
+    "goal",
+    "bottomless",
+    "duration",
+    "stuck_time",
+    "stuck_progress",
+    "forward_weight",
+    "success_bonus",
+    "effort_weight",
+    "criteria",
+    "margins",
+    "pit_search",
+)
+"""Options that are parameters of the task; None is the task's own value."""
+_NOT_NEGATIVE = ("track_speed", "noise")
+_POSITIVE = ("stretch", "hinge_torque", "timestep")
+_NOT_NEGATIVE_IF_GIVEN = (
+    "pit",
+    "default_pit",
     "forward_weight",
     "success_bonus",
     "effort_weight",
     "stuck_progress",
 )
-_POSITIVE = ("stretch", "hinge_torque", "timestep", "duration", "stuck_time")
+_POSITIVE_IF_GIVEN = ("friction", "duration", "stuck_time")
 
 
 @accept_former_fields(abyss="bottomless")
 @dataclass(frozen=True)
-class SnakePitConfig:
+class EnvironmentConfig:
     """What an environment is made of.
 
     Attributes:
@@ -86,27 +105,31 @@ class SnakePitConfig:
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
         hinge_torque: largest torque of the hinges [N m]; estimates range from 4 to 5.
         sensors: parts of the observation, in order, of `SENSORS`.
-        start: "floor": before the ramp or step; "pit": before the pit; or (x, y) or (x, y, z)
-            [m], where z selects one of several storeys.
-        goal: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
         noise: factor on the sensor noise: 0 for none, 1 as estimated for the real robot.
-        bottomless: whether touching the floor of the pit ends the episode, as if the pit had none.
-        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each.
+        track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two
+            each, left and right.
         tracks: how tracks are modeled; see `ScoutConfig`.
         timestep: physics step [s].
         frame_skip: physics steps in a control step (tick).
+        timers: whether `info` contains the times of MuJoCo's timers.
+        randomize: reset options for every episode: name -> a number, or a pair (low, high) to draw from.
+        sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
+        task: a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None for `default_task`.
+        task_parameters: parameters of a named task; `from_options` takes them as options of their own.
+        default_task: name of the task that a registered id sets.
+        default_parameters: parameters that a registered id sets for its own task.
+        start: parameter of the task, as all that follow: where it starts; None for the task's own value.
+        goal: (x, y) or (x, y, z) to be reached [m].
+        bottomless: whether touching the floor of the pit ends the episode.
         duration: an episode is truncated after this [s].
         stuck_time: time without progress after which it is truncated as well [s].
+        stuck_progress: smallest progress that counts as such [m].
         forward_weight: reward per meter of progress.
         success_bonus: reward of a success.
         effort_weight: cost per joule of the hinges' work.
-        timers: whether `info` contains the times of MuJoCo's timers.
-        randomize: reset options for every episode: name -> a number, or a pair (low, high) to draw from.
-        stuck_progress: smallest progress that counts as such, for `stuck_time` [m].
-        criteria: limits of a success; None for the defaults of `SuccessCriteria`.
-        margins: distances of the route from ramp, pit and rim; None for the defaults of `RouteMargins`.
-        pit_search: what counts as a pit of a surface without a course; None for the defaults of `PitSearch`.
-        sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
+        criteria: limits of a success.
+        margins: distances of the route from ramp, pit and rim.
+        pit_search: what counts as a pit of a surface.
 
     Raises:
         OptionError: an option is out of range; the message names option, value and what is allowed.
@@ -123,32 +146,36 @@ class SnakePitConfig:
     track_speed: float = 0.10
     hinge_torque: float = 4.5
     sensors: tuple[str, ...] = DEFAULT_SENSORS
-    start: StartName | Point = "floor"
-    goal: Point | None = None
     noise: float = 0.0
-    bottomless: bool = False
     track_control: str = "constant"
     tracks: str = "spheres"
     timestep: float = 0.005
     frame_skip: int = 4
-    duration: float = 90.0
-    stuck_time: float = 15.0
-    forward_weight: float = 1.0
-    success_bonus: float = 1.0
-    effort_weight: float = 0.002
     timers: bool = False
     randomize: Mapping[str, Any] = field(default_factory=dict)
-    stuck_progress: float = 0.02
+    sensor_noise: SensorNoise | None = None
+    task: Task | str | None = None
+    task_parameters: Mapping[str, Any] = field(default_factory=dict)
+    default_task: str = "snake_pit"
+    default_parameters: Mapping[str, Any] = field(default_factory=dict)
+    start: StartName | Point | None = None
+    goal: Point | None = None
+    bottomless: bool | None = None
+    duration: float | None = None
+    stuck_time: float | None = None
+    stuck_progress: float | None = None
+    forward_weight: float | None = None
+    success_bonus: float | None = None
+    effort_weight: float | None = None
     criteria: SuccessCriteria | None = None
     margins: RouteMargins | None = None
     pit_search: PitSearch | None = None
-    sensor_noise: SensorNoise | None = None
 
     def __post_init__(self) -> None:
         check_not_negative(self, _NOT_NEGATIVE, OptionError)
         check_positive(self, _POSITIVE, OptionError)
-        check_not_negative(self, self._find_given("pit", "default_pit"), OptionError)
-        check_positive(self, self._find_given("friction"), OptionError)
+        check_not_negative(self, self._find_given(*_NOT_NEGATIVE_IF_GIVEN), OptionError)
+        check_positive(self, self._find_given(*_POSITIVE_IF_GIVEN), OptionError)
         if isinstance(self.modules, bool) or (
             isinstance(self.modules, int | np.integer) and not 1 <= self.modules <= MAX_MODULES
         ):
@@ -163,7 +190,7 @@ class SnakePitConfig:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
-            check_choice("start", self.start, STARTS, OptionError)
+            check_choice("start", self.start, START_NAMES, OptionError)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
@@ -173,7 +200,7 @@ class SnakePitConfig:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
     @classmethod
-    def from_options(cls, options: Mapping[str, Any]) -> SnakePitConfig:
+    def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
         """Return the configuration of keyword arguments.
 
         Raises:
@@ -188,8 +215,13 @@ class SnakePitConfig:
                 warnings.warn(f"option {old!r} is now called {new!r}", DeprecationWarning, stacklevel=3)
                 given[new] = given.pop(old)
         names = [entry.name for entry in fields(cls)]
+        chosen = given.get("task") or given.get("default_task", cls.default_task)
+        own = find_parameters(chosen) if isinstance(chosen, str) else ()
+        parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
         for name in given:
-            check_choice("option", name, names, OptionError)
+            check_choice("option", name, [*names, *(each for each in own if each not in names)], OptionError)
+        if parameters:
+            given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}
         return cls(**given)
 
     def _find_given(self, *names: str) -> list[str]:
@@ -199,11 +231,29 @@ class SnakePitConfig:
     def find_ends(self) -> tuple[Any, Any]:
         """Return start and goal: those given, else those of the registered id in its own arena."""
         is_named = isinstance(self.arena, str) and self.arena in NAMED_ARENAS
-        if self.default_ends is None or not is_named or self.start != "floor" or self.goal is not None:
+        has_start = self.start is not None and self.start != "floor"
+        if self.default_ends is None or not is_named or has_start or self.goal is not None:
             return self.start, self.goal
         return self.default_ends
+
+    def find_task(self) -> Task:
+        """Return the task, with the parameters that are given.
+
+        Raises:
+            TaskError: there is no such task.
+            OptionError: it has no such parameter.
+        """
+        start, goal = self.find_ends()
+        given = {name: getattr(self, name) for name in TASK_OPTIONS} | {"start": start, "goal": goal}
+        given = {name: value for name, value in given.items() if value is not None}
+        defaults = {} if self.task is not None else self.default_parameters
+        return choose_task(self.task or self.default_task, {**defaults, **given, **self.task_parameters})
 
     @property
     def dt(self) -> float:
         """Length of a control tick [s]."""
         return self.timestep * self.frame_skip
+
+
+SnakePitConfig = EnvironmentConfig
+"""The former name."""

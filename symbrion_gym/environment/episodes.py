@@ -1,42 +1,28 @@
 """Episodes of N simulations: commands in, rewards and endings out. Single and vector environment share it.
 
-Commands and observations are computed for all simulations at once. How a tick ended is computed one by one in
-plain Python, which is faster than small arrays; `vectorized_episodes` does that for many simulations. Every row
-comes out alike whatever N is, to the bit.
+All is computed as arrays over the simulations, one simulation included, so that every row comes out alike whatever N
+is, to the bit. In most ticks nothing happens: `symbrion_gym.tasks.watch` knows it from a few measurements, and
+terminations, goal and the rewards at the end are not even called.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isnan
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symbrion_gym.environment.commands import Commands
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
-from symbrion_gym.tasks.success_check import OrganismState, SuccessCheck
+from symbrion_gym.tasks.scene import Scene
+from symbrion_gym.tasks.state import TaskState, Views
+from symbrion_gym.tasks.terms import BASE_FLAGS
+from symbrion_gym.tasks.watch import Watch
 
-NUMBERS = (
-    "x_position",
-    "progress",
-    "time",
-    "reward_forward",
-    "reward_success",
-    "reward_effort",
-    "lowest_module",
-    "least_upright",
-)
-"""The numbers of `info`, in order."""
-FLAGS = ("success", "diverged", "rolled_over", "fell", "touched_pit", "stuck")
-"""The flags of `info`, which follow the numbers."""
-
-
-Tick = tuple[float, bool, bool, dict[str, float | bool]]
-"""What a tick came to in one simulation: reward, terminated, truncated and `info`, which holds `NUMBERS` and
-`FLAGS` in their order."""
+_SOUND = 0.98
+"""Share of the square of the largest rate at which the sum of all squares leaves no doubt."""
 
 
 class Start(NamedTuple):
@@ -45,80 +31,85 @@ class Start(NamedTuple):
     Attributes:
         row: index of the simulation.
         track_speed: [m/s].
-        check: success check, if the simulation is in another world than before.
+        scene: arena and way, if the simulation is in another world than before.
     """
 
     row: int
     track_speed: float
-    check: SuccessCheck | None = None
+    scene: Scene | None = None
 
 
-@dataclass(slots=True)
-class Episode:
-    """The memory of one episode, apart from the physics.
+class Ticks(NamedTuple):
+    """How a tick ended in every simulation; nothing in those that stood still.
 
     Attributes:
-        track_speed: [m/s].
-        start: mean position of the modules at the start, along the route [m].
-        start_progress: progress at the start [m].
-        progress: progress at the last tick [m].
-        best: progress at which the organism last moved on [m].
-        best_tick: tick at which that was.
-        ticks: since the start.
-        held: ticks for which the organism has arrived.
+        reward: reward of the tick.
+        terminated: whether the episode ended by what happened.
+        truncated: whether it ended by its time.
     """
 
-    track_speed: float = 0.0
-    start: float = 0.0
-    start_progress: float = 0.0
-    progress: float = 0.0
-    best: float = 0.0
-    best_tick: int = 0
-    ticks: int = 0
-    held: int = 0
+    reward: Float[np.ndarray, " N"]
+    terminated: Bool[np.ndarray, " N"]
+    truncated: Bool[np.ndarray, " N"]
 
 
 class Episodes:
     """The memory of N episodes, and how a tick (a control step) changes it.
 
     Attributes:
-        target: `[N, h]` commanded angles of the servos [rad].
-        action: `[N, A]` the last action, after clipping.
+        commands: what the actions command.
+        observer: how observations are read.
+        state: what the terms of the task see.
+        number_names: names of the numbers of `info`.
+        flag_names: names of the flags of `info`.
+        numbers: `[numbers, N]` numbers of `info` at the last tick or reset of each.
+        flags: `[flags, N]` likewise its flags.
         num_tracks: number of track speeds in an action.
-        check: success check in the world in which the simulations begin.
+        num_actions: length of an action.
     """
 
     def __init__(self, world: World, num: int) -> None:
-        self.world = world
-        config, hinges = world.config, world.num_hinges
-        self.num_tracks = {"constant": 0, "body": 1, "modules": world.num_modules}[config.track_control]
-        self.num_actions = hinges + self.num_tracks
-        self.check = world.make_success_check()
-        self.target = np.zeros((num, hinges))
-        self.action = np.zeros((num, self.num_actions))
+        self.world, task = world, world.task
+        self._dt = world.config.dt
+        self.commands = Commands(world, num)
+        self.num_tracks, self.num_actions = self.commands.num_tracks, self.commands.num_actions
+        self.target, self.action = self.commands.target, self.commands.action
         self.observer = Observer(world, self.action, self.target)
-        self._checks = [self.check] * num
-        self._viewed: Physics | None = None
-        self._states: list[OrganismState | None] = [None] * num
-        self._episodes = [Episode() for _ in range(num)]
+        self.scene = world.scene
+        criteria = task.find_criteria(world.organism)
+        self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
+        self._watch = Watch(task, self.state)
+        self._largest_squares = _SOUND * criteria.max_rate**2
+        self.flag_names = BASE_FLAGS + tuple(term.name for term in task.terminations)
+        rewards = tuple(f"reward_{term.name}" for term in task.rewards)
+        self.number_names = ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
+        self.flags = self._watch.flags
+        self.numbers, self._scratch = np.zeros((2, len(self.number_names), num))
+        coefficients = [term.weight * (self._dt if term.per_second else 1.0) for term in task.rewards]
+        terms = list(enumerate(zip(task.rewards, coefficients, strict=True)))
+        self._rewards = [(index, term.function, factor) for index, (term, factor) in terms if not term.at_end]
+        self._final_rewards = [
+            (index, term.function, factor) for index, (term, factor) in terms if term.at_end
+        ]
+        self._last_reward = 3 + len(task.rewards)
+        self._has_final = False
         self._start_head = np.zeros(num)
         self._has_driven = np.zeros(num, dtype=bool)
-        self._speed = np.zeros((num, 1))
-        self._highest_action = np.ones((num, self.num_actions))
-        self._lowest_action = -self._highest_action
-        self._range = np.full((num, hinges), world.organism.scout.hinge_range)
-        self._largest_turn = np.full((num, hinges), world.organism.scout.hinge_speed * config.dt)
-        self._smallest_turn = -self._largest_turn
-        self._turn = np.zeros((num, hinges))
-        self._dt = config.dt
-        self._num_hinges = hinges
-        self._last_tick = round(config.duration / config.dt)
-        self._stuck_ticks = round(config.stuck_time / config.dt)
-        self._stuck_progress = config.stuck_progress
-        self._weights = (config.forward_weight, config.success_bonus, -config.effort_weight * config.dt)
         servos, dofs = world.hinge_servos, world.hinge_dof
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
+        self._viewed: Physics | None = None
+        self._never = np.zeros(num, dtype=bool)
+
+    def _view(self, physics: Physics) -> None:
+        """Let the state read from the physics; once, where its views stay valid while it goes on."""
+        if physics is not self._viewed or not self._is_live:
+            self._viewed = physics
+            qvel, force = physics.qvel, physics.actuator_force
+            views = Views(
+                physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos]
+            )
+            self.state.bind(views)
 
     def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
         """Start episodes from the present physics.
@@ -127,62 +118,33 @@ class Episodes:
             physics: state of all simulations.
             starts: which simulations begin, and what differs between them.
         """
-        hinges = self.world.num_hinges
-        for row, speed, check in starts:
-            self._checks[row] = check or self._checks[row]
-            self.target[row] = physics.qpos[row, self.world.hinge_qpos]
-            self.action[row, :hinges] = np.clip(self.target[row] / self._range[row], -1.0, 1.0)
-            self.action[row, hinges:] = 1.0
-            measured = self._checks[row].measure(self._find_state(physics, row))
-            start = measured.progress
-            self._episodes[row] = Episode(speed, measured.mean, start, start, start)
-            self._start_head[row] = measured.head
-            self._speed[row] = speed
-            self._has_driven[row] = False
-            self.observer.track_odometry[row] = self.check.start
+        self._view(physics)
+        state, rows = self.state, [start.row for start in starts]
+        for row, speed, _ in starts:
+            self.commands.begin(row, physics.qpos[row, self.world.hinge_qpos], speed)
+            self.observer.track_odometry[row] = self.scene.start_on_map
+        scenes = [start.scene or state.scenes[start.row] for start in starts]
+        state.begin(rows, scenes, [start.track_speed for start in starts])
+        self._watch.begin(rows)
+        self._start_head[rows] = state.along[rows, 0]
+        self._has_driven[rows] = False
+        self.numbers[:, rows] = 0.0
+        self.numbers[0, rows] = state.along[rows, 0]
+        self.numbers[self._last_reward :, rows] = state.measures[-2:, rows]
 
     def command(
         self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None = None
     ) -> tuple[Float[np.ndarray, "N h"], Float[np.ndarray, "N tracks"]]:
-        """Take actions: move the servos' targets at their speed.
-
-        NaN keeps the previous command of that entry; other values are clipped to ±1.
-
-        Args:
-            actions: actions of all simulations.
-            active: whether each simulation is stepped; None for all.
-
-        Returns:
-            Targets [rad] and track speeds, one per simulation or one per module [m/s].
-        """
-        used = self.action
-        if isnan(np.vdot(actions, actions)):
-            actions = np.where(np.isnan(actions), used, actions)
-        if active is not None:
-            actions = np.where(active[:, None], actions, used)
-        np.maximum(actions, self._lowest_action, out=used)
-        np.minimum(used, self._highest_action, out=used)
-        target, turn = self.target, self._turn
-        np.multiply(used[:, : self._num_hinges] if self.num_tracks else used, self._range, turn)
-        np.subtract(turn, target, turn)
-        np.maximum(turn, self._smallest_turn, out=turn)
-        np.minimum(turn, self._largest_turn, out=turn)
-        if active is None:
-            np.add(target, turn, target)
-        else:
-            np.add(target, turn, out=target, where=active[:, None])
-        self._has_driven[:] = True if active is None else active
-        return target, self._find_track_speed()
-
-    def _find_track_speed(self) -> np.ndarray:
-        """Return commanded track speeds [m/s], `[N, 1 or n]`."""
-        return self._speed * self.action[:, -self.num_tracks :] if self.num_tracks else self._speed
+        """Take actions; see `Commands.take`."""
+        target, speed = self.commands.take(actions, active)
+        if self.observer.has_track_odometry:
+            self._has_driven[:] = True if active is None else active
+        return target, speed
 
     def observe(self, physics: Physics) -> Float[np.ndarray, "N O"]:
         """Return noiseless observations, within their bounds."""
         if self.observer.has_odometry:
-            way = self.check.find_distance(physics.position)[:, 0] - self._start_head
-            self.observer.odometry[:, 0] = way
+            self.observer.odometry[:, 0] = self.state.along[:, 0] - self._start_head
         if self.observer.has_track_odometry:
             self._integrate_track_odometry(physics)
         return self.observer.read(physics)
@@ -190,83 +152,57 @@ class Episodes:
     def _integrate_track_odometry(self, physics: Physics) -> None:
         """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
         level = np.sqrt(np.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
-        way = self._dt * self._find_track_speed()[:, 0] * level
+        way = self._dt * self.commands.find_head_speed() * level
         self.observer.track_odometry[self._has_driven, 0] += way[self._has_driven]
         self._has_driven[:] = False
 
-    def describe_start(self, physics: Physics, row: int) -> dict[str, float | bool]:
-        """Return the `info` of a reset in one row."""
-        measured = self._checks[row].measure(self._find_state(physics, row))
-        numbers = (measured.head, 0.0, 0.0, 0.0, 0.0, 0.0, measured.lowest, measured.uprightness)
-        return dict(zip(NUMBERS + FLAGS, numbers + (False,) * len(FLAGS), strict=True))
+    def finish_tick(self, physics: Physics, active: Bool[np.ndarray, " N"] | None = None) -> Ticks:
+        """Return how the control step ended whose physics has just been stepped, and its rewards.
 
-    def finish_tick(self, physics: Physics, row: int = 0) -> Tick:
-        """Return how the control step ended whose physics has just been stepped, and its reward, in one row."""
-        episode, check = self._episodes[row], self._checks[row]
-        measured = check.measure(self._find_state(physics, row))
-        head, mean, is_across, progress, lateral, lowest, uprightness, power, is_sound = measured
-        positions, rotations = physics.position[row], physics.rotation[row]
-        rolled_over = fell = touched = False
-        if is_sound:
-            rolled_over = uprightness < check.criteria.rolled_over
-            fell = lateral > check.max_lateral or lowest < check.lowest
-            touched = check.is_bottomless and check.has_touched_pit(positions, rotations)
-        else:
-            head, progress = episode.start, episode.progress
-        has_failed = rolled_over or fell or touched or not is_sound
-        has_arrived = is_across and not has_failed
-        episode.ticks += 1
-        time = episode.ticks * self._dt
-        farthest = episode.start + episode.track_speed * time + check.criteria.speed_slack
-        has_arrived = has_arrived and mean <= farthest and check.is_standing(positions, rotations)
-        episode.held = episode.held + 1 if has_arrived else 0
-        success = episode.held >= check.hold_ticks
-        forward, bonus, cost = self._reward(episode, progress, success, power if is_sound else None)
-        stuck = self._advance(episode, progress)
-        terminated = success or has_failed
-        truncated = not terminated and (stuck or episode.ticks >= self._last_tick)
-        info = {
-            "x_position": head,
-            "progress": progress - episode.start_progress,
-            "time": time,
-            "reward_forward": forward,
-            "reward_success": bonus,
-            "reward_effort": cost,
-            "lowest_module": lowest,
-            "least_upright": uprightness,
-            "success": success,
-            "diverged": not is_sound,
-            "rolled_over": rolled_over,
-            "fell": fell,
-            "touched_pit": touched,
-            "stuck": stuck,
-        }
-        return forward + bonus + cost, terminated, truncated, info
+        Args:
+            physics: state of all simulations.
+            active: whether a simulation is one of those that were stepped; None for all.
+        """
+        self._view(physics)
+        rates = self.state.qvel
+        if np.vdot(rates, rates) < self._largest_squares:
+            return self._finish(active, is_sound=True)
+        with np.errstate(all="ignore"):
+            return self._finish(active, is_sound=False)
 
-    def _reward(
-        self, episode: Episode, progress: float, success: bool, power: float | None
-    ) -> tuple[float, float, float]:
-        """Return the parts of the reward: for progress since the last step, success and effort (None: unknown)."""
-        forward_weight, success_bonus, effort_weight = self._weights
-        forward = forward_weight * (progress - episode.progress)
-        cost = 0.0 if power is None else effort_weight * power
-        return forward, success_bonus if success else 0.0, cost
+    def _finish(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> Ticks:
+        state = self.state
+        state.advance(active, is_sound)
+        has_ended = self._watch.look(active, is_sound)
+        table = self.numbers if active is None else self._scratch
+        head, gained, time, *rewards = table[: self._last_reward]
+        np.copyto(head, state.along[:, 0])
+        np.subtract(state.progress, state.start_progress, out=gained)
+        np.multiply(state.tick, self._dt, out=time)
+        table[self._last_reward :] = state.measures[-2:]
+        for index, function, factor in self._rewards:
+            np.multiply(function(state), factor, out=rewards[index])
+        if has_ended or self._has_final:
+            self._give_final_rewards(rewards, has_ended)
+        reward = sum(rewards[1:], rewards[0]) if rewards else np.zeros(state.num)
+        if not is_sound:
+            np.copyto(head, state.start_mean, where=~state.is_sound)
+        if active is not None:
+            np.copyto(self.numbers, table, where=active)
+            reward = np.where(active, reward, 0.0)
+        watch = self._watch
+        if has_ended:
+            return Ticks(reward, watch.terminated, watch.truncated)
+        return Ticks(reward, self._never.copy(), self._never.copy())
 
-    def _advance(self, episode: Episode, progress: float) -> bool:
-        """Store the progress of an episode and return whether it is stuck."""
-        if progress > episode.best + self._stuck_progress:
-            episode.best, episode.best_tick = progress, episode.ticks
-        episode.progress = progress
-        return episode.ticks - episode.best_tick >= self._stuck_ticks
+    def _give_final_rewards(self, rewards: Sequence[np.ndarray], has_ended: bool) -> None:
+        """Give what is given once in the simulations whose episodes have ended, and nothing in the others."""
+        ended = self._watch.terminated | self._watch.truncated if has_ended else self._never
+        for index, function, factor in self._final_rewards:
+            rewards[index][:] = np.where(ended, function(self.state) * factor, 0.0)
+        self._has_final = has_ended
 
-    def _find_state(self, physics: Physics, row: int) -> OrganismState:
-        """Return views of one simulation, looked up once where they stay valid while it goes on."""
-        if physics is not self._viewed or not self._is_live:
-            self._viewed, self._states = physics, [None] * len(self._states)
-        state = self._states[row]
-        if state is None:
-            torque, rate = physics.actuator_force[row, self._servos], physics.qvel[row, self._dofs]
-            positions, up = physics.position[row].T, physics.rotation[row, :, 8]
-            state = OrganismState(physics.qvel[row], positions, up, torque, rate)
-            self._states[row] = state
-        return state
+    def describe(self, row: int) -> dict[str, float | bool]:
+        """Return the `info` of one simulation."""
+        values = self.numbers[:, row].tolist() + self.flags[:, row].tolist()
+        return dict(zip(self.number_names + self.flag_names, values, strict=True))

@@ -39,11 +39,14 @@ def _join_measured(parts: list[tuple[str, slice]], world: World) -> list[tuple[s
     return joined
 
 
-def _find_bounds(world: World, num_actions: int) -> dict[str, tuple[int, float, float]]:
+def _find_bounds(
+    world: World, num_actions: int
+) -> dict[str, tuple[int, float | np.ndarray, float | np.ndarray]]:
     """Return name -> size, smallest and largest value of each part of an observation."""
     n, h, scout = world.num_modules, world.num_hinges, world.organism.scout
+    angle, docks = world.servo_range, len(world.organism.hinges)
     return {
-        "hinge_angle": (h, -_ANGLE_MARGIN * scout.hinge_range, _ANGLE_MARGIN * scout.hinge_range),
+        "hinge_angle": (h, -_ANGLE_MARGIN * angle, _ANGLE_MARGIN * angle),
         "hinge_rate": (h, -_LARGEST_RATE, _LARGEST_RATE),
         "pitch": (n, -pi / 2, pi / 2),
         "roll": (n, -pi, pi),
@@ -51,8 +54,8 @@ def _find_bounds(world: World, num_actions: int) -> dict[str, tuple[int, float, 
         "ir": (2 * len(find_free_sides(world.organism)), 0.0, scout.ir_range),
         "contact": (n, 0.0, scout.contact_range),
         "previous_action": (num_actions, -1.0, 1.0),
-        "hinge_target": (h, -scout.hinge_range, scout.hinge_range),
-        "dock_force": (3 * h, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
+        "hinge_target": (h, -angle, angle),
+        "dock_force": (3 * docks, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
         "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
         "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
         "laser": (scout.laser_beams, 0.0, scout.laser_range),

@@ -117,9 +117,8 @@ def make_nominal_domain(world: World) -> Domain:
 
 def apply_domain(world: World, fields: ModelFields, domain: Domain) -> None:
     """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
-    scout = world.organism.scout
+    scout, torque = world.organism.scout, world.servo_torque * domain.torque_scale
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
-    torque = scout.hinge_torque * domain.torque_scale
-    fields.actuator_forcerange[world.hinge_servos] = (-torque, torque)
+    fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
     if scout.tracks == "spheres":
         fields.geom_surfacevel[world.track_geoms] = find_surface_velocity(scout, domain.track_speed)

@@ -1,45 +1,27 @@
-"""An organism in an arena, compiled: the model, what is where in it, and how the organism is laid on the ground."""
+"""An organism in an arena, compiled: the model, and what is where in it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from reconstruction.geometry.pose import PlanarPose, make_quaternion
-from symbrion_gym.arenas.arena import Arena
+from reconstruction.geometry.pose import PlanarPose
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig
+from symbrion_gym.environment.laying import LIFT, GroundPlacement
 from symbrion_gym.environment.rendering import add_scene
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.robot.organism import Organism, snake
+from symbrion_gym.environment.settling import Settler
 from symbrion_gym.robot.organism_sensors import add_sensors
-from symbrion_gym.robot.tracks import find_wheel_radius
-from symbrion_gym.tasks.route import find_route
-from symbrion_gym.tasks.success_check import SuccessCheck
+from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
+from symbrion_gym.tasks.scene import Scene
 
-_LIFT = 0.002
-"""Gap between the tracks and the ground at the start [m]: without one, contacts would begin with a push."""
-_SAMPLES = 0.005
-"""Spacing of the heights along the start line [m], small against a module."""
-_LINE_MARGIN = 0.2
-"""The line of heights reaches this much farther than the organism at both ends [m]."""
-_FOOTPRINT = 0.06 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.0, 0.0]])
-"""Points of a module over which the highest ground is taken where organisms are no snakes [m]: a little beyond its
-sides, which are 0.0525 m from its center."""
-_NUM_ITERATIONS = 8
-"""Of the fixed-point iteration that puts a module's end on the ground."""
-_SMALLEST_STEP = 0.2
-"""A module stands no steeper than this share of its length along the ground."""
-_STRETCH = 20
-"""The ground on a storey is followed over as many samples at a time: a module's length."""
-_STOREY_RISE = 0.10
-"""Ground that rises by more than this over such a stretch is what hangs above, not ground [m]."""
 _SAME = 1e-9
 """Numbers closer than this are equal but for rounding."""
 
@@ -71,34 +53,38 @@ class World:
         config: the options.
         arena: arena of the simulation.
         organism: organism in it.
+        task: what is to be done.
+        scene: the arena with the way of the task.
         route: the way to go.
         map_route: the way as the map has it, without `stretch`.
         model: the compiled model; change a copy, as simulations share it.
         friction: sliding friction of the robot on everything.
         modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
         is_by_site: whether the modules are found by their sites, as some share a body.
-        hinge_qpos: addresses of the hinges in qpos, `[h]`.
-        hinge_dof: addresses of the hinges in qvel, `[h]`.
+        hinge_qpos: addresses of the joints in qpos, `[h]`: hinges, then rotations of arms if modules have two joints.
+        hinge_dof: their addresses in qvel, `[h]`.
         is_sliced: whether `modules` is a slice, so that a view stays live.
         wheel_radius: radius of the driven wheels or spheres [m].
         robot_geoms: ids of the geoms of the robot that touch.
-        hinge_servos: ids of the hinges' actuators, `[h]`.
-        wheel_servos: ids of the wheels' actuators, module by module; none with sphere tracks.
-        track_geoms: `[n, T]` ids of the geoms that drive, per module.
+        hinge_servos: ids of their actuators, `[h]`.
+        servo_range: largest angles that those hold, `[h]` [rad].
+        servo_torque: their largest torques, `[h]` [N m].
+        wheel_servos: ids of the wheels' actuators, module by module, left before right; none with sphere tracks.
+        track_geoms: `[n, T]` ids of the geoms that drive, per module, left before right.
     """
 
-    def __init__(self, config: SnakePitConfig, image_size: tuple[int, int] = (640, 400)) -> None:
+    def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
         self._image_size = image_size
         self.config = config
         on_map = find_arena(config)
         self.arena = stretch_arena(on_map, config.stretch)
         self.friction = float(self.arena.friction if config.friction is None else config.friction)
         self.organism = find_organism(config, self.friction)
-        ends = *config.find_ends(), config.margins, config.pit_search
-        self.map_route = find_route(on_map, self.organism, *ends)
-        self.route = find_route(self.arena, self.organism, *ends)
-        self._poses = self.organism.find_poses()
-        self._is_snake = self.organism == snake(self.organism.num_modules, self.organism.scout)
+        self.task = config.find_task()
+        self.map_route = self.task.find_route(on_map, self.organism)
+        self.route = self.task.find_route(self.arena, self.organism)
+        self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
+        self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
         self.model = self._make_spec().compile()
         self._find_ids()
 
@@ -128,28 +114,22 @@ class World:
         self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
         self.is_sliced = follow
         self.wheel_radius = find_wheel_radius(organism.scout)
-        hinges = [model.joint(f"hinge_{i}") for i in organism.hinges]
-        self.hinge_qpos = np.array([hinge.qposadr[0] for hinge in hinges], dtype=np.int64)
-        self.hinge_dof = np.array([hinge.dofadr[0] for hinge in hinges], dtype=np.int64)
-        self.hinge_servos = np.array(
-            [model.actuator(f"hinge_{i}").id for i in organism.hinges], dtype=np.int64
-        )
+        joints = [model.joint(name) for name in organism.servos]
+        self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_servos = np.array([model.actuator(name).id for name in organism.servos], dtype=np.int64)
         self._servos = make_slice(self.hinge_servos)
+        modules, wheels = range(organism.num_modules), range(len(find_driven_wheels(organism.scout)))
+        self.track_geoms = np.array(
+            [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in modules]
+        )
+        wheels = wheels if organism.scout.tracks != "spheres" else range(0)
         self.wheel_servos = np.array(
-            [i for i in range(model.nu) if "_wheel_" in model.actuator(i).name], dtype=np.int64
+            [model.actuator(f"module_{i}_wheel_{k}").id for i in modules for k in wheels], dtype=np.int64
         )
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
-        names = [model.geom(int(i)).name for i in self.robot_geoms]
-        self.track_geoms = np.array(
-            [
-                [
-                    g
-                    for g, name in zip(self.robot_geoms, names, strict=True)
-                    if name.startswith(f"module_{i}_track")
-                ]
-                for i in range(organism.num_modules)
-            ]
-        )
+        self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()
+        self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()
 
     @property
     def num_modules(self) -> int:
@@ -158,21 +138,8 @@ class World:
 
     @property
     def num_hinges(self) -> int:
-        """Number of working hinges."""
+        """Number of joints with a servo: working hinges and, where modules have two joints, rotations of arms."""
         return len(self.hinge_qpos)
-
-    def make_success_check(self) -> SuccessCheck:
-        """Return the success check of this arena and organism."""
-        config = self.config
-        return SuccessCheck(
-            self.arena,
-            self.organism,
-            self.route,
-            self.map_route,
-            config.dt,
-            config.bottomless,
-            config.criteria,
-        )
 
     def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
         """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
@@ -196,14 +163,12 @@ class World:
         Args:
             control: written in place.
             target: target of the hinges [rad].
-            track_speed: one per simulation or one per module [m/s]; only wheels with joints read it here.
+            track_speed: one per simulation, per module or per side [m/s]; only wheels with joints read it here.
         """
         control[:, self._servos] = target
         if len(self.wheel_servos):
-            rate = np.broadcast_to(track_speed, (len(control), self.num_modules)) / self.wheel_radius
-            control[:, self.wheel_servos] = np.repeat(
-                rate, len(self.wheel_servos) // self.num_modules, axis=1
-            )
+            rate = self._spread_speed(track_speed) / self.wheel_radius
+            control[:, self.wheel_servos] = rate.reshape(-1, len(self.wheel_servos))
 
     def write_track_speed(
         self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
@@ -212,10 +177,18 @@ class World:
 
         Args:
             field: values of `geom_surfacevel`, written in place.
-            track_speed: one per simulation or one per module [m/s].
+            track_speed: one per simulation, per module or per side [m/s].
         """
         if not len(self.wheel_servos):
-            field[:, self.track_geoms, 4] = (track_speed / self.wheel_radius)[:, :, None]
+            field[:, self.track_geoms, 4] = self._spread_speed(track_speed) / self.wheel_radius
+
+    def _spread_speed(self, track_speed: Float[np.ndarray, "N tracks"]) -> Float[np.ndarray, "N n T"]:
+        """Return the speed at each of what drives [m/s]: alike in a body, a module, or a side of a module."""
+        modules, wheels = self.track_geoms.shape
+        speed = track_speed[:, :, None]
+        if track_speed.shape[1] == 2 * modules:
+            speed = np.repeat(track_speed.reshape(-1, modules, 2), wheels // 2, axis=2)
+        return np.broadcast_to(speed, (len(track_speed), modules, wheels))
 
     def lay_down(
         self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0
@@ -230,89 +203,21 @@ class World:
         Raises:
             ArenaError: the start lies off the surface.
         """
-        route, organism = self.route, self.organism
-        head_x, head_y = (float(v) for v in route.place(route.start + offset, lateral))
-        heading = route.heading + yaw
+        route = self.route
+        x, y = (float(v) for v in route.place(route.start + offset, lateral))
+        laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
         qpos = self.model.qpos0.copy()
-        back = np.arange(
-            -_LINE_MARGIN, (organism.num_modules + 1) * organism.scout.pitch + _LINE_MARGIN, _SAMPLES
-        )
-        x, y = head_x - np.cos(heading) * back, head_y - np.sin(heading) * back
-        heights = _roll_over(self._find_heights(x, y), organism.scout.size[2] / 2) + _LIFT
-        if self._is_snake:
-            z, pitch, hinges = _follow_ground(back, heights, organism)
-            qpos[self.hinge_qpos] = hinges
-        else:
-            pitch = 0.0
-            head = PlanarPose(head_x, head_y, heading)
-            world = [head.compose(pose) for pose in self._poses]
-            xy = np.array([(pose.x, pose.y) for pose in world])
-            spots = np.concatenate([xy + point for point in _FOOTPRINT])
-            z = (
-                float(np.max(self._find_heights(spots[:, 0], spots[:, 1])))
-                + organism.scout.size[2] / 2
-                + _LIFT
-            )
-        qpos[:3] = head_x, head_y, z
-        qpos[3:7] = make_quaternion(heading, -pitch)
+        qpos[:3], qpos[3:7] = laid.position, laid.quaternion
+        if not self._placement.is_snake:
+            return self._settler.settle(qpos, LIFT)
+        qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
         return qpos
 
-    def _find_heights(
-        self, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"]
-    ) -> Float[np.ndarray, " S"]:
-        """Return ground heights; beyond the rim, the nearest known one along the line."""
-        level = self.route.start_height
-        if level is None:
-            heights = np.asarray(self.arena.height(x, y), dtype=np.float64)
-        else:
-            heights = _follow_storey(self.arena, x, y, level)
-        known = np.flatnonzero(np.isfinite(heights))
-        if not len(known):
-            raise ArenaError(
-                f"the start ({x[0]:.2f}, {y[0]:.2f}) lies off the surface of arena {self.arena.name!r}"
-            )
-        return np.interp(np.arange(len(heights)), known, heights[known])
-
-
-def _follow_storey(
-    arena: Arena, x: Float[np.ndarray, " S"], y: Float[np.ndarray, " S"], level: float
-) -> Float[np.ndarray, " S"]:
-    """Return heights of the ground on the storey of a start, below what hangs above it; nan where there is none."""
-    heights = np.full(len(x), np.nan)
-    for first in range(0, len(x), _STRETCH):
-        some = slice(first, first + _STRETCH)
-        heights[some] = arena.elevation.height_below(x[some], y[some], level + _STOREY_RISE)
-        known = heights[some][np.isfinite(heights[some])]
-        level = float(known[-1]) if len(known) else level
-    return heights
-
-
-def _roll_over(heights: Float[np.ndarray, " S"], radius: float) -> Float[np.ndarray, " S"]:
-    """Return how high the center of a disc rolls over ground heights sampled every `_SAMPLES`."""
-    from scipy.ndimage import grey_dilation
-
-    reach = int(radius / _SAMPLES)
-    shift = np.arange(-reach, reach + 1)
-    rise = np.sqrt(np.maximum(radius**2 - (shift * _SAMPLES) ** 2, 0.0))
-    return grey_dilation(heights, structure=rise, mode="nearest")
-
-
-def _follow_ground(
-    back: Float[np.ndarray, " S"], heights: Float[np.ndarray, " S"], organism: Organism
-) -> tuple[float, float, Float[np.ndarray, " h"]]:
-    """Lay a snake on a height line, head at 0; return head height, head pitch and hinge angles."""
-    pitch, count = organism.scout.pitch, organism.num_modules
-    s, z = np.zeros(count + 1), np.zeros(count + 1)
-    z[0] = np.interp(0.0, back, heights)
-    for i in range(1, count + 1):
-        step = pitch
-        for _ in range(_NUM_ITERATIONS):
-            z[i] = np.interp(s[i - 1] + step, back, heights)
-            step = np.sqrt(max(pitch**2 - (z[i] - z[i - 1]) ** 2, (_SMALLEST_STEP * pitch) ** 2))
-        s[i] = s[i - 1] + step
-    nose_up = np.arctan2(z[:-1] - z[1:], s[1:] - s[:-1])
-    limit = organism.scout.hinge_range
-    return float(z[0]), float(nose_up[0]), np.clip(nose_up[:-1] - nose_up[1:], -limit, limit)
+    @cached_property
+    def _settler(self) -> Settler:
+        """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
+        sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
+        return Settler(self.model, sites, self.hinge_dof)
 
 
 def make_slice(ids: np.ndarray) -> slice | np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose
 from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.scout import add_arm, add_chassis, add_hinge
+from symbrion_gym.robot.scout import add_arm, add_chassis, add_joints
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 Part = tuple[str, int]
@@ -48,7 +48,7 @@ class Docking:
 class Organism:
     """A tree of modules.
 
-    The main hinge of a module works where its front dock is used; a free arm is folded up, out of the way.
+    The joints of a module work where its front dock is used; a free arm is folded up, out of the way.
 
     Attributes:
         num_modules: number of modules.
@@ -73,6 +73,39 @@ class Organism:
         """Modules whose hinge works, in order."""
         return tuple(sorted({module for module, side in _ends(self) if side == "front"}))
 
+    @property
+    def servos(self) -> tuple[str, ...]:
+        """Names of the joints and their actuators: hinges, then rotations of arms where modules have two."""
+        kinds = ("hinge", "twist")[: self.scout.dofs]
+        return tuple(f"{kind}_{module}" for kind in kinds for module in self.hinges)
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """The neighbor of each module on the way to module 0; -1 for module 0."""
+        return self._tree[0]
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """Modules in an order in which each comes after its parent: depth first, as docked."""
+        return self._tree[1]
+
+    @property
+    def _tree(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Parents and order."""
+        neighbors: list[list[int]] = [[] for _ in range(self.num_modules)]
+        for docking in self.dockings:
+            neighbors[docking.first].append(docking.second)
+            neighbors[docking.second].append(docking.first)
+        parents, order, waiting = [-1] * self.num_modules, [], [0]
+        while waiting:
+            module = waiting.pop()
+            order.append(module)
+            children = [other for other in neighbors[module] if other != parents[module]]
+            for child in reversed(children):
+                parents[child] = module
+                waiting.append(child)
+        return tuple(parents), tuple(order)
+
     def find_poses(self) -> list[PlanarPose]:
         """Return where each module lies when all hinges are straight, in the frame of module 0."""
         poses: dict[int, PlanarPose] = {0: PlanarPose()}
@@ -90,7 +123,8 @@ class Organism:
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: one body per rigid part, `root` a free joint, a servo per working hinge.
 
-        Site `module_i` marks the center of module i, joint and actuator `hinge_i` its hinge.
+        Site `module_i` marks the center of module i, joint and actuator `hinge_i` its hinge; with two rotational
+        degrees of freedom also `twist_i`.
         """
         spec = mujoco.MjSpec()
         spec.modelname = f"organism of {self.num_modules}"
@@ -137,7 +171,7 @@ class Organism:
             place = origin.invert().compose(child_origin)
             child = body.add_body(name=_name_group(groups[other]), pos=place.position, quat=place.quaternion)
             hinge = child_origin.invert().compose(poses[module])
-            add_hinge(spec, child, f"hinge_{module}", hinge, self.scout, lifts=other[0] == "arm")
+            add_joints(spec, child, module, hinge, self.scout, lifts=other[0] == "arm")
             self._fill(spec, child, other, poses, groups, done)
 
 

@@ -22,6 +22,8 @@ __all__ = [
     "add_arm",
     "add_chassis",
     "add_hinge",
+    "add_joints",
+    "add_twist",
     "make_scout",
 ]
 
@@ -103,7 +105,7 @@ def add_arm(
 
 
 def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> mujoco.MjSpec:
-    """Return one module alone, on a free joint, with its hinge and servo.
+    """Return one module alone, on a free joint, with its joints and servos.
 
     Args:
         config: constants; None for the defaults.
@@ -119,9 +121,32 @@ def make_scout(config: ScoutConfig | None = None, is_hinged: bool = True) -> muj
     arm = body
     if is_hinged:
         arm = body.add_body(name="arm")
-        add_hinge(spec, arm, "hinge_0", PlanarPose(), config, lifts=True)
+        add_joints(spec, arm, 0, PlanarPose(), config, lifts=True)
     add_arm(spec, arm, "module_0_", PlanarPose(), config)
     return spec
+
+
+def add_joints(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, module: int, pose: PlanarPose, config: ScoutConfig, lifts: bool
+) -> None:
+    """Add the joints of a module, `hinge_i` and with two degrees of freedom `twist_i`, to the body that they move.
+
+    The hinge is at the chassis, the twist beyond it, in the arm. MuJoCo turns a body about its joints in their order,
+    seen from the parent.
+
+    Args:
+        spec: the model under construction.
+        body: the moving side.
+        module: index i of the module.
+        pose: the module in the frame of the body.
+        config: constants.
+        lifts: whether the body is the side of the arm (else that of the chassis).
+    """
+    if config.dofs == 2 and not lifts:
+        add_twist(spec, body, f"twist_{module}", pose, config, lifts)
+    add_hinge(spec, body, f"hinge_{module}", pose, config, lifts)
+    if config.dofs == 2 and lifts:
+        add_twist(spec, body, f"twist_{module}", pose, config, lifts)
 
 
 def add_hinge(
@@ -140,13 +165,40 @@ def add_hinge(
         lifts: whether the body is the side of the arm (else that of the chassis).
     """
     sign = -1.0 if lifts else 1.0
+    axis = [-sign * np.sin(pose.heading), sign * np.cos(pose.heading), 0.0]
+    _add_joint(spec, body, name, pose, axis, config.hinge_range, config.hinge_torque, config)
+
+
+def add_twist(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, pose: PlanarPose, config: ScoutConfig, lifts: bool
+) -> None:
+    """Add the second rotation of a module, about the long axis of its arm, with its servo; see `add_hinge`.
+
+    A positive angle lifts the left side of the arm, and of what is docked to it, against the chassis.
+    """
+    sign = 1.0 if lifts else -1.0
+    axis = [sign * np.cos(pose.heading), sign * np.sin(pose.heading), 0.0]
+    _add_joint(spec, body, name, pose, axis, config.twist_range, config.twist_torque, config)
+
+
+def _add_joint(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    pose: PlanarPose,
+    axis: list[float],
+    limit: float,
+    torque: float,
+    config: ScoutConfig,
+) -> None:
+    """Add a joint through the center of a module, and its servo."""
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         pos=pose.position,
-        axis=[-sign * np.sin(pose.heading), sign * np.cos(pose.heading), 0.0],
+        axis=axis,
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        range=[-config.hinge_range, config.hinge_range],
+        range=[-limit, limit],
         armature=config.hinge_armature,
         damping=[config.hinge_damping, 0, 0],
     )
@@ -155,9 +207,9 @@ def add_hinge(
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         target=name,
         ctrllimited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        ctrlrange=[-config.hinge_range, config.hinge_range],
+        ctrlrange=[-limit, limit],
         forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        forcerange=[-config.hinge_torque, config.hinge_torque],
+        forcerange=[-torque, torque],
     )
     servo.set_to_position(kp=config.hinge_stiffness, kv=config.hinge_derivative)
 

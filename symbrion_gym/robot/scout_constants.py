@@ -21,7 +21,7 @@ class ScoutConfig:
     """Constants of a module. Source in brackets; E marks an estimate of ours.
 
     [R] Russo et al. (2013), IEEE/ASME Trans. Mechatronics 18(6). [S] the authors' simulator, danfis/sim,
-    and the configurations of symbrion-morph.
+    and the configurations of symbrion-morph. [M] the control program of the robots, symbrion-morph.
 
     Attributes:
         size: edge of the chassis along x, y and z [m] [R: 105 x 105 mm; 123.5 mm with the arm].
@@ -51,6 +51,12 @@ class ScoutConfig:
         laser_range: range of the forward laser [m] [E].
         laser_beams: number of beams of the laser's vertical scan [E].
         laser_angles: angles of its lowest and highest beam above the horizontal [rad] [E].
+        dofs: rotational degrees of freedom. The robot has 2 [R]; the authors' simulator has 1 [S], the hinge. The axis
+            of the second is not in the sources at hand: [R] says "for reconfiguration and macrolocomotion", [M] has two
+            commands, one for the hinge and one that rotates a docking unit. So it turns the front dock, and what is
+            docked to it, about the long axis of the arm [E].
+        twist_range: largest angle of that rotation to either side [rad] [E].
+        twist_torque: its largest torque [N m] [E]; speed, gains, inertia and damping are those of the hinge.
         tracks: "spheres" (surface velocity, no joint), "wheels" (four driven wheels), "cylinders" (the
             authors' twelve small cylinders, driven).
     """
@@ -83,17 +89,24 @@ class ScoutConfig:
     laser_beams: int = 19
     laser_angles: tuple[float, float] = (-pi / 3, pi / 6)
     tracks: str = "spheres"
+    dofs: int = 1
+    twist_range: float = pi / 2
+    twist_torque: float = 4.5
 
     def __post_init__(self) -> None:
         positive = (
             "dock_reach arm_reach pitch chassis_mass arm_mass hinge_range hinge_torque hinge_speed "
             "hinge_stiffness track_radius wheel_mass wheel_gain friction dock_force acceleration_range contact_range "
-            "ir_range laser_range"
+            "ir_range laser_range twist_range twist_torque"
         )
         check_positive(self, positive.split(), OrganismError)
         not_negative = "hinge_derivative hinge_armature hinge_damping track_speed wheel_armature ir_spacing"
         check_not_negative(self, not_negative.split(), OrganismError)
         check_counts(self, ("laser_beams",), OrganismError)
+        if isinstance(self.dofs, bool) or self.dofs not in (1, 2):
+            raise OrganismError(
+                f"dofs must be 1 (the hinge) or 2 (and the rotation of the arm), got {self.dofs!r}"
+            )
         if self.tracks not in TRACK_MODELS:
             raise OrganismError(f"no tracks {self.tracks!r}; there are: {', '.join(TRACK_MODELS)}")
 

@@ -45,11 +45,11 @@ def find_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...
 
 
 def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
-    """Return the centers of the wheels of the models with wheel joints, in the frame of the module [m].
+    """Return the centers of what drives, in the frame of the module, the left side before the right [m].
 
-    "wheels" are the road wheels of the spheres; "cylinders" the authors' six a side [S].
+    "spheres" and "wheels" have the same places; "cylinders" are the authors' six a side [S].
     """
-    if config.tracks == "wheels":
+    if config.tracks != "cylinders":
         return find_road_wheels(config)
     places = [(x / 1000.0, z / 1000.0) for x, z in _CYLINDER_PLACES]
     return [(x, y, z) for y in (_CYLINDER_LATERAL, -_CYLINDER_LATERAL) for x, z in places]

@@ -7,9 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.world import World
 from symbrion_gym.tasks.success_check import (
     Measures,
     OrganismState,
@@ -17,6 +14,9 @@ from symbrion_gym.tasks.success_check import (
     SuccessCriteria,
     find_ceiling,
 )
+
+from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.world import World
 
 FAR_EDGE = 0.1
 """Of a pit 0.2 m wide [m]."""

@@ -1,0 +1,155 @@
+"""A body of any shape settled on the ground, as if it were let down slowly with all servos loose."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+_MARGIN = 0.05
+"""Contacts are foreseen from this distance on [m]."""
+_STEP = 0.02
+"""A module moves at most this far up or down in an iteration [m], well within the margin."""
+_TURN_PER_STEP = 5.0
+"""Joints turn at most this much per meter of that step [rad/m]: 0.1 rad, where arcs are still nearly straight."""
+_SHORTEST_STEP = 2e-4
+"""The body has settled when no longer step lowers it [m]."""
+_ENOUGH = 1e-5
+"""Likewise when an iteration lowers its center of mass by less [m]."""
+_MAX_ITERATIONS = 60
+"""More than any organism on the arenas at hand needs."""
+_PENALTY = 100.0
+"""Weight of the deepest overlap against the height of the center of mass: overlaps are removed first."""
+_DANGLING = np.pi / 3
+"""Hinges bend no farther to either side, so that what hangs over an edge does not fold under it [rad]."""
+
+
+class _Linearized(NamedTuple):
+    """The body in one pose, and how it changes with a small step of what moves, `m` degrees of freedom.
+
+    Attributes:
+        qpos: the pose.
+        distance: distances to the ground [m].
+        leaving: their change.
+        height: of the center of mass [m].
+        lifting: its change.
+        rising: change of the modules' heights.
+    """
+
+    qpos: Float[np.ndarray, " nq"]
+    distance: Float[np.ndarray, " C"]
+    leaving: Float[np.ndarray, "C m"]
+    height: float
+    lifting: Float[np.ndarray, " m"]
+    rising: Float[np.ndarray, "n m"]
+
+    def find_merit(self, gap: float) -> float:
+        """Return what is minimized: height of the center of mass, and the deepest overlap."""
+        return self.height + _PENALTY * self.find_overlap(gap)
+
+    def find_overlap(self, gap: float) -> float:
+        """Return how much the smallest distance is below the wanted one [m]."""
+        return max(0.0, gap - self.distance.min(initial=gap))
+
+
+class Settler:
+    """Finds the pose of rest of a body with loose joints on the contact geometry of its arena.
+
+    The potential energy is lowered step by step. Each step is a linear program: the center of mass goes down as far as
+    the distances to the ground, linear in the step, allow. Place and heading of the root stay. In the pose that it ends
+    in, the ground carries the body without any torque of the servos.
+
+    Args:
+        model: the arena with the body; copied.
+        modules: ids of the sites that mark the modules.
+        joints: addresses of the body's joints in qvel.
+
+    References:
+        Schittkowski & Zillober (2005): sequential linear programming with a trust region.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, modules: Int[np.ndarray, " n"], joints: Int[np.ndarray, " h"]
+    ) -> None:
+        self._model = model.__copy__()
+        self._data = mujoco.MjData(self._model)
+        self._modules = modules
+        self._root = int(self._model.body_rootid[self._model.site_bodyid[modules[0]]])
+        self._model.geom_margin[self._model.body_rootid[self._model.geom_bodyid] == self._root] = _MARGIN
+        free = int(self._model.jnt_dofadr[self._model.body_jntadr[self._root]])
+        self._moving = np.array([free + 2, free + 3, free + 4, *joints])
+        joint = self._model.dof_jntid[joints]
+        self._qpos = self._model.jnt_qposadr[joint]
+        self._limit = np.minimum(self._model.jnt_range[joint, 1], _DANGLING)
+
+    def settle(self, qpos: Float[np.ndarray, " nq"], gap: float) -> Float[np.ndarray, " nq"]:
+        """Return the pose of rest below a pose above the ground.
+
+        Args:
+            qpos: where the body begins, clear of the ground.
+            gap: distance that it keeps from the ground [m].
+        """
+        step, best = _STEP, self._linearize(qpos.copy())
+        for _ in range(_MAX_ITERATIONS):
+            trial = best.qpos.copy()
+            mujoco.mj_integratePos(self._model, trial, self._find_step(best, step, gap), 1.0)
+            tried = self._linearize(trial)
+            gained = best.find_merit(gap) - tried.find_merit(gap)
+            best = tried if gained > 0.0 else best
+            step = step / 2 if gained < _ENOUGH else step
+            if step < _SHORTEST_STEP:
+                break
+        best.qpos[2] += best.find_overlap(gap)
+        return best.qpos
+
+    def _linearize(self, qpos: Float[np.ndarray, " nq"]) -> _Linearized:
+        """Move the body and return its distances to the ground and how all changes."""
+        model, data, moving = self._model, self._data, self._moving
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        bodies = model.geom_bodyid[data.contact.geom]
+        is_ours = model.body_rootid[bodies] == self._root
+        found = np.flatnonzero(is_ours.sum(axis=1) == 1)
+        jacobian = np.zeros((3, model.nv))
+        leaving = np.zeros((len(found), len(moving)))
+        for row, contact in enumerate(found.tolist()):
+            second = int(is_ours[contact, 1])
+            mujoco.mj_jac(
+                model, data, jacobian, None, data.contact.pos[contact], int(bodies[contact, second])
+            )
+            leaving[row] = (2 * second - 1) * data.contact.frame[contact, :3] @ jacobian[:, moving]
+        rising = np.zeros((len(self._modules), len(moving)))
+        for row, site in enumerate(self._modules.tolist()):
+            mujoco.mj_jacSite(model, data, jacobian, None, site)
+            rising[row] = jacobian[2, moving]
+        mujoco.mj_jacSubtreeCom(model, data, jacobian, self._root)
+        height = float(data.subtree_com[self._root, 2])
+        distance = data.contact.dist[found].copy()
+        return _Linearized(qpos, distance, leaving, height, jacobian[2, moving].copy(), rising)
+
+    def _find_step(self, pose: _Linearized, step: float, gap: float) -> Float[np.ndarray, " nv"]:
+        """Return the step that lowers the center of mass most."""
+        from scipy.optimize import linprog
+
+        slack, nothing = -np.ones((len(pose.distance), 1)), np.zeros((len(pose.rising), 1))
+        found = linprog(
+            np.append(pose.lifting, _PENALTY),
+            A_ub=np.block([[-pose.leaving, slack], [pose.rising, nothing], [-pose.rising, nothing]]),
+            b_ub=np.concatenate([pose.distance - gap, np.full(2 * len(pose.rising), step)]),
+            bounds=[*self._find_bounds(pose.qpos, step), (0.0, None)],
+            method="highs-ds",
+        )
+        change = np.zeros(self._model.nv)
+        if found.x is not None:
+            change[self._moving] = found.x[:-1]
+        return change
+
+    def _find_bounds(self, qpos: Float[np.ndarray, " nq"], step: float) -> list[tuple[float, float]]:
+        """Return the smallest and largest change of each degree of freedom that moves."""
+        turn, angle = _TURN_PER_STEP * step, qpos[self._qpos]
+        low, high = np.maximum(-turn, -self._limit - angle), np.minimum(turn, self._limit - angle)
+        return [(-step, step), (-turn, turn), (-turn, turn), *zip(low.tolist(), high.tolist(), strict=True)]

@@ -1,0 +1,74 @@
+"""Goals along a straight way: to get all modules past its finish."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.pit_search import PitSearch
+from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route
+from symbrion_gym.tasks.standing import find_honest_along, find_standing
+from symbrion_gym.tasks.starts import Start
+from symbrion_gym.tasks.state import TaskState, add_up
+
+
+@dataclass(frozen=True)
+class PassFinish:
+    """Get every module past the finish of a straight way: beyond the pit, or at a place.
+
+    Attributes:
+        place: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
+        margins: distances of the way from ramp, pit and rim; None for the defaults.
+        pit_search: what counts as a pit; None for the defaults.
+    """
+
+    place: Point | None = None
+    margins: RouteMargins | None = None
+    pit_search: PitSearch | None = None
+
+    def __post_init__(self) -> None:
+        if self.place is not None and np.ndim(self.place) == 1:
+            object.__setattr__(self, "place", tuple(float(each) for each in self.place))
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
+        """Find the way; see `symbrion_gym.tasks.route.find_route`."""
+        return find_route(arena, organism, start.place, self.place, self.margins, self.pit_search)
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the mean position of the modules along the way, each counted up to the finish [m]."""
+        along = state.along
+        return add_up(np.minimum(along, state.finish[:, None])) * (1.0 / along.shape[1])
+
+    def limits(self, state: TaskState) -> dict[str, np.ndarray]:
+        """Return the limits within which no body has arrived."""
+        return {"rear": state.finish}
+
+    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+        """Return whether every module is wholly beyond the finish, upright and on the ground."""
+        return pass_strictly(state)
+
+
+def pass_strictly(state: TaskState) -> Bool[np.ndarray, " N"]:
+    """Return whether every module is past the finish with every corner, upright, on the ground and no faster than its
+    tracks."""
+    has_arrived = (state.rear > state.finish) & find_honest_along(state)
+    rows = np.flatnonzero(has_arrived)
+    if len(rows):
+        has_arrived[rows] = find_across(state)[rows]
+        rows = np.flatnonzero(has_arrived)
+        has_arrived[rows] = find_standing(state, rows)
+    return has_arrived
+
+
+def find_across(state: TaskState) -> Bool[np.ndarray, " N"]:
+    """Return whether the corners of all modules are beyond the edge, half a module before the finish."""
+    c, s = np.array([scene.route.direction for scene in state.scenes]).T[:, :, None, None]
+    rotation, criteria = state.rotation, state.criteria
+    reach = criteria.corner * np.abs(c * rotation[:, :, :3] + s * rotation[:, :, 3:6]).sum(axis=2)
+    edge = state.finish - state.organism.scout.pitch / 2
+    beyond = state.along - reach > edge[:, None]
+    return beyond.all(axis=1)

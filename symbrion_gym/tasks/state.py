@@ -1,0 +1,289 @@
+"""The state of a task in N simulations: what terms read, computed at most once a tick, as arrays over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.route import Route
+from symbrion_gym.tasks.scene import Scene
+
+if TYPE_CHECKING:
+    from symbrion_gym.tasks.terms import Goal
+
+UPPER_MEASURES = ("progress", "tick", "left_most", "rear")
+LOWER_MEASURES = ("right_most", "lowest", "least_up")
+MEASURES = UPPER_MEASURES + LOWER_MEASURES
+"""What is measured of every simulation in every tick: progress; ticks since the start; of the modules the position
+farthest to the left of the way's middle, least far along it and farthest to the right, the lowest height [m] and the
+least z of an up axis. A term may name limits: upper ones of the first four, lower ones of the others."""
+_PROGRESS, _TICK, _LEFT, _REAR, _, _LOWEST, _UP = range(len(MEASURES))
+Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
+
+
+class Views(NamedTuple):
+    """What is read of the physics of N simulations.
+
+    Attributes:
+        position: centers of the modules [m], one physics step behind.
+        rotation: their rotation matrices, row by row, likewise.
+        qvel: generalized velocities.
+        hinge_rate: [rad/s].
+        torque: of the hinges [N m], one physics step behind.
+    """
+
+    position: Float[np.ndarray, "N n 3"]
+    rotation: Float[np.ndarray, "N n 9"]
+    qvel: Float[np.ndarray, "N nv"]
+    hinge_rate: Float[np.ndarray, "N h"]
+    torque: Float[np.ndarray, "N h"]
+
+
+class TaskState:
+    """What the terms of a task see. Rows are simulations; one is a row like any other.
+
+    Attributes:
+        position: `[N, n, 3]` centers of the modules [m].
+        rotation: `[N, n, 9]` their rotation matrices, row by row.
+        up: `[N, n]` z of their up axes.
+        qvel: `[N, nv]` generalized velocities.
+        hinge_rate: `[N, h]` [rad/s].
+        torque: `[N, h]` torque of the hinges [N m].
+        action: `[N, A]` the last action, after clipping.
+        measures: `[7, N]` values of `MEASURES`.
+        progress: `[N]` progress by the goal.
+        previous_progress: `[N]` that of the tick before.
+        start_progress: `[N]` that at the start.
+        start_position: `[N, n, 3]` positions at the start [m].
+        tick: `[N]` ticks since the start.
+        rear: `[N]` position of the last module along the way [m].
+        left_most: `[N]` position of a module farthest to the left of the way's middle [m].
+        right_most: `[N]` and farthest to the right, below 0 there [m].
+        lowest: `[N]` height of the lowest module [m].
+        least_up: `[N]` least z of an up axis.
+        is_sound: `[N]` whether the simulation is numerically stable.
+        success: `[N]` whether the task is done; known to rewards.
+        failed: `[N]` whether it failed; known to rewards.
+        track_speed: `[N]` speed of the tracks in this episode [m/s].
+        dt: length of a tick [s].
+        finish: `[N]` position along the way beyond which the goal lies [m].
+        half_width: `[N]` distance to the side of the way at which the arena ends [m].
+        deepest: `[N]` height below which a module has fallen off [m].
+        criteria: limits of standing, rolling over and so on.
+        memory: what terms remember, name -> `[N, ...]`; see `remember`.
+        scenes: arena and way of each simulation.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        goal: Goal,
+        num: int,
+        dt: float,
+        criteria: SuccessCriteria,
+        action: Float[np.ndarray, "N A"],
+    ) -> None:
+        count = scene.organism.num_modules
+        self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
+        self.scenes: list[Scene] = [scene] * num
+        self.measures = np.zeros((len(MEASURES), num))
+        self.progress, self.tick, self.left_most, self.rear = self.measures[:4]
+        self.right_most, self.lowest, self.least_up = self.measures[4:]
+        self._extremes = self.measures[_REAR : _LOWEST + 1].T
+        self.previous_progress, self.start_progress, self.track_speed = np.zeros((3, num))
+        self.start_position = np.zeros((num, count, 3))
+        self.start_mean = np.zeros(num)
+        self.finish, self.half_width, self.deepest = np.zeros((3, num))
+        self.is_sound = np.ones(num, dtype=bool)
+        self.success, self.failed = np.zeros((2, num), dtype=bool)
+        self.memory: dict[str, np.ndarray] = {}
+        self._initial: dict[str, Initial] = {}
+        self._cache: dict[str, Any] = {}
+        self._direction = np.zeros((3, num, 1))
+        self._is_along_x = self._was_sound = True
+        self._local = np.zeros((num, count, 3))
+
+    def bind(self, views: Views) -> None:
+        """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
+        self.position, self.rotation, self.qvel, self.hinge_rate, self.torque = views
+        self.up = self.rotation[:, :, 8]
+        self._find_local()
+
+    def _find_local(self) -> None:
+        self.local = self.position if self._is_along_x else self._local
+        self._along, self._left = self.local[:, :, 0], self.local[:, :, 1]
+
+    def begin(self, rows: Sequence[int], scenes: Sequence[Scene], track_speed: Sequence[float]) -> None:
+        """Start episodes in some simulations, from the present physics.
+
+        Args:
+            rows: which simulations.
+            scenes: arena and way of each of them.
+            track_speed: [m/s].
+        """
+        for row, scene, speed in zip(rows, scenes, track_speed, strict=True):
+            route = scene.route
+            self.scenes[row], self.track_speed[row] = scene, speed
+            self.finish[row], self.half_width[row], self.deepest[row] = (
+                route.finish,
+                route.half_width,
+                route.lowest,
+            )
+            self._direction[:, row, 0] = *route.direction, route.lateral
+        self._is_along_x = all(scene.is_along_x for scene in self.scenes)
+        self._find_local()
+        rows = list(rows)
+        self.tick[rows] = 0.0
+        self.success[rows] = self.failed[rows] = False
+        self.is_sound[rows] = True
+        self.start_position[rows] = self.position[rows]
+        kept = self.progress.copy(), self.previous_progress.copy()
+        self._forget(rows)
+        self.measure()
+        for now, before in zip((self.progress, self.previous_progress), kept, strict=True):
+            before[rows] = self.progress[rows]
+            now[:] = before
+        self.start_progress[rows] = self.progress[rows]
+        self.start_mean[rows] = self.find_mean_along()[rows]
+        self._forget(rows)
+
+    def _forget(self, rows: Sequence[int]) -> None:
+        for name, initial in self._initial.items():
+            self.memory[name][rows] = initial(self)[rows] if callable(initial) else initial
+
+    def advance(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> None:
+        """Measure after a tick of the physics.
+
+        Args:
+            active: whether each simulation was stepped; None for all.
+            is_sound: whether all of them are certainly numerically stable.
+        """
+        self.previous_progress[:] = self.progress
+        np.add(self.tick, 1.0 if active is None else active, out=self.tick)
+        self.measure()
+        if not (is_sound and self._was_sound):
+            self._distrust()
+
+    def _distrust(self) -> None:
+        """Find unstable simulations; nothing of them is kept."""
+        self.is_sound[:] = (np.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
+        self._was_sound = bool(self.is_sound.all())
+        unsound = ~self.is_sound
+        tick, progress = self.tick[unsound], self.previous_progress[unsound]
+        self.measures[:, unsound] = 0.0
+        self.tick[unsound], self.progress[unsound] = tick, progress
+        self._cache["power"] = np.where(self.is_sound, self.power, 0.0)
+
+    def measure(self) -> None:
+        """Measure the modules; what was computed of the last tick is forgotten."""
+        self._cache.clear()
+        if not self._is_along_x:
+            self._turn()
+        np.minimum.reduce(self.local, axis=1, out=self._extremes)
+        np.minimum.reduce(self.up, axis=1, out=self.least_up)
+        np.maximum.reduce(self._left, axis=1, out=self.left_most)
+        self.progress[:] = self._goal.progress(self)
+
+    def _turn(self) -> None:
+        (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
+        self._local[:, :, 0] = c * x + s * y
+        self._local[:, :, 1] = c * y - s * x - lateral
+        self._local[:, :, 2] = self.position[:, :, 2]
+
+    def remember(self, name: str, initial: Initial) -> np.ndarray:
+        """Return an array `[N, ...]` that a term may change; in each simulation it begins anew with the episode.
+
+        Args:
+            name: unique name, best with that of the term.
+            initial: value at the start: a number, an array of one simulation, or a function state -> `[N, ...]`.
+        """
+        if name not in self.memory:
+            value = initial(self) if callable(initial) else np.asarray(initial)
+            shape = value.shape if callable(initial) else (self.num, *value.shape)
+            self.memory[name] = np.array(np.broadcast_to(value, shape))
+            self._initial[name] = initial
+        return self.memory[name]
+
+    def _once(self, name: str, compute: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what is computed at most once a tick."""
+        if name not in self._cache:
+            self._cache[name] = compute()
+        return self._cache[name]
+
+    @property
+    def along(self) -> Float[np.ndarray, "N n"]:
+        """How far along the way each module is [m]."""
+        return self._along
+
+    @property
+    def left(self) -> Float[np.ndarray, "N n"]:
+        """How far left of the way's middle each module is [m]."""
+        return self._left
+
+    @property
+    def time(self) -> Float[np.ndarray, " N"]:
+        """Time since the start [s]."""
+        return self.tick * self.dt
+
+    @property
+    def power(self) -> Float[np.ndarray, " N"]:
+        """Sum over the hinges of the absolute power [W]."""
+        return self._once("power", lambda: add_up(np.abs(self.torque * self.hinge_rate)))
+
+    @property
+    def height(self) -> Float[np.ndarray, "N n"]:
+        """Height of each module's center above the ground [m]; NaN where there is none."""
+        return self._once("height", lambda: self.find_height(np.arange(self.num)))
+
+    @property
+    def goal_distance(self) -> Float[np.ndarray, " N"]:
+        """Way that is left to the goal [m]."""
+        distance = getattr(self._goal, "distance", None)
+        return np.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
+
+    @property
+    def middle(self) -> Float[np.ndarray, "N 3"]:
+        """Mean position of the modules [m]."""
+        return self._once("middle", lambda: self.position.mean(axis=1))
+
+    @property
+    def arena(self) -> Arena:
+        """Arena of the first simulation; `scenes` has all."""
+        return self.scenes[0].arena
+
+    @property
+    def organism(self) -> Organism:
+        """Organism of all simulations."""
+        return self.scenes[0].organism
+
+    @property
+    def route(self) -> Route:
+        """Way of the first simulation; `scenes` has all."""
+        return self.scenes[0].route
+
+    def find_mean_along(self) -> Float[np.ndarray, " N"]:
+        """Return the mean position of the modules along the way [m]."""
+        return add_up(self._along) * (1.0 / self._along.shape[1])
+
+    def find_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
+        """Return `height` of some simulations alone, as looking for the ground is slow."""
+        heights = np.empty((len(rows), self.position.shape[1]))
+        groups: dict[int, list[int]] = {}
+        for index, row in enumerate(rows):
+            groups.setdefault(id(self.scenes[row]), []).append(index)
+        for members in groups.values():
+            scene, places = self.scenes[rows[members[0]]], self.position[rows[members]]
+            x, y, z = places.reshape(-1, 3).T
+            heights[members] = (z - scene.find_ground(x, y, z)).reshape(len(members), -1)
+        return heights
+
+
+def add_up(values: Float[np.ndarray, "N n"]) -> Float[np.ndarray, " N"]:
+    """Return the sums of rows, added one value after the other: the same bits whatever N is."""
+    return np.add.accumulate(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))

@@ -1,0 +1,103 @@
+"""Gaps are found on the surface alone: on exact courses, on scans, turned by any angle."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchmarks.material.bare_surfaces import make_bare
+from benchmarks.material.driving_scenes import make_furnished_room, make_terrain
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.robot.organism import snake
+from symbrion_gym.tasks.features.gap import GapSearch, find_gap
+
+
+@pytest.mark.parametrize("height", [0.15, 0.25])
+@pytest.mark.parametrize("width", [0.2, 0.3, 0.45])
+def test_the_gap_of_an_exact_course_is_found_to_a_tenth_of_a_millimeter(width: float, height: float) -> None:
+    gap = find_gap(make_bare(Course(pit=width, height=height).surface()), snake(8))
+    assert (gap.near, gap.far) == pytest.approx((-width / 2, width / 2), abs=1e-4)
+    assert gap.width == pytest.approx(width, abs=2e-4)
+    assert (gap.floor, gap.top) == pytest.approx((0.0, height), abs=1e-6)
+    assert gap.start == pytest.approx(-width / 2 - 1.5, abs=1e-3)
+    assert gap.way.half_width == pytest.approx(1.0, abs=0.011)
+    assert gap.confidence == 1.0
+    assert gap.find_finish(snake(8)) == pytest.approx(width / 2 + 0.0627, abs=1e-4)
+
+
+@pytest.mark.parametrize("degrees", [10, 45, 90, -65, 137])
+def test_a_turned_course_is_crossed_perpendicular_to_its_edges(degrees: float) -> None:
+    yaw, middle = np.radians(degrees), np.array([3.0, -2.0])
+    gap = find_gap(make_bare(Course(pit=0.35).surface(), yaw, tuple(middle)))
+    direction = np.array(gap.way.direction)
+    assert abs(direction @ [np.cos(yaw), np.sin(yaw)]) == pytest.approx(1.0, abs=1e-6)
+    for edge, distance in ((gap.near_edge, -0.175), (gap.far_edge, 0.175)):
+        for end in edge:
+            assert (np.array(end) - middle) @ direction == pytest.approx(distance, abs=5e-3)
+
+
+@pytest.mark.parametrize("pit", [0.45, 0.40])
+@pytest.mark.parametrize("name", ["gsrm", "gg"])
+def test_the_gap_of_a_scan_is_found_to_3_mm(name: str, pit: float) -> None:
+    surface = load_arena(name, Course(pit=pit)).surface
+    for yaw in (0.0, 0.5):
+        gap = find_gap(make_bare(surface, yaw))
+        assert gap.way.heading == pytest.approx(yaw, abs=np.radians(0.2))
+        assert (gap.near, gap.far) == pytest.approx((-pit / 2, pit / 2), abs=0.003)
+        assert gap.start == pytest.approx(-pit / 2 - 1.5, abs=0.01)
+        assert gap.confidence > 0.8
+
+
+def test_the_way_back_meets_the_far_edge_first() -> None:
+    bare = make_bare(Course(pit=0.3).surface(), move=(1.0, 0.0))
+    gap = find_gap(bare, direction=(-1, 0))
+    assert (gap.near, gap.far) == pytest.approx((-1.15, -0.85), abs=1e-4)
+    assert np.allclose(gap.near_edge, [(1.15, 1.0), (1.15, -1.0)], atol=0.012)
+
+
+def test_a_course_that_is_known_is_not_looked_at() -> None:
+    lying = Arena.from_course(Course(pit=0.2))
+    bare = make_bare(Course(pit=0.3).surface())
+    object.__setattr__(lying, "surface", bare.surface)
+    assert find_gap(lying) == find_gap(bare)
+
+
+@pytest.mark.parametrize(
+    ("arena", "reason"),
+    [
+        (make_bare(Course(pit=0.0).surface()), "nowhere drops by 0.08 m"),
+        (make_bare(StairsCourse().surface()), "nowhere drops"),
+        (make_bare(Course(pit=0.07, height=0.05).surface()), "nowhere drops"),
+        (make_bare(Course(pit=2.0).surface()), "within 1.5 m"),
+        (make_furnished_room(), "something hangs above 100 %"),
+        (make_terrain(0), "no gap"),
+    ],
+)
+def test_what_has_no_gap_is_refused_with_the_reason(arena: Arena, reason: str) -> None:
+    with pytest.raises(TaskError, match=reason):
+        find_gap(arena)
+
+
+def test_a_pit_that_can_be_driven_around_is_no_gap() -> None:
+    x, y = np.meshgrid(np.linspace(-3, 3, 301), np.linspace(-1, 1, 101), indexing="ij")
+    z = np.where((np.abs(x) < 0.2) & (y < -0.1), 0.0, 0.25)
+    corner = np.arange(301 * 101).reshape(301, 101)
+    a, b, c, d = (
+        part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:])
+    )
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    surface = trimesh.Trimesh(np.stack([x, y, z], -1).reshape(-1, 3), faces, process=False)
+    with pytest.raises(TaskError, match="whole way"):
+        find_gap(make_bare(surface))
+
+
+def test_wrong_options_are_refused() -> None:
+    with pytest.raises(OptionError, match="depth"):
+        GapSearch(depth=0.0)
+    with pytest.raises(OptionError, match="wall_steps"):
+        GapSearch(wall_steps=0)
+    for direction in ((0.0, 0.0), (np.nan, 1.0), (1.0, 0.0, 0.0)):
+        with pytest.raises(TaskError, match="direction must be"):
+            find_gap(make_bare(Course().surface()), direction=direction)
