@@ -146,10 +146,11 @@ class LawController:
         sensed, state = self._sense(observation, structure, state)
         target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
         np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target)
-        if not num_drive:
+        if not num_drive and not self.joints.num_twists:
             return target, state
+        twists = np.zeros((len(target), self.joints.num_twists))
         tracks = self.drive.act(genes[:, :num_drive], observation, structure)
-        return np.concatenate((target, tracks), axis=1), state
+        return np.concatenate((target, twists, tracks), axis=1), state
 
     def _sense(
         self, observation: Float[np.ndarray, "P O"], structure: Structure, state: State
@@ -157,6 +158,7 @@ class LawController:
         """Return what the law reads, and how long ago each module touched something."""
         names = (*self.law_sensors, *(("roll",) if self.joints.has_rolls else ()))
         sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in names}
+        sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
         sensed["inclination_ahead"] = self.joints.find_inclination_ahead(sensed["pitch"], sensed.get("roll"))
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)

@@ -45,7 +45,7 @@ def find_controller(
         return make_law(spec, organism, config or ControllerConfig(), num_tracks)
     if isinstance(spec, OwnController | CheckedController):
         return spec
-    num_actions = len(organism.hinges) + num_tracks
+    num_actions = len(organism.servos) + num_tracks
     if isinstance(spec, ControllerSource):
         return CheckedController(spec.make(organism, num_tracks), num_actions, spec)
     found = import_path(spec) if isinstance(spec, str) else spec

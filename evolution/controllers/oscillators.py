@@ -157,7 +157,8 @@ class OscillatorController:
         target = offset + state.amplitude * np.cos(state.phase)
         target = (target + self._find_reflex(gene, observation, structure)) / self.hinge_range
         tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
-        return np.concatenate((np.clip(target, -1.0, 1.0), tracks), axis=1), state
+        twists = np.zeros((len(target), self.joints.num_twists))
+        return np.concatenate((np.clip(target, -1.0, 1.0), twists, tracks), axis=1), state
 
     def _spread(self, gene: dict[str, Float[np.ndarray, "P 1"]], name: str) -> Float[np.ndarray, "P h"]:
         """Return the gene of each hinge's kind of docking."""
