@@ -1,4 +1,4 @@
-"""A controller of one's own, evolved and judged: a sine wave runs along the hinges. python examples/own_controller.py"""
+"""An evolved controller of one's own: a sine wave runs along the hinges. Run: python examples/own_controller.py"""
 
 import numpy as np
 
