@@ -39,11 +39,11 @@ class ChampionPolicy:
 
     def _check_body(self, structure: Structure) -> None:
         """Refuse an environment whose body has another number of modules or hinges."""
-        counts = {"pitch": self._organism.num_modules, "hinge_angle": len(self._organism.hinges)}
+        counts = {"pitch": self._organism.num_modules, "hinge_angle": len(self._organism.servos)}
         for name, count in counts.items():
             part = structure.get(name, slice(0, count))
             if part.stop - part.start != count:
-                what = "modules" if name == "pitch" else "hinges"
+                what = "modules" if name == "pitch" else "joints"
                 raise RunError(f"the champion has {count} {what}, the environment {part.stop - part.start}")
 
     def predict(

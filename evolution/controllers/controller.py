@@ -4,13 +4,16 @@ The only memory is how long ago each module last touched the ground, because con
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from evolution.controllers.config import NUM_KNOTS as NUM_KNOTS
+from evolution.controllers.config import ControllerConfig as ControllerConfig
+from evolution.controllers.config import OscillatorConfig
 from evolution.controllers.drive import Drive, make_drive
 from evolution.controllers.joints import Joints, find_joints
 from evolution.controllers.laws import (
@@ -23,12 +26,12 @@ from evolution.controllers.laws import (
     reactive,
     travelling,
 )
+from evolution.controllers.oscillators import OscillatorController, make_oscillators
 from evolution.controllers.protocol import Controller as Controller
 from evolution.controllers.protocol import Structure as Structure
 from evolution.controllers.protocol import check_genotypes
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
-from reconstruction.range_checks import as_range, check_choice, coerce_floats, coerce_integers
+from reconstruction.range_checks import check_choice
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
@@ -42,55 +45,6 @@ Set by hand, close to what earlier searches had found; a genotype close to it cr
 U_SHAPE_HINT = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
 """Hint for a search for a travelling posture: down at the near edge, up at the bottom, level at the far
 edge (paper, section III-A)."""
-NUM_KNOTS = len(U_SHAPE_HINT)
-"""Knots of `travelling` and `path`: 10 cm apart, finer than a module is long."""
-
-
-_MAX_TICKS, _MAX_HIDDEN = 10**9, 1000
-
-
-@dataclass(frozen=True)
-class ControllerConfig:
-    """Parameters of the laws that are not evolved.
-
-    Attributes:
-        contact_timeout: ticks without contact after which a module counts as airborne. 15 (0.3 s) bridge the
-            flicker of contact; a head that drives over an edge advances by 2.5 cm meanwhile.
-        max_airborne_ticks: ticks without contact after which a module no longer keeps its raised posture. 175 (3.5 s);
-            without a limit a raised head would never come down again.
-        knot_range: position of the first and the last knot of `travelling` and `path`, from the middle of the
-            pit [m]. They cover the pit and 0.3 m on either side.
-        num_hidden: hidden units of `network`; four keep its search space at 37 genes.
-        gene_bound: largest absolute value of a gene, an angle [rad] or gain: nearly the range of a hinge.
-        weight_bound: largest absolute value of a weight of `network`; more saturates its tanh.
-    """
-
-    contact_timeout: int = 15
-    max_airborne_ticks: int = 175
-    knot_range: tuple[float, float] = (-0.55, 0.55)
-    num_hidden: int = 4
-    gene_bound: float = 1.5
-    weight_bound: float = 4.0
-
-    def __post_init__(self) -> None:
-        ticks = (0, _MAX_TICKS)
-        coerce_integers(
-            self,
-            {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)},
-            RunError,
-        )
-        coerce_floats(
-            self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)), RunError
-        )
-        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-        if not low < high:
-            raise RunError(f"knot_range is {self.knot_range!r}; first < last is needed")
-        object.__setattr__(self, "knot_range", (low, high))
-
-    @property
-    def knots(self) -> Float[np.ndarray, " G"]:
-        """Positions of the knots [m]."""
-        return np.linspace(*self.knot_range, NUM_KNOTS)
 
 
 class State(NamedTuple):
@@ -133,7 +87,7 @@ class LawController:
     bound: float = ControllerConfig.gene_bound
     law_sensors: tuple[str, ...] = SENSORS
     hinge_range: float = HINGE_RANGE
-    config: ControllerConfig = ControllerConfig()
+    config: ControllerConfig = field(default_factory=ControllerConfig)
     version: str = "1"
 
     @property
@@ -192,10 +146,11 @@ class LawController:
         sensed, state = self._sense(observation, structure, state)
         target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
         np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target)
-        if not num_drive:
+        if not num_drive and not self.joints.num_twists:
             return target, state
+        twists = np.zeros((len(target), self.joints.num_twists))
         tracks = self.drive.act(genes[:, :num_drive], observation, structure)
-        return np.concatenate((target, tracks), axis=1), state
+        return np.concatenate((target, twists, tracks), axis=1), state
 
     def _sense(
         self, observation: Float[np.ndarray, "P O"], structure: Structure, state: State
@@ -203,6 +158,7 @@ class LawController:
         """Return what the law reads, and how long ago each module touched something."""
         names = (*self.law_sensors, *(("roll",) if self.joints.has_rolls else ()))
         sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in names}
+        sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
         sensed["inclination_ahead"] = self.joints.find_inclination_ahead(sensed["pitch"], sensed.get("roll"))
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)
@@ -214,9 +170,13 @@ class LawController:
         check_genotypes(self, genotypes)
 
 
+OwnController = LawController | OscillatorController
+"""A controller of this package."""
+
+
 def make_law(
     name: str, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
-) -> LawController:
+) -> OwnController:
     """Make a law of ours for a body.
 
     Args:
@@ -244,7 +204,7 @@ def make_law(
     return _MAKERS[name](organism, config, body)
 
 
-def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> LawController:
+def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> OwnController:
     """Make a law of ours for a snake; see `make_law`.
 
     Raises:
@@ -324,12 +284,20 @@ def _make_network(organism: Organism, config: ControllerConfig, body: dict[str, 
     )
 
 
-_MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], LawController]] = {
+def _make_oscillators(
+    organism: Organism, config: ControllerConfig, body: dict[str, Any]
+) -> OscillatorController:
+    body = {name: body[name] for name in ("joints", "drive", "hinge_range")}
+    return make_oscillators(config.oscillators or OscillatorConfig(), config.gene_bound, **body)
+
+
+_MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], OwnController]] = {
     "path": _make_path,
     "reactive": _make_reactive,
     "travelling": _make_travelling,
     "posture": _make_posture,
     "network": _make_network,
+    "oscillators": _make_oscillators,
 }
 CONTROLLERS = tuple(_MAKERS)
 """Names of the controllers."""

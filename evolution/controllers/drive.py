@@ -18,8 +18,10 @@ GOAL_SENSOR = "goal_direction"
 """Bearing of the goal, positive to the left of the head [rad], and its distance [m], by dead reckoning."""
 TRACK_OFFSET = 0.0458
 """Distance of a track from the middle line of its module [m] (the authors' simulator, danfis/sim)."""
-_SMALLEST_LEVER = 1e-6
-"""Shorter levers are rounding [m]."""
+_SMALLEST_LEVER = 0.02
+"""Tracks with shorter levers would move the body rather than turn it [m]; a module's own tracks have 0.0458."""
+_ROUNDING = 1e-9
+"""Cosines closer than this to a whole number are that number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,4 +137,4 @@ def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
 
 def _round(cosines: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
     """Return cosines with 0 and ±1 where only rounding is between them."""
-    return np.where(np.abs(cosines - np.round(cosines)) < 1e-9, np.round(cosines), cosines)
+    return np.where(np.abs(cosines - np.round(cosines)) < _ROUNDING, np.round(cosines), cosines)

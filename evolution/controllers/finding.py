@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from evolution.controllers.checked import CheckedController
-from evolution.controllers.controller import CONTROLLERS, ControllerConfig, LawController, make_law
+from evolution.controllers.controller import CONTROLLERS, ControllerConfig, OwnController, make_law
 from evolution.controllers.protocol import Controller
 from evolution.controllers.source import (
     ControllerSource,
@@ -43,9 +43,9 @@ def find_controller(
     if isinstance(spec, str) and ":" not in spec:
         check_choice("controller", spec, CONTROLLERS, RunError)
         return make_law(spec, organism, config or ControllerConfig(), num_tracks)
-    if isinstance(spec, LawController | CheckedController):
+    if isinstance(spec, OwnController | CheckedController):
         return spec
-    num_actions = len(organism.hinges) + num_tracks
+    num_actions = len(organism.servos) + num_tracks
     if isinstance(spec, ControllerSource):
         return CheckedController(spec.make(organism, num_tracks), num_actions, spec)
     found = import_path(spec) if isinstance(spec, str) else spec
@@ -82,7 +82,7 @@ def refer_to_controller(
         check_choice("controller", spec, CONTROLLERS, RunError)
         return spec
     controller = find_controller(spec, organism, None, num_tracks)
-    if isinstance(controller, LawController):
+    if isinstance(controller, OwnController):
         return controller.name
     reference = getattr(controller, "source", None)
     if must_be_found and reference is None:
@@ -102,7 +102,7 @@ def controller_to_json(controller: Any) -> str | dict[str, Any]:
     if isinstance(controller, str) and ":" not in controller:
         check_choice("controller", controller, CONTROLLERS, RunError)
         return controller
-    if isinstance(controller, LawController):
+    if isinstance(controller, OwnController):
         is_first = controller.version == FIRST_VERSION
         return controller.name if is_first else {"name": controller.name, "version": controller.version}
     if isinstance(controller, ControllerSource):

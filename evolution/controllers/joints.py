@@ -23,6 +23,7 @@ class Joints:
 
     Attributes:
         num_modules: number of modules.
+        num_twists: number of servos other than hinges, which rotate arms; no law moves them.
         own: module that each hinge belongs to.
         ahead: module docked to its front.
         ahead_column: column of the inclination of `ahead` in pitches, followed by rolls where `has_rolls`.
@@ -43,6 +44,7 @@ class Joints:
     """
 
     num_modules: int
+    num_twists: int
     own: Int[np.ndarray, " h"]
     ahead: Int[np.ndarray, " h"]
     ahead_column: Int[np.ndarray, " h"]
@@ -71,7 +73,7 @@ class Joints:
 
 def find_joints(organism: Organism) -> Joints:
     """Return how the hinges of an organism lie in its tree."""
-    parents, order = _find_parents(organism)
+    parents, order = organism.parents, organism.order[1:]
     poses, pitch = organism.find_poses(), organism.scout.pitch
     fronts = {
         module: (other, other_side)
@@ -99,6 +101,7 @@ def find_joints(organism: Organism) -> Joints:
     is_shared = [fronts.get(int(j), (-1, ""))[0] == i for i, j in zip(own, ahead, strict=True)]
     return Joints(
         num_modules=organism.num_modules,
+        num_twists=len(organism.servos) - len(own),
         own=own,
         ahead=ahead,
         ahead_column=ahead + organism.num_modules * is_sideways,
@@ -119,18 +122,6 @@ def find_joints(organism: Organism) -> Joints:
             [0.0 if j < 0 else _snap((poses[j].x - poses[i].x) / pitch) for i, j in enumerate(parents)]
         ),
     )
-
-
-def _find_parents(organism: Organism) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the parent of each module, and all modules but the head in an order of parents first."""
-    parents, order = [-1] * organism.num_modules, [0]
-    for module in order:
-        for docking in organism.dockings:
-            for (one, _), (other, _) in (docking.ends, docking.ends[::-1]):
-                if one == module and other != parents[module]:
-                    parents[other] = module
-                    order.append(other)
-    return tuple(parents), tuple(order[1:])
 
 
 def _find_part(organism: Organism, module: int, without: int) -> list[bool]:

@@ -79,11 +79,12 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
         RunError: wrong length, or not finite.
     """
     genes = controller.parameters
-    if np.ndim(genotypes) < 1 or genotypes.shape[-1] != len(genes):
-        count = genotypes.shape[-1] if np.ndim(genotypes) else 1
+    if genotypes.shape[-1] != len(genes):
         more = ", ..." if len(genes) > MAX_NAMED_GENES else ""
         names = f": {', '.join(genes[:MAX_NAMED_GENES])}{more}" if genes else ""
-        raise RunError(f"genotypes of {count} numbers; {controller.name!r} reads {len(genes)}{names}")
+        raise RunError(
+            f"genotypes of {genotypes.shape[-1]} numbers; {controller.name!r} reads {len(genes)}{names}"
+        )
     if not np.all(np.isfinite(genotypes)):
         raise RunError("a genotype has a number that is not finite")
 
