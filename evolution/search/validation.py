@@ -52,7 +52,11 @@ CHAMPION_KINDS: Kinds = {
     "fitness": float,
     "successes": int,
     "trials": int,
-    **{name: SHARED_KINDS[name] for name in SHARED_KINDS if name not in ("randomization", "rollout")},
+    **{
+        name: SHARED_KINDS[name]
+        for name in SHARED_KINDS
+        if name not in ("randomization", "rollout", "descriptors")
+    },
 }
 """Types of the fields of `champion.json`."""
 FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
@@ -246,6 +250,7 @@ def _pool(first: Entry, second: Entry) -> Entry:
         succeeded=one.succeeded + two.succeeded,
         seconds=one.seconds + two.seconds,
         diverged=one.diverged + two.diverged,
+        descriptors=one.descriptors + two.descriptors,
     )
     return first._replace(outcome=outcome)
 
