@@ -6,18 +6,96 @@ from typing import Any
 
 import gymnasium as gym
 
+from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS
+
+_RANDOMIZE = {
+    "friction": (0.55, 0.9),
+    "torque_scale": (0.9, 1.1),
+    "start_offset": (-0.05, 0.05),
+    "start_lateral": (-0.05, 0.05),
+    "yaw": (-0.0873, 0.0873),
+}
+"""What differs from episode to episode: friction, strength of the hinges, start [m] and heading [rad]."""
+_TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
+SUCCESS_BONUS = 1.0
+"""Every task rewards a success with this; its progress comes on top."""
+
+
+def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], float]:
+    """Return the options of an id and the reward from which on its task counts as solved."""
+    parameters = options.pop("parameters", {})
+    randomize = options.pop("randomize", _RANDOMIZE)
+    return {
+        "default_task": name,
+        "default_parameters": parameters,
+        "randomize": randomize,
+        **options,
+    }, threshold
+
+
+_SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
+_CLIMB = {"arena": "stairs", "modules": 8, "track_control": "body"}
+_LONE = {"modules": 1, "track_control": "skid", "randomize": _TURNED}
+_GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
+_SPECS: dict[str, tuple[dict[str, Any], float]] = {
+    "SnakePit-v0": ({"default_pit": 0.40}, 2.0),
+    "SnakePit-v1": (_SNAKE_V1, 2.0),
+    "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 3.5),
+    "SnakeStairs-v0": ({"arena": "stairs"}, 2.0),
+    "SnakeTerrain-v0": (
+        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -0.4), (-0.35, 0.3))},
+        1.5,
+    ),
+    "CrossGap-easy-v0": _task("cross_gap", 2.0, track_control="body", default_pit=0.35),
+    "CrossGap-v0": _task("cross_gap", 2.0, track_control="body"),
+    "CrossGap-hard-v0": _task(
+        "cross_gap", 2.0, track_control="body", default_pit=0.36, parameters={"bottomless": True}
+    ),
+    "Climb-easy-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
+    "Climb-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
+    "Climb-hard-v0": _task("climb", 1.8, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
+    "Reach-easy-v0": _task("reach", 1.3, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
+    "Reach-v0": _task("reach", 2.0, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
+    "Reach-hard-v0": _task(
+        "reach",
+        3.0,
+        arena="gsrm",
+        **_GUIDED,
+        parameters={"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)},
+    ),
+    "Traverse-easy-v0": _task(
+        "traverse",
+        1.5,
+        arena="truth",
+        default_pit=0.0,
+        modules=4,
+        track_control="skid",
+        parameters={"share": 0.4},
+    ),
+    "Traverse-v0": _task("traverse", 2.5, arena="gsrm", modules=4, track_control="skid"),
+    "Traverse-hard-v0": _task(
+        "traverse",
+        2.5,
+        arena="gsrm",
+        modules=4,
+        track_control="skid",
+        randomize={**_TURNED, "friction": (0.3, 0.45)},
+    ),
+    "Explore-easy-v0": _task("explore", 1.5, arena="gsrm", **_LONE, parameters={"share": 0.4}),
+    "Explore-v0": _task("explore", 2.5, arena="gsrm", **_LONE, parameters={"share": 0.7}),
+    "Explore-hard-v0": _task("explore", 3.0, arena="gsrm", **_LONE, parameters={"share": 0.9}),
+    "Recover-easy-v0": _task(
+        "recover", 1.5, modules=3, track_control="skid", parameters={"least": 1.2, "most": 1.7}
+    ),
+    "Recover-v0": _task("recover", 2.0, modules=3, track_control="skid"),
+    "Recover-hard-v0": _task("recover", 2.0, modules=8, track_control="skid", parameters={"least": 2.6}),
+}
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "symbrion_gym/SnakePit-v0": {"default_pit": 0.40},
-    "symbrion_gym/SnakePit-v1": {},
-    "symbrion_gym/SnakeRamp-v0": {"arena": "truth", "pit": 0.0},
-    "symbrion_gym/SnakeStairs-v0": {"arena": "stairs"},
-    "symbrion_gym/SnakeTerrain-v0": {
-        "arena": "gsrm",
-        "default_pit": 0.40,
-        "default_ends": ((-1.9, -0.4), (-0.35, 0.3)),
-    },
+    f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
 }
 """Id -> options that differ from those of `OrganismEnv`."""
+THRESHOLDS: dict[str, float] = {f"symbrion_gym/{name}": threshold for name, (_, threshold) in _SPECS.items()}
+"""Id -> reward from which on its task counts as solved."""
 
 
 def register() -> None:
@@ -28,5 +106,6 @@ def register() -> None:
                 name,
                 entry_point="symbrion_gym.environment.organism_env:OrganismEnv",
                 vector_entry_point="symbrion_gym.environment.organism_vector_env:OrganismVectorEnv",
+                reward_threshold=THRESHOLDS[name],
                 kwargs=dict(options),
             )

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from evolution.errors import RunError
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig
 
 Options = tuple[tuple[str, Any], ...]
 """Name and value of each option of the environment, sorted by name."""
@@ -12,8 +12,12 @@ OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
 """Options of the environment that are fields of a configuration."""
 
 
-def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Options:
+def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: object = None) -> Options:
     """Return options as sorted pairs, lists in them as tuples.
+
+    Args:
+        options: name and value of each.
+        task: whose parameters are options as well; None for the usual one.
 
     Raises:
         RunError: the environment has no such option, or not with such a value.
@@ -26,7 +30,7 @@ def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Opti
         if not _is_hashable(value):
             raise RunError(f"environment.{name} is {value!r}; a number, text or list of these is needed")
     try:
-        SnakePitConfig.from_options(dict(found))
+        EnvironmentConfig.from_options(dict(found) | {"task": task})
     except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error
     return found

@@ -1,6 +1,8 @@
 """The outcome of the trials of a genotype."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 FAILED_PROGRESS = -1.0
 """Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
@@ -17,6 +19,7 @@ class Outcome:
         seconds: simulated, summed over trials [s].
         diverged: number of trials whose physics diverged.
         error: why it could not be tried; empty if it could.
+        descriptors: for each trial, what `TrialConfig.descriptors` kept of it: name -> numbers; empty without any.
     """
 
     progress: float
@@ -25,6 +28,7 @@ class Outcome:
     seconds: float = 0.0
     diverged: int = 0
     error: str = ""
+    descriptors: tuple[dict[str, np.ndarray], ...] = field(default=(), compare=False)
 
     @property
     def trials(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from evolution.backends.environment_options import Options, sort_options
 from evolution.backends.nested import Nested
-from evolution.backends.stored_task import check_task
+from evolution.backends.stored_task import StoredTask, check_task
 from evolution.controllers.controller import ControllerConfig
 from evolution.controllers.drive import count_tracks
 from evolution.controllers.finding import find_controller
@@ -17,9 +17,10 @@ from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
 from evolution.limits import MAX_MAGNITUDE, MAX_MODULES
 from reconstruction.range_checks import as_floats, as_integers, check_choice, coerce_integers
-from symbrion_gym.environment.config import STARTS
 from symbrion_gym.errors import OrganismError
 from symbrion_gym.robot.organism import Organism, snake
+from symbrion_gym.tasks.catalog import find_parameters
+from symbrion_gym.tasks.starts import START_NAMES
 
 ORIGINS = ("hint", "zero")
 """Where a search may begin."""
@@ -102,12 +103,13 @@ class EpisodeConfig:
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        set_field(self, "environment", sort_options(self.environment))
         set_field(self, "task", check_task(self.task))
+        known = None if isinstance(self.task, StoredTask) else self.task
+        set_field(self, "environment", sort_options(self.environment, known))
         if self.start is None and self.task is None:
             set_field(self, "start", "pit")
         if isinstance(self.start, str):
-            check_choice("start", self.start, STARTS, RunError)
+            check_choice("start", self.start, START_NAMES, RunError)
         elif self.start is not None:
             set_field(self, "start", _as_point("start", self.start))
         if self.goal is not None:
@@ -119,6 +121,12 @@ class EpisodeConfig:
     def track_control(self) -> str:
         """How the tracks are driven."""
         return dict(self.environment).get("track_control", "constant")
+
+    def has_parameter(self, name: str) -> bool:
+        """Return whether a parameter of the task can be given as an option of the environment."""
+        if self.task is None:
+            return True
+        return isinstance(self.task, str) and name in find_parameters(self.task)
 
     def make_options(self) -> dict[str, Any]:
         """Return the options of the environment that these are."""

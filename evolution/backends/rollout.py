@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
+from evolution.backends.descriptors import Records, as_records
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller, reset_rows
@@ -49,6 +50,7 @@ class TrialResult(NamedTuple):
     effort: float
     seconds: float
     diverged: bool
+    records: Records | None = None
 
 
 _environments: OrderedDict[Hashable, SnakePitVectorEnv] = OrderedDict()
@@ -87,7 +89,7 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
     arena = trials.arena if isinstance(trials.arena, str | PathLike) else id(trials.arena)
-    return arena, trials.body, trials.episode, trials.control, trials.rollout
+    return arena, trials.body, trials.episode, trials.control, trials.rollout, trials.trial.descriptors
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
@@ -99,8 +101,11 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
     """
     sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    options = {"sensors": sensors, "stuck_time": stuck_time} | trials.episode.make_options()
+    patience = {"stuck_time": stuck_time} if trials.episode.has_parameter("stuck_time") else {}
+    options = {"sensors": sensors} | patience | trials.episode.make_options()
     body = trials.modules if trials.organism is None else trials.organism
+    if trials.trial.descriptors:
+        options["recorders"] = trials.trial.descriptors
     return options | {"arena": trials.arena, "modules": body}
 
 
@@ -177,7 +182,7 @@ def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
     num_envs, shape = environment.num_envs, environment.action_space.shape
-    structure = environment.observation_structure
+    structure, has_records = environment.observation_structure, bool(environment.config.recorders)
     waiting = deque(trials)
     running: list[Trial | None] = [None] * num_envs
     genotypes = np.zeros((num_envs, len(controller.parameters)))
@@ -193,7 +198,7 @@ def _run_trials(
                 "give a controller that drives the tracks, too, or leave out track_control"
             )
         observation, _, terminated, truncated, info = environment.step(actions)
-        effort -= info["reward_effort"]
+        effort -= info.get("reward_effort", 0.0)
         ended = (terminated | truncated).nonzero()[0].tolist()
         for row in ended:
             trial = running[row]
@@ -204,6 +209,7 @@ def _run_trials(
                     effort=float(effort[row]),
                     seconds=float(info["time"][row]),
                     diverged=bool(info["diverged"][row]),
+                    records=as_records(environment.read_records(row)) if has_records else None,
                 )
                 running[row] = None
         if ended and waiting:
@@ -248,4 +254,5 @@ def _summarize(results: Sequence[TrialResult]) -> Outcome:
         succeeded=tuple(each.success for each in results),
         seconds=float(np.sum([each.seconds for each in results])),
         diverged=sum(each.diverged for each in results),
+        descriptors=tuple(each.records for each in results if each.records is not None),
     )

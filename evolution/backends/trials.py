@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from evolution.backends.descriptors import check_descriptors
 from evolution.backends.environment_options import Options as Options
 from evolution.backends.nested import Nested
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
@@ -118,10 +119,17 @@ class TrialConfig:
     Attributes:
         randomization: ranges from which the conditions of the trials are sampled.
         rollout: parameters of the simulation of trials.
+        descriptors: what outcomes keep of every trial beside progress and success: "pose" (final positions and
+            rotations), "extremes" (lowest and highest positions), "contacts", "trajectory" (thinned), recorders of
+            `symbrion_gym.tasks.recorders`, or functions of a `TaskState`. None by default, as some cost time.
     """
 
     randomization: Randomization = field(default_factory=Randomization)
     rollout: RolloutConfig = field(default_factory=RolloutConfig)
+    descriptors: Any = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "descriptors", check_descriptors(self.descriptors))
 
 
 @dataclass(frozen=True, init=False)

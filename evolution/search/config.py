@@ -56,6 +56,7 @@ _ADDED = {
     "success_threshold": Validation.success_threshold,
     "controller_config": asdict(ControllerConfig()),
     "rollout": asdict(RolloutConfig()),
+    "descriptors": [],
 }
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
 

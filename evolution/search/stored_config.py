@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import asdict, is_dataclass, replace
 from typing import Any, TypeVar
 
+from evolution.backends.descriptors import StoredDescriptors, descriptors_to_json
 from evolution.backends.environment_options import Options
 from evolution.backends.nested import Nested
 from evolution.backends.parts import Point
@@ -34,6 +35,7 @@ SHARED_KINDS: Kinds = {
     "origin": str,
     "randomization": Randomization,
     "rollout": RolloutConfig,
+    "descriptors": list[Any],
 }
 """Of the parts that several configurations have."""
 
@@ -79,6 +81,8 @@ def _describe(name: str, value: Any, kind: Any, dict_factory: DictFactory) -> An
         return task_to_json(value)
     if name == "controller":
         return controller_to_json(value)
+    if name == "descriptors":
+        return descriptors_to_json(value)
     if name == "organism":
         return None if value is None else asdict(value)
     if name == "stages":
@@ -122,9 +126,10 @@ def _read_field(name: str, value: Any, kind: Any, where: str) -> Any:
     if name == "controller" and isinstance(value, str) and ":" in value:
         raise RunError(f"{where} is {value!r}; the name of a law, or an object with name, version and source")
     try:
-        return as_type(value, kind, where)
+        found = as_type(value, kind, where)
     except JsonError as error:
         raise RunError(str(error)) from error
+    return StoredDescriptors(json.dumps(found, sort_keys=True)) if name == "descriptors" and found else found
 
 
 def restore(config: N) -> N:
@@ -135,7 +140,7 @@ def restore(config: N) -> N:
     """
     changes: dict[str, Any] = {}
     for name, value in config.flatten().items():
-        if isinstance(value, Reference):
+        if isinstance(value, Reference | StoredDescriptors):
             changes[name] = value.restore(name)
         elif isinstance(value, StoredTask):
             changes[name] = value.restore()

@@ -40,7 +40,7 @@ from reconstruction.range_checks import (
     coerce_floats,
     coerce_integers,
 )
-from symbrion_gym.environment.config import STARTS
+from symbrion_gym.tasks.starts import START_NAMES
 
 MAX_ROUNDS = 100
 """Largest number of rounds of validation trials of a candidate."""
@@ -52,7 +52,11 @@ CHAMPION_KINDS: Kinds = {
     "fitness": float,
     "successes": int,
     "trials": int,
-    **{name: SHARED_KINDS[name] for name in SHARED_KINDS if name not in ("randomization", "rollout")},
+    **{
+        name: SHARED_KINDS[name]
+        for name in SHARED_KINDS
+        if name not in ("randomization", "rollout", "descriptors")
+    },
 }
 """Types of the fields of `champion.json`."""
 FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
@@ -103,7 +107,7 @@ class Validation:
         coerce_floats(
             self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
         )
-        check_choice("start", self.start, STARTS, RunError)
+        check_choice("start", self.start, START_NAMES, RunError)
 
     def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
@@ -246,6 +250,7 @@ def _pool(first: Entry, second: Entry) -> Entry:
         succeeded=one.succeeded + two.succeeded,
         seconds=one.seconds + two.seconds,
         diverged=one.diverged + two.diverged,
+        descriptors=one.descriptors + two.descriptors,
     )
     return first._replace(outcome=outcome)
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.course import COURSES, Course, make_course
 from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.assets import SCANNED_PITS
+from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS
 from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.errors import ArenaError, OrganismError
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
+logger = logging.getLogger(__name__)
+_MADE_IN_CODE = ("truth", "simple", "stairs")
 _RESIZABLE = ("truth", "simple", *SCANNED_PITS)
 """Named arenas whose pit has a width of choice."""
 
@@ -32,18 +38,54 @@ def find_arena(config: EnvironmentConfig) -> Arena:
         return arena
     if not isinstance(arena, str | Path):
         raise ArenaError(f"arena must be a name, a path or an Arena, got {arena!r}")
+    if arena in _MADE_IN_CODE and (config.course or arena in config.default_course):
+        return _make_course_arena(str(arena), config)
+    if config.course:
+        raise ArenaError(
+            f"sizes of a course go with an arena made in code, {', '.join(_MADE_IN_CODE)}, not with {str(arena)!r}"
+        )
     is_named = arena in _RESIZABLE
     pit = config.default_pit if is_named and config.pit is None else config.pit
     if pit is None:
-        return load_arena(arena)
+        return _load(arena, config)
     if is_named:
         return load_arena(arena, course=Course(pit=pit))
-    loaded = load_arena(arena)
+    loaded = _load(arena, config)
     if getattr(loaded.course, "pit", None) != config.pit:
         raise ArenaError(
             f"arena {str(arena)!r} has its own pit; pit={config.pit} works with named courses only"
         )
     return loaded
+
+
+def _make_course_arena(name: str, config: EnvironmentConfig) -> Arena:
+    """Return an arena made in code in other sizes."""
+    sizes = {**config.default_course.get(name, {}), **config.course}
+    kind = "stairs"
+    if name != "stairs":
+        kind = "pit"
+        pit = config.default_pit if config.pit is None else config.pit
+        sizes |= {} if pit is None else {"pit": pit}
+    elif config.pit is not None:
+        raise ArenaError(f"arena 'stairs' has no pit; leave out pit={config.pit}")
+    return load_arena(name, course=make_course({"kind": kind, **_complete(kind, sizes)}))
+
+
+def _complete(kind: str, sizes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all sizes of a course; those that are not given are its defaults."""
+    return {**asdict(COURSES[kind]()), **sizes}
+
+
+def _load(arena: str | Path, config: EnvironmentConfig) -> Arena:
+    """Return a named arena, or one from a folder or a file; a surface in a file is made an arena, with progress."""
+    if arena in NAMED_ARENAS or not Path(arena).is_file() or Path(arena).name == "arena.json":
+        return load_arena(arena)
+    logger.info("arena of %s: made once, then kept in the cache", arena)
+    return load_arena(arena, progress=config.progress or _log_progress)
+
+
+def _log_progress(message: str, fraction: float) -> None:
+    logger.info("%3.0f %% %s", 100 * fraction, message)
 
 
 def find_organism(config: EnvironmentConfig, friction: float) -> Organism:

@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reconstruction.deprecation import accept_former_fields
+from reconstruction.progress import Progress
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.errors import OptionError, OrganismError
+from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS, SENSORS
 from symbrion_gym.tasks.catalog import choose_task, find_parameters
+from symbrion_gym.tasks.recorders import Recorder, check_recorders
 from symbrion_gym.tasks.starts import START_NAMES
 
 if TYPE_CHECKING:
@@ -27,22 +30,6 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.task import Task
 
-SENSORS = (
-    "hinge_angle",
-    "hinge_rate",
-    "pitch",
-    "roll",
-    "acceleration",
-    "ir",
-    "contact",
-    "previous_action",
-    "hinge_target",
-    "dock_force",
-    "odometry",
-    "track_odometry",
-    "laser",
-)
-DEFAULT_SENSORS = SENSORS[:8]
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
@@ -51,6 +38,7 @@ RANDOM_LIMITS = {
     "start_lateral": (-5.0, 5.0),
     "yaw": (-np.pi, np.pi),
     "track_speed": (0.0, 2.0),
+    "roll": (-np.pi, np.pi),
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)
@@ -100,6 +88,9 @@ class EnvironmentConfig:
         default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
         default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
             is given.
+        course: sizes of an arena made in code, fields of `Course` or `StairsCourse`.
+        default_course: name of an arena made in code -> sizes that a registered id sets.
+        progress: called while a surface in a file is made an arena; None to log it.
         stretch: factor on all lengths along x, to simulate errors of a scan.
         friction: sliding friction of tracks and bodies on everything; None for the arena's own.
         track_speed: surface speed of the tracks [m/s]; estimates range from 0.06 to 0.15.
@@ -116,6 +107,7 @@ class EnvironmentConfig:
         sensor_noise: standard deviations at `noise` 1; None for the defaults of `SensorNoise`.
         task: a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None for `default_task`.
         task_parameters: parameters of a named task; `from_options` takes them as options of their own.
+        recorders: what is kept of every episode, of `symbrion_gym.tasks.recorders`; `read_records` returns it.
         default_task: name of the task that a registered id sets.
         default_parameters: parameters that a registered id sets for its own task.
         start: parameter of the task, as all that follow: where it starts; None for the task's own value.
@@ -141,6 +133,9 @@ class EnvironmentConfig:
     pit: float | None = None
     default_pit: float | None = None
     default_ends: tuple[tuple[float, float], tuple[float, float]] | None = None
+    course: Mapping[str, Any] = field(default_factory=dict)
+    default_course: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    progress: Progress | None = None
     stretch: float = 1.0
     friction: float | None = None
     track_speed: float = 0.10
@@ -156,6 +151,7 @@ class EnvironmentConfig:
     sensor_noise: SensorNoise | None = None
     task: Task | str | None = None
     task_parameters: Mapping[str, Any] = field(default_factory=dict)
+    recorders: tuple[Recorder, ...] = ()
     default_task: str = "snake_pit"
     default_parameters: Mapping[str, Any] = field(default_factory=dict)
     start: StartName | Point | None = None
@@ -196,6 +192,7 @@ class EnvironmentConfig:
         for name in self.sensors:
             check_choice("sensors", name, SENSORS, OptionError)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
+        object.__setattr__(self, "recorders", check_recorders(self.recorders))
         for name in self.randomize:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 

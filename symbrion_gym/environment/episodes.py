@@ -8,7 +8,7 @@ terminations, goal and the rewards at the end are not even called.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -100,6 +100,7 @@ class Episodes:
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
         self._viewed: Physics | None = None
         self._never = np.zeros(num, dtype=bool)
+        self._recorders = world.config.recorders
 
     def _view(self, physics: Physics) -> None:
         """Let the state read from the physics; once, where its views stay valid while it goes on."""
@@ -131,6 +132,18 @@ class Episodes:
         self.numbers[:, rows] = 0.0
         self.numbers[0, rows] = state.along[rows, 0]
         self.numbers[self._last_reward :, rows] = state.measures[-2:, rows]
+        if self._recorders:
+            begun = self._never.copy()
+            begun[rows] = True
+            self._record(begun)
+
+    def _record(self, active: Bool[np.ndarray, " N"]) -> None:
+        for recorder in self._recorders:
+            recorder.record(self.state, active)
+
+    def read_records(self, row: int) -> dict[str, Any]:
+        """Return what the recorders kept of the present episode of a simulation, until it begins anew."""
+        return {name: value for each in self._recorders for name, value in each.read(self.state, row).items()}
 
     def command(
         self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None = None
@@ -147,7 +160,18 @@ class Episodes:
             self.observer.odometry[:, 0] = self.state.along[:, 0] - self._start_head
         if self.observer.has_track_odometry:
             self._integrate_track_odometry(physics)
+        if self.observer.has_goal:
+            self._find_goal()
         return self.observer.read(physics)
+
+    def _find_goal(self) -> None:
+        """Find the place to head for as the head sees it."""
+        state = self.state
+        x, y = (state.target - state.position[:, 0, :2]).T
+        c, s = state.rotation[:, 0, 0], state.rotation[:, 0, 3]
+        length = np.maximum(np.hypot(c, s), 1e-9)
+        np.divide(x * c + y * s, length, out=self.observer.goal[:, 0])
+        np.divide(y * c - x * s, length, out=self.observer.goal[:, 1])
 
     def _integrate_track_odometry(self, physics: Physics) -> None:
         """Add the way of the last tick, once: what the head's tracks ran, as steep as its pitch."""
@@ -174,6 +198,8 @@ class Episodes:
         state = self.state
         state.advance(active, is_sound)
         has_ended = self._watch.look(active, is_sound)
+        if self._recorders:
+            self._record(~self._never if active is None else active)
         table = self.numbers if active is None else self._scratch
         head, gained, time, *rewards = table[: self._last_reward]
         np.copyto(head, state.along[:, 0])

@@ -59,6 +59,7 @@ def _find_bounds(
         "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
         "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
         "laser": (scout.laser_beams, 0.0, scout.laser_range),
+        "goal": (2, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
     }
 
 
@@ -79,6 +80,8 @@ class Observer:
         odometry: `[N, 1]` distance traveled by the head since the start [m], kept up to date by the caller.
         has_track_odometry: whether the observation contains it.
         track_odometry: `[N, 1]` position of the head by its tracks [m], kept up to date by the caller.
+        has_goal: whether the observation contains it.
+        goal: `[N, 2]` place to head for, ahead of the head and to its left [m], kept up to date by the caller.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 
@@ -103,11 +106,13 @@ class Observer:
             [np.full(size, getattr(deviations, name, 0.0)) for name, size, _, _ in selected]
         )
         self.odometry, self.track_odometry = np.zeros((2, len(action), 1))
+        self.goal = np.zeros((len(action), 2))
         self._internal = {
             "previous_action": action,
             "hinge_target": target,
             "odometry": self.odometry,
             "track_odometry": self.track_odometry,
+            "goal": self.goal,
         }
         self._raw_low, self._raw_high = (np.tile(bound, (len(action), 1)) for bound in (self.low, self.high))
         if "pitch" in self.structure:
@@ -115,6 +120,7 @@ class Observer:
             self._raw_low[:, pitch], self._raw_high[:, pitch] = -1.0, 1.0  # its sine
         self.has_odometry = "odometry" in self.structure
         self.has_track_odometry = "track_odometry" in self.structure
+        self.has_goal = "goal" in self.structure
         self._rays = [
             (self.structure[name], reach < _NOTHING_HIT)
             for name, reach in (("ir", scout.ir_range), ("laser", scout.laser_range))

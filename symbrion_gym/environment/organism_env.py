@@ -198,11 +198,14 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             OptionError: an unknown option or a value out of range.
         """
         super().reset(seed=seed)
-        world, wanted = self.world, {**self.config.randomize, **(options or {})}
+        world, wanted = (
+            self.world,
+            {**self.world.task.start.randomize(), **self.config.randomize, **(options or {})},
+        )
         self.domain = domain = draw_domain(self._nominal._asdict(), wanted, self.np_random)
         apply_domain(world, self.model, domain)
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
+        self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)
         target, speed = self.data.qpos[None, world.hinge_qpos], np.full((1, 1), domain.track_speed)
         world.write_control(self._control, target, speed)
         mujoco.mj_forward(self.model, self.data)
@@ -242,6 +245,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         if self.render_mode == "human":
             self.render()
         return observation[0], reward, terminated, truncated, {**info, **measured} if measured else info
+
+    def read_records(self) -> dict[str, Any]:
+        """Return what the option `recorders` kept of the present episode, by name."""
+        return self._episodes.read_records(0)
 
     def _advance(self) -> dict[str, float]:
         """Step the physics of a tick; return the times of MuJoCo's timers if the option `timers` is set."""

@@ -105,6 +105,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._nominal = make_nominal_domain(self.world)
         self._rngs: list[np.random.Generator] = []
+        self._domains = [self._nominal] * self.num_envs
         self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._is_done = np.ones(self.num_envs, dtype=bool)
         self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
@@ -182,14 +183,18 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         domains = []
         self.batch.reset(rows, stage=0)
         for row in rows:
-            wanted = {**self.config.randomize, **self._options[row]}
+            wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
             domain = draw_domain(self._nominal._asdict(), wanted, self._rngs[row])
             world = self._worlds[self._selected[row]]
             apply_domain(world, self._models.select(row, self._selected[row]), domain)
-            self._qpos[row] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw)
+            self._qpos[row] = world.lay_down(
+                domain.start_offset, domain.start_lateral, domain.yaw, domain.roll
+            )
             target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
             world.write_control(self._control[row : row + 1], target, speed)
             domains.append(domain)
+        for row, domain in zip(rows, domains, strict=True):
+            self._domains[row] = domain
         self._models.commit()
         self.batch.forward(rows)
         self._refresh()
@@ -273,6 +278,57 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
                 observer = self._episodes.observer
                 observation[row] = add_noise(observation[row], observer, self._rngs[row])
         return observation
+
+    def read_records(self, row: int) -> dict[str, Any]:
+        """Return what the option `recorders` kept of the episode of a simulation, until its next one begins."""
+        return self._episodes.read_records(row)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of every sub-environment: its own `domain` and `np_random`, all else is shared.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        own = {"domain": self._domains, "np_random": self._rngs, "unwrapped": [self] * self.num_envs}
+        if name in own:
+            return tuple(own[name])
+        single = f"single_{name}" if name in ("action_space", "observation_space") else name
+        return (getattr(self, single),) * self.num_envs
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method, or read an attribute, of every sub-environment.
+
+        `read_records` answers for each; what all share is called once.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        if name == "render":
+            return self.render() or (None,) * self.num_envs
+        if name == "read_records":
+            return tuple(self.read_records(row) for row in range(self.num_envs))
+        found = self.get_attr(name)
+        return (found[0](*args, **kwargs),) * self.num_envs if callable(found[0]) else found
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together.
+
+        Args:
+            name: name of the attribute.
+            values: one value for all, or a list or tuple with one for each.
+
+        Raises:
+            OptionError: not one value for each, or different ones for what all share.
+        """
+        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise OptionError(f"{name}: {len(each)} values for {self.num_envs} environments; give one each")
+        if name == "np_random":
+            self._rngs = each
+            return
+        if any(value is not each[0] and value != each[0] for value in each):
+            raise OptionError(f"all simulations share {name!r}; give one value for all of them")
+        setattr(self, name, each[0])
 
     def render(self) -> tuple[Any, ...] | None:
         """Return one image per simulation in the render mode; None without one."""

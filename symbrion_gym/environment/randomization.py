@@ -38,6 +38,7 @@ class Domain(NamedTuple):
         start_lateral: displacement of the start to the left [m].
         yaw: rotation of the organism about its head [rad].
         track_speed: surface speed of the tracks [m/s].
+        roll: the organism turned about the axis of its head at the start [rad].
     """
 
     friction: float
@@ -46,6 +47,7 @@ class Domain(NamedTuple):
     start_lateral: float
     yaw: float
     track_speed: float
+    roll: float = 0.0
 
 
 def draw_domain(

@@ -18,6 +18,7 @@ from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.laying import LIFT, GroundPlacement
 from symbrion_gym.environment.rendering import add_scene
 from symbrion_gym.environment.settling import Settler
+from symbrion_gym.environment.tumbling import tumble
 from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
 from symbrion_gym.tasks.scene import Scene
@@ -191,7 +192,7 @@ class World:
         return np.broadcast_to(speed, (len(track_speed), modules, wheels))
 
     def lay_down(
-        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0
+        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0
     ) -> Float[np.ndarray, " nq"]:
         """Return qpos of an organism at rest on the ground at the start, bent as the ground is.
 
@@ -199,6 +200,7 @@ class World:
             offset: the start moved along the route [m].
             lateral: displacement of the start to its left [m].
             yaw: the organism turned about its head [rad].
+            roll: the organism turned about the axis of its head, hinges straight, as after a tumble [rad].
 
         Raises:
             ArenaError: the start lies off the surface.
@@ -208,6 +210,8 @@ class World:
         laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
         qpos = self.model.qpos0.copy()
         qpos[:3], qpos[3:7] = laid.position, laid.quaternion
+        if roll:
+            return tumble(self.scene, qpos, route.heading + yaw, roll)
         if not self._placement.is_snake:
             return self._settler.settle(qpos, LIFT)
         qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges

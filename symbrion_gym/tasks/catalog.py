@@ -7,11 +7,25 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.tasks.climb import make_climb
+from symbrion_gym.tasks.cross_gap import make_cross_gap
+from symbrion_gym.tasks.explore import make_explore
+from symbrion_gym.tasks.reach import make_reach
+from symbrion_gym.tasks.recover import make_recover
 from symbrion_gym.tasks.snake_pit import make_snake_pit
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.traverse import make_traverse
 
-TASKS: dict[str, Callable[..., Task]] = {"snake_pit": make_snake_pit}
+TASKS: dict[str, Callable[..., Task]] = {
+    "snake_pit": make_snake_pit,
+    "cross_gap": make_cross_gap,
+    "climb": make_climb,
+    "reach": make_reach,
+    "traverse": make_traverse,
+    "explore": make_explore,
+    "recover": make_recover,
+}
 """Name -> function that makes the task of its parameters."""
 
 

@@ -244,8 +244,17 @@ class TaskState:
     @property
     def goal_distance(self) -> Float[np.ndarray, " N"]:
         """Way that is left to the goal [m]."""
-        distance = getattr(self._goal, "distance", None)
+        distance = getattr(self._goal, "distance_to_goal", None)
         return np.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
+
+    @property
+    def target(self) -> Float[np.ndarray, "N 2"]:
+        """Place (x, y) that each body should head for [m]: the goal's own, or the finish in the middle of the way."""
+        find = getattr(self._goal, "find_target", None)
+        if find is not None:
+            return find(self)
+        c, s, lateral = self._direction[:, :, 0]
+        return np.column_stack([c * self.finish - s * lateral, s * self.finish + c * lateral])
 
     @property
     def middle(self) -> Float[np.ndarray, "N 3"]:

@@ -28,7 +28,11 @@ BASE_FLAGS = ("success", "diverged")
 
 @runtime_checkable
 class Goal(Protocol):
-    """What arriving means. A goal may also have `limits`, as `Termination` explains, and `distance`."""
+    """What arriving means.
+
+    A goal may also have `limits(state)`, as `Termination` explains; `distance_to_goal(state) -> [N]`, the way that is
+    left; and `find_target(state) -> [N, 2]`, the place (x, y) to head for.
+    """
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
         """Find the way from the start on the map.

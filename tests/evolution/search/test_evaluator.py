@@ -102,7 +102,7 @@ def test_bodies_are_numbers_or_organisms():
 def test_controllers_drive_the_tracks_where_these_are_part_of_the_action(track_control):
     options = SHORT | {"duration": 1.0, "track_control": track_control}
     with Evaluator(**options) as evaluator:
-        fitness, outcomes = evaluator(np.zeros(len(evaluator.controller.parameters)))
+        _, outcomes = evaluator(np.zeros(len(evaluator.controller.parameters)))
     assert not outcomes[0].error
     with pytest.raises(RunError, match="genotypes of 2 numbers"):
         evaluate(np.zeros(2), **options)

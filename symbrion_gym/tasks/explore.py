@@ -1,0 +1,210 @@
+"""The task of exploring: to see as much of the ground as possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.errors import ArenaError, TaskError
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.paths import find_ground_map, find_path
+from symbrion_gym.tasks.rewards import make_rewards
+from symbrion_gym.tasks.route import Point, Route, StartName
+from symbrion_gym.tasks.standing import find_honest, find_standing
+from symbrion_gym.tasks.starts import Start
+from symbrion_gym.tasks.state import TaskState
+from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.terminations import make_terminations
+
+_SIGHT = 4.0
+"""Modules see as far as this many of their lengths."""
+_LOOKS = 5
+"""The ground is looked at every so many ticks: at 0.1 m/s a module moves 1 cm in between."""
+
+
+class Cells(NamedTuple):
+    """Ground as a grid, with room around it for what is seen from its rim.
+
+    Attributes:
+        origin: (x, y) of the middle of the first cell [m].
+        shape: number of cells along x and y.
+        pad: number of cells of the room around the ground.
+        is_ground: `[C]` whether there is ground that can be reached.
+        disc: numbers of the cells that are seen from one, relative to it.
+    """
+
+    origin: Float[np.ndarray, " 2"]
+    shape: tuple[int, int]
+    pad: int
+    is_ground: Bool[np.ndarray, " C"]
+    disc: Int[np.ndarray, " D"]
+
+
+@dataclass(frozen=True, eq=False)
+class AreaRoute(Route):
+    """A start, and the ground that can be reached from it.
+
+    Attributes:
+        places: `[C, 2]` middles of the cells of this ground [m].
+        edge: edge of a cell [m].
+        sight: how far a module sees [m].
+    """
+
+    places: Float[np.ndarray, "C 2"] = field(default_factory=lambda: np.zeros((1, 2)))
+    edge: float = 0.05
+    sight: float = 0.4
+
+    @property
+    def area(self) -> float:
+        """Area of the ground in plan [m²]."""
+        return len(self.places) * self.edge**2
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The ground as a grid."""
+        pad = int(np.ceil(self.sight / self.edge)) + 1
+        origin = self.places.min(axis=0) - pad * self.edge
+        index = np.round((self.places - origin) / self.edge).astype(np.int64)
+        width, depth = (index.max(axis=0) + pad + 1).tolist()
+        is_ground = np.zeros(width * depth, dtype=bool)
+        is_ground[index[:, 0] * depth + index[:, 1]] = True
+        reach = np.arange(-pad, pad + 1)
+        x, y = (each.ravel() for each in np.meshgrid(reach, reach, indexing="ij"))
+        near = np.hypot(x, y) * self.edge <= self.sight
+        return Cells(origin, (width, depth), pad, is_ground, (x * depth + y)[near])
+
+
+@dataclass(frozen=True)
+class SeeGround:
+    """See a share of the ground that the body can reach from its start.
+
+    Ground is seen when module 0 has been within `sight` of it.
+
+    Attributes:
+        share: share of the ground that has to be seen.
+        sight: how far a module sees [m]; None for four of its lengths.
+
+    Raises:
+        TaskError: a number is out of range.
+    """
+
+    share: float = 0.6
+    sight: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.share <= 1.0:
+            raise TaskError(f"share must be above 0, up to 1, got {self.share!r}")
+        if self.sight is not None:
+            check_positive(self, ("sight",), TaskError)
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> AreaRoute:
+        """Find the start on the map, and the ground that is connected to it.
+
+        Raises:
+            ArenaError: there is no drivable ground at the start.
+        """
+        path = find_path(arena, organism, start, ())
+        ground = find_ground_map(arena, organism)
+        at = np.array(path.place(path.start))
+        drivable = np.flatnonzero(ground.is_drivable)
+        nearest = drivable[np.argmin(np.linalg.norm(ground.positions[drivable, :2] - at, axis=1))]
+        inside = ground.positions[ground.region == ground.region[nearest], :2]
+        if not len(inside):
+            raise ArenaError(f"arena {arena.name!r} has no ground to explore; give a smaller body")
+        names = ("heading", "start", "lateral", "finish", "half_width", "lowest", "start_height")
+        given = {name: getattr(path, name) for name in names}
+        sight = _SIGHT * organism.scout.size[0] if self.sight is None else self.sight
+        return AreaRoute(**given, places=np.unique(inside, axis=0), edge=ground.grid.cell, sight=sight)
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the area that was seen [m²]."""
+        route = _read_area(state)
+        cells = route.cells
+        seen = state.remember("explore_seen", np.zeros(len(cells.is_ground), dtype=bool))
+        area = state.remember("explore_area", 0.0)
+        rows = np.flatnonzero(state.tick % _LOOKS == 0)
+        if len(rows):
+            index = np.round((state.position[rows, 0, :2] - cells.origin) / route.edge)
+            index = np.clip(np.nan_to_num(index), cells.pad, np.array(cells.shape) - cells.pad - 1).astype(
+                np.int64
+            )
+            middle = index[:, 0] * cells.shape[1] + index[:, 1]
+            seen[rows[:, None], middle[:, None] + cells.disc] = True
+            area[rows] = np.count_nonzero(seen[rows] & cells.is_ground, axis=1) * route.edge**2
+        return area.copy()
+
+    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the area that is still to be seen [m²]."""
+        return np.maximum(self._find_least(state) - state.progress, 0.0)
+
+    def _find_least(self, state: TaskState) -> float:
+        return self.share * _read_area(state).area
+
+    def limits(self, state: TaskState) -> dict[str, float]:
+        """Return the limits within which no body has arrived."""
+        return {"progress": self._find_least(state)}
+
+    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+        """Return whether enough was seen, and the body stands on the ground."""
+        has_arrived = (state.progress >= self._find_least(state)) & find_honest(state)
+        rows = np.flatnonzero(has_arrived)
+        if len(rows):
+            has_arrived[rows] = find_standing(state, rows)
+        return has_arrived
+
+
+def _read_area(state: TaskState) -> AreaRoute:
+    """Return the ground; that of the first simulation stands for all, which differ in their lengths at most."""
+    route = state.route
+    if not isinstance(route, AreaRoute):
+        raise TaskError("this goal needs a route with an area, as `SeeGround.find` makes it")
+    return route
+
+
+def make_explore(
+    share: float = 0.6,
+    sight: float | None = None,
+    start: StartName | Point = "floor",
+    duration: float = 180.0,
+    stuck_time: float = 20.0,
+    stuck_progress: float | None = None,
+    forward_weight: float = 1.0,
+    success_bonus: float = 1.0,
+    effort_weight: float = 0.002,
+    failure_cost: float = 1.0,
+    criteria: SuccessCriteria | None = None,
+) -> Task:
+    """Make the task of seeing the ground that the body can reach.
+
+    Success: a share of the ground seen, then every module upright and on the ground, the body no farther from its
+    start than its tracks can have taken it, for 0.3 s.
+
+    Args:
+        share: share of the ground that has to be seen.
+        sight: how far module 0 sees [m]; None for four lengths of a module.
+        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
+        duration: an episode is truncated after this [s].
+        stuck_time: time in which nothing new is seen after which it is truncated as well [s].
+        stuck_progress: smallest new area that counts [m²]; None for a fifth of a module's length.
+        forward_weight: reward per square meter.
+        success_bonus: reward of a success.
+        effort_weight: cost per joule of the hinges' work.
+        failure_cost: cost of a failure, which keeps none of the progress either.
+        criteria: limits of a success; None for those of the body.
+    """
+    return Task(
+        name="explore",
+        start=Start(start),
+        goal=SeeGround(share, sight),
+        terminations=make_terminations(stuck_time, stuck_progress),
+        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
+        duration=duration,
+        criteria=criteria,
+    )

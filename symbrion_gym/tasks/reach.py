@@ -1,0 +1,191 @@
+"""The task of reaching a place, or several in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
+from symbrion_gym.tasks.rewards import make_rewards
+from symbrion_gym.tasks.route import Point, Route, StartName
+from symbrion_gym.tasks.standing import find_honest, find_size, find_standing
+from symbrion_gym.tasks.starts import Start
+from symbrion_gym.tasks.state import TaskState
+from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.terminations import make_terminations
+
+_PASSING = 2.5
+"""A corner of the path is passed within this many lengths of a module."""
+
+
+@dataclass(frozen=True)
+class ReachPlaces:
+    """Bring the middle of the body to places in turn, the last with every module about it.
+
+    Attributes:
+        places: (x, y) or (x, y, z) of each [m]; none to choose one on the map.
+        distance: length of the path to a place that is chosen [m]; None for as far as possible.
+        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
+
+    Raises:
+        TaskError: a distance is not above 0.
+    """
+
+    places: tuple[Point, ...] = ()
+    distance: float | None = None
+    tolerance: float | None = None
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("distance", "tolerance") if getattr(self, name) is not None]
+        check_positive(self, given, TaskError)
+        object.__setattr__(self, "places", tuple(tuple(map(float, place)) for place in self.places))
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
+        """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`."""
+        return find_path(arena, organism, start, self.places, self.distance)
+
+    def _find_tolerance(self, state: TaskState) -> float:
+        return state.organism.scout.size[0] if self.tolerance is None else self.tolerance
+
+    def find_target(self, state: TaskState) -> Float[np.ndarray, "N 2"]:
+        """Return (x, y) of the corner or place that each body heads for [m]."""
+        corners, _, _ = self._recall(state)
+        number = state.remember("reach_number", 0)
+        return corners[np.arange(state.num), number]
+
+    def distance_left(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the way from the middle of each body along the path to its end [m]; corners that were passed count."""
+        corners, rest, radius = self._recall(state)
+        number, rows = state.remember("reach_number", 0), np.arange(state.num)
+        gap = np.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
+        passes = (gap <= radius[rows, number]) & (rest[rows, number] > 0.0)
+        if passes.any():
+            number += passes
+            gap = np.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
+        return gap + rest[rows, number]
+
+    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the way that is left [m]."""
+        return -state.progress
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the way that is left, below 0 [m]."""
+        return -self.distance_left(state)
+
+    def limits(self, state: TaskState) -> dict[str, float]:
+        """Return the limits within which no body has arrived."""
+        return {"progress": -self._find_tolerance(state)}
+
+    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+        """Return whether the middle is at the last place, every module about it, upright and on the ground."""
+        tolerance = self._find_tolerance(state)
+        has_arrived = (state.progress >= -tolerance) & find_honest(state)
+        rows = np.flatnonzero(has_arrived)
+        if len(rows):
+            corners, _, _ = self._recall(state)
+            goal = corners[rows, -1]
+            away = np.linalg.norm(state.position[rows, :, :2] - goal[:, None], axis=2).max(axis=1)
+            has_arrived[rows] = (away <= tolerance + find_size(state)) & find_standing(state, rows)
+        return has_arrived
+
+    def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, and how near they are passed [m]."""
+        tolerance = self._find_tolerance(state)
+        return (
+            state.remember("reach_corners", _list_corners),
+            state.remember("reach_rest", lambda state: _measure_rest(_list_corners(state))),
+            state.remember("reach_radius", lambda state: _list_radii(state, tolerance)),
+        )
+
+
+def _list_corners(state: TaskState) -> Float[np.ndarray, "N C 2"]:
+    """Return the corners of each path; the last is repeated to `MAX_CORNERS`."""
+    return np.array([_repeat_last(_read_path(scene.route).corners) for scene in state.scenes])
+
+
+def _read_path(route: Route) -> PathRoute:
+    if not isinstance(route, PathRoute):
+        raise TaskError(
+            "this goal needs a route with corners, as `symbrion_gym.tasks.paths.find_path` makes it"
+        )
+    return route
+
+
+def _repeat_last(values: tuple[Any, ...]) -> list[Any]:
+    """Return as many values for every path, so that simulations with others fit into one array."""
+    return [*values, *[values[-1]] * (MAX_CORNERS - len(values))]
+
+
+def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C"]:
+    legs = np.linalg.norm(np.diff(corners, axis=1), axis=2)
+    rest = np.zeros(corners.shape[:2])
+    rest[:, :-1] = np.cumsum(legs[:, ::-1], axis=1)[:, ::-1]
+    return rest
+
+
+def _list_radii(state: TaskState, tolerance: float) -> Float[np.ndarray, "N C"]:
+    """Return how near each corner has to be passed [m]: places within the tolerance, others loosely."""
+    loose = max(_PASSING * state.organism.scout.size[0], tolerance)
+    return np.array(
+        [
+            [tolerance if exact else loose for exact in _repeat_last(_read_path(scene.route).is_place)]
+            for scene in state.scenes
+        ]
+    )
+
+
+def make_reach(
+    goal: Point | None = None,
+    places: Sequence[Point] = (),
+    distance: float | None = None,
+    tolerance: float | None = None,
+    start: StartName | Point = "floor",
+    duration: float = 90.0,
+    stuck_time: float = 15.0,
+    stuck_progress: float | None = None,
+    forward_weight: float = 1.0,
+    success_bonus: float = 1.0,
+    effort_weight: float = 0.002,
+    failure_cost: float = 1.0,
+    criteria: SuccessCriteria | None = None,
+) -> Task:
+    """Make the task of reaching a place, or several in turn, over drivable ground.
+
+    Success: every place reached by the middle of the body within the tolerance, in turn; at the last one every module
+    no farther from it than the straight body is long, upright, on the ground, the body no faster than its tracks, for
+    0.3 s.
+
+    Args:
+        goal: (x, y) or (x, y, z) of the place [m]; None to choose it on the map.
+        places: way-points before it, or in its place.
+        distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
+        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
+        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
+        duration: an episode is truncated after this [s].
+        stuck_time: time without progress after which it is truncated as well [s].
+        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
+        forward_weight: reward per meter of progress.
+        success_bonus: reward of a success.
+        effort_weight: cost per joule of the hinges' work.
+        failure_cost: cost of a failure, which keeps none of the progress either.
+        criteria: limits of a success; None for those of the body.
+    """
+    wanted = (*places, *(() if goal is None else (goal,)))
+    return Task(
+        name="reach",
+        start=Start(start),
+        goal=ReachPlaces(wanted, distance, tolerance),
+        terminations=make_terminations(stuck_time, stuck_progress),
+        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
+        duration=duration,
+        criteria=criteria,
+    )

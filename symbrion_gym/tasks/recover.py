@@ -1,0 +1,96 @@
+"""The task of recovering: to stand up after a tumble."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.paths import find_path
+from symbrion_gym.tasks.rewards import make_rewards
+from symbrion_gym.tasks.route import Point, Route, StartName
+from symbrion_gym.tasks.standing import find_honest, find_standing
+from symbrion_gym.tasks.starts import Start
+from symbrion_gym.tasks.state import TaskState, add_up
+from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.terminations import FellOff, Stuck
+from symbrion_gym.tasks.terms import Termination
+
+_RIGHTING = 0.05
+"""Change of the mean uprightness that counts as progress."""
+
+
+@dataclass(frozen=True)
+class StandUp:
+    """Get every module upright and on the ground."""
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
+        """Find a place on the map with room around it, unless the start is a place."""
+        return find_path(arena, organism, start, ())
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return the mean z of the modules' up axes, from -1 to 1."""
+        return add_up(state.up) * (1.0 / state.up.shape[1])
+
+    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return by how much the modules lean, from 0 to 2."""
+        return 1.0 - state.progress
+
+    def limits(self, state: TaskState) -> dict[str, float]:
+        """Return the limits within which no body stands."""
+        return {"progress": state.criteria.upright}
+
+    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+        """Return whether every module is upright and on the ground."""
+        has_arrived = (state.least_up > state.criteria.upright) & find_honest(state)
+        rows = np.flatnonzero(has_arrived)
+        if len(rows):
+            has_arrived[rows] = find_standing(state, rows)
+        return has_arrived
+
+
+def make_recover(
+    least: float = 2.0,
+    most: float = np.pi,
+    start: StartName | Point = "floor",
+    duration: float = 30.0,
+    stuck_time: float = 15.0,
+    forward_weight: float = 1.0,
+    success_bonus: float = 1.0,
+    effort_weight: float = 0.002,
+    failure_cost: float = 1.0,
+    criteria: SuccessCriteria | None = None,
+) -> Task:
+    """Make the task of standing up after a tumble.
+
+    Success: every module upright and on the ground, the body no farther from where it started than its tracks can have
+    taken it, for 0.3 s.
+
+    Args:
+        least: smallest angle by which the body is turned about the axis of its head [rad].
+        most: largest angle [rad].
+        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
+        duration: an episode is truncated after this [s].
+        stuck_time: time in which the modules right themselves no further after which it is truncated as well [s].
+        forward_weight: reward per unit of mean uprightness, of which there are two.
+        success_bonus: reward of a success.
+        effort_weight: cost per joule of the hinges' work.
+        failure_cost: cost of a failure, which keeps none of the progress either.
+        criteria: limits of a success; None for those of the body.
+    """
+    return Task(
+        name="recover",
+        start=Start(start, (least, most)),
+        goal=StandUp(),
+        terminations=(
+            Termination("fell", FellOff()),
+            Termination("stuck", Stuck(stuck_time, _RIGHTING), truncates=True),
+        ),
+        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
+        duration=duration,
+        criteria=criteria,
+    )
