@@ -74,8 +74,8 @@ class CheckedController:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The parts of an observation that it reads."""
-        return _as_tuple(self.controller.sensors, str)
+        """The parts of an observation that it reads; the pitch if it reads none, as environments observe something."""
+        return _as_tuple(self.controller.sensors, str) or ("pitch",)
 
     @property
     def parameters(self) -> tuple[str, ...]:
