@@ -106,8 +106,6 @@ class EpisodeConfig:
         set_field(self, "task", check_task(self.task))
         known = None if isinstance(self.task, StoredTask) else self.task
         set_field(self, "environment", sort_options(self.environment, known))
-        if self.start is None and self.task is None and self.goal is None:
-            set_field(self, "start", "pit")
         if isinstance(self.start, str):
             check_choice("start", self.start, START_NAMES, RunError)
         elif self.start is not None:
@@ -128,9 +126,14 @@ class EpisodeConfig:
             return True
         return isinstance(self.task, str) and name in find_parameters(self.task)
 
+    def find_start(self) -> str | Point | None:
+        """Return where a trial begins; None where the task says."""
+        is_usual = self.start is None and self.task is None and self.goal is None
+        return "pit" if is_usual else self.start
+
     def make_options(self) -> dict[str, Any]:
         """Return the options of the environment that these are."""
-        given = {"task": self.task, "start": self.start, "goal": self.goal}
+        given = {"task": self.task, "start": self.find_start(), "goal": self.goal}
         return dict(self.environment) | {name: value for name, value in given.items() if value is not None}
 
 

@@ -147,7 +147,7 @@ def make_champion_trials(
     """
     champion = restore(champion)
     episode = champion.episode
-    if start is None and isinstance(episode.start, str):
+    if start is None and isinstance(episode.find_start(), str):
         start = "floor"
     if start is not None:
         episode = replace(episode, start=start)

@@ -19,7 +19,15 @@ from evolution.limits import MAX_SEED
 from evolution.search.cmaes import CmaesConfig
 from evolution.search.search_config import ExecutionConfig, SearchConfig
 from evolution.search.stages import Stage
-from evolution.search.stored_config import SHARED_KINDS, Kinds, dump, read_content, restore, to_json
+from evolution.search.stored_config import (
+    SHARED_KINDS,
+    Kinds,
+    drop_none,
+    dump,
+    read_content,
+    restore,
+    to_json,
+)
 from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
 from reconstruction.deprecation import accept_former_fields, rename_keys
 from reconstruction.range_checks import coerce_integers
@@ -52,10 +60,10 @@ KINDS: Kinds = SHARED_KINDS | {
 _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
 _ADDED = {
-    "cmaes": asdict(CmaesConfig()),
+    "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
     "success_threshold": Validation.success_threshold,
-    "controller_config": asdict(ControllerConfig()),
-    "rollout": asdict(RolloutConfig()),
+    "controller_config": asdict(ControllerConfig(), dict_factory=drop_none),
+    "rollout": asdict(RolloutConfig(), dict_factory=drop_none),
     "descriptors": [],
 }
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
@@ -145,15 +153,17 @@ class EvolutionConfig(Nested):
     @property
     def validation_start(self) -> Any:
         """Start of validation trials: as the rules say, unless the run has a place of its own."""
-        return self.validation.start if isinstance(self.episode.start, str) else self.episode.start
+        start = self.episode.find_start()
+        return self.validation.start if isinstance(start, str) else start
 
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run.
 
         Options that are None are left out: a run from before an option existed keeps its fingerprint.
         """
-        content = to_json(self, KINDS, _collect_for_digest)
+        content = to_json(self, KINDS, _collect_for_digest) | {"start": self.episode.find_start()}
         content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
+        content = drop_none(list(content.items()))
         return hashlib.sha256(dump(content, is_sorted=True).encode()).hexdigest()
 
     def differences(self, other: "EvolutionConfig") -> list[str]:

@@ -294,7 +294,7 @@ class _Evolution:
         config, is_validation = self._config, kind == VALIDATION
         own_seed = (index + 1, block) if is_validation else ()
         episode = config.episode
-        if is_validation and config.validation_start != episode.start:
+        if is_validation and config.validation_start != episode.find_start():
             episode = replace(episode, start=config.validation_start)
         trials = Trials(
             arena=self._stage.arena,

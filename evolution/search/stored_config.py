@@ -60,6 +60,11 @@ def to_json(config: Nested, kinds: Kinds, dict_factory: DictFactory = dict) -> d
     return dict_factory(pairs)
 
 
+def drop_none(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object without the entries that are None."""
+    return {name: value for name, value in pairs if value is not None}
+
+
 def dump(content: Any, *, is_sorted: bool = False) -> str:
     """Return JSON text.
 

@@ -183,7 +183,11 @@ class Champion(Nested):
             RunError: controller or task cannot be restored.
         """
         found = to_json(self, CHAMPION_KINDS) | {"environment": dict(self.environment)}
-        defaults = {"start": "pit", **dict.fromkeys(("organism", "task", "goal"))}
+        defaults = {
+            "start": "pit" if self.task is None and self.goal is None else None,
+            **dict.fromkeys(("organism", "task", "goal")),
+        }
+        found["start"] = self.episode.find_start()
         content = {name: found[name] for name in self.POSITIONAL}
         content |= {name: found[name] for name, default in defaults.items() if found[name] != default}
         dump(content)  # refuses what no file can keep
