@@ -18,6 +18,7 @@ from evolution.backends.trials import Randomization
 from evolution.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
 from evolution.search.evaluation import evaluate
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.registration import ENVIRONMENTS
 
 SEED = 5
 PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(11))
@@ -30,6 +31,8 @@ FRICTIONS = (0.55, 0.65, 0.75, 0.85)
 AS_IT_IS = Randomization(stretch=(1.0,))
 DEFAULT_TRIALS = 200
 """Trials on the default course."""
+STARTS = 50
+"""Starts of each id with zero and with random actions."""
 RANDOM_GENOTYPES = 50
 RANDOM_STEP = 0.5
 """Standard deviation of random genotypes [rad]: the first step of a search from zero."""
@@ -79,6 +82,32 @@ def count_random_crossings(trials: int, modules: int = 8) -> int:
     return successes
 
 
+def count_successes(name: str, starts: int, policy: str) -> int:
+    """Return how many of `starts` episodes of an id succeed, each with its own seed.
+
+    Args:
+        name: id of an environment.
+        starts: number of episodes.
+        policy: "zero", or "random": each action is drawn from the whole action space at every step.
+    """
+    envs: Any = gym.make_vec(
+        name, num_envs=starts, vectorization_mode="vector_entry_point", autoreset_mode="Disabled"
+    )
+    envs.reset(seed=SEED)
+    envs.action_space.seed(SEED)
+    is_over, successes = np.zeros(starts, dtype=bool), 0
+    while not is_over.all():
+        still = np.zeros(envs.action_space.shape)
+        _, _, terminated, truncated, infos = envs.step(
+            envs.action_space.sample() if policy == "random" else still
+        )
+        ends = (terminated | truncated) & ~is_over
+        successes += int(infos["success"][ends].sum()) if ends.any() else 0
+        is_over |= ends
+    envs.close()
+    return successes
+
+
 class Baselines:
     """The parts, each a method of its name.
 
@@ -94,6 +123,7 @@ class Baselines:
         self._map_trials = 4 if quick else 30
         self._friction_trials = 4 if quick else 12
         self._default_trials = 8 if quick else DEFAULT_TRIALS
+        self._starts = 4 if quick else STARTS
         self._genotypes = 4 if quick else RANDOM_GENOTYPES
 
     def _put(self, part: str, figures: dict[str, Any]) -> None:
@@ -119,6 +149,13 @@ class Baselines:
         """Measure the default environment with 8 modules and an action drawn at random at every step."""
         count = self._default_trials
         self._put("random_actions", {"trials": count, "successes": count_random_crossings(count)})
+
+    def ids(self) -> None:
+        """Measure zero and random actions in every id, from as many starts as seeds."""
+        for name in ENVIRONMENTS:
+            figures = {policy: count_successes(name, self._starts, policy) for policy in ("zero", "random")}
+            short = name.removeprefix("symbrion_gym/")
+            self._put(f"ids/{short}", {"starts": self._starts, **figures})
 
     def other_tasks(self) -> None:
         """Measure zero actions with six modules, and over a bottomless pit."""

@@ -28,6 +28,14 @@ def test_the_hand_written_controller_crosses() -> None:
     assert load("hand_written_controller").main()
 
 
+def test_a_task_of_ones_own_takes_few_lines_and_is_solved() -> None:
+    assert len((EXAMPLES / "own_task.py").read_text().splitlines()) <= 25
+    own = load("own_task")
+    assert own.env.unwrapped.world.task == own.task
+    assert any(info["success"] for *_, info in own.results)
+    assert sum(info["reward_rise"] for *_, info in own.results) > 0.1
+
+
 @pytest.mark.slow
 def test_ppo_trains() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.task import Task
 
+STARTS = START_NAMES
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,

@@ -59,6 +59,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `odometry`*       | 1      | ground-truth distance traveled by the head along the route [m] | ±100   |
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
+    | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
 
     * optional: part of the observation only if `sensors` names it.
 
@@ -95,32 +96,45 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
     | `default_ends`        | None      | SnakeTerrain-v0: start and goal in a named arena, if neither is given |
+    | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
+    | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |
+    | `progress`            | None      | called while a surface in a file is made an arena; None: logged |
     | `stretch`             | 1.0       | factor on all lengths along x: simulates errors of a scan       |
     | `friction`            | None      | sliding friction of the robot on everything; None: the arena's  |
     | `track_speed`         | 0.10      | surface speed of the tracks [m/s]                               |
     | `hinge_torque`        | 4.5       | largest torque of a hinge [N m]                                 |
     | `sensors`             | see above | parts of the observation                                        |
-    | `start`               | "floor"   | "floor": before the ramp; "pit": 0.2 m before the pit; or (x, y) [m] |
-    | `goal`                | None      | (x, y) that the head has to reach [m]; None: far side of course or pit |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
-    | `bottomless`          | False     | touching the floor of the pit ends the episode                  |
-    | `track_control`       | "constant"| "body", "modules": track speeds are part of the action          |
+    | `track_control`       | "constant"| "body", "modules", "skid": track speeds are part of the action  |
     | `tracks`              | "spheres" | "wheels", "cylinders": with joints, slower, for comparison      |
     | `timestep`            | 0.005     | physics step [s]                                                |
     | `frame_skip`          | 4         | physics steps per tick                                          |
-    | `duration`            | 90        | longest episode [s]                                             |
-    | `stuck_time`          | 15        | an episode without progress for this long is truncated [s]      |
-    | `forward_weight`      | 1         | reward per meter of progress                                    |
-    | `success_bonus`       | 1         | reward of a success                                             |
-    | `effort_weight`       | 0.002     | penalty per joule of work of the hinges                         |
     | `timers`              | False     | `info` contains `physics_us`, `collision_us`, `raycast_us`      |
     | `randomize`           | {}        | reset options that apply to every episode                       |
-    | `stuck_progress`      | 0.02      | smallest progress that counts, for `stuck` [m]                  |
+    | `sensor_noise`        | None      | a `SensorNoise`: standard deviations at `noise` 1               |
+    | `task`                | None      | a `Task`, or a name of `symbrion_gym.tasks.TASKS`; None: `default_task` |
+    | `task_parameters`     | {}        | parameters of a named task; they can be given as options, too   |
+    | `recorders`           | ()        | what `read_records` returns, of `symbrion_gym.tasks.recorders`  |
+    | `default_task`        | "snake_pit" | the task of an id                                             |
+    | `default_parameters`  | {}        | parameters that an id sets for its own task                     |
+    | `start`               | None      | "floor": before the ramp; "pit": 0.2 m before the pit; or (x, y) [m] |
+    | `goal`                | None      | (x, y) to be reached [m]; None: far side of course or pit       |
+    | `bottomless`          | None      | True: touching the floor of the pit ends the episode            |
+    | `duration`            | None      | longest episode [s]                                             |
+    | `stuck_time`          | None      | an episode without progress for this long is truncated [s]      |
+    | `stuck_progress`      | None      | smallest progress that counts, for `stuck` [m]                  |
+    | `forward_weight`      | None      | reward per meter of progress                                    |
+    | `success_bonus`       | None      | reward of a success                                             |
+    | `effort_weight`       | None      | penalty per joule of work of the hinges                         |
     | `criteria`            | None      | a `SuccessCriteria`: limits of the success check                |
     | `margins`             | None      | a `RouteMargins`: distances from ramp, pit and rim              |
     | `pit_search`          | None      | a `PitSearch`: how a pit is found in a scanned surface          |
-    | `sensor_noise`        | None      | a `SensorNoise`: standard deviations at `noise` 1               |
+    | `organism`            | None      | the body in place of `modules`: a number, name, body plan or file |
     | `render_mode`, `width`, `height` | None, 640, 400 | "human", "rgb_array", "depth_array", "rgbd_tuple"   |
+
+    From `start` on, and before `organism`, the options are parameters of the task; None is the task's own value. Those
+    of "snake_pit" are "floor", None, False, 90, 15, 0.02, 1, 1 and 0.002; other tasks have others
+    (`symbrion_gym.make_task` names them), which are options as well.
 
     Sphere tracks and wheels with joints have the same shape and give similar results. The authors' cylinders are
     smaller and bridge less: of 30 random controllers of 6 modules, three cross a pit of 0.35 m on spheres and on
@@ -133,7 +147,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     `info` also contains `x_position` (position of the head along the route, which is x on courses [m]), `progress`
     since the start [m], `time` [s], `lowest_module` (height of the lowest module [m]), `least_upright` (z of the up
     axis of the module that leans most), and the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`,
-    `stuck`.
+    `stuck`. `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
+    task "recover" draws it. Other tasks have flags and terms of the reward of their own.
+
+    `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`.
 
     Raises:
         OptionError: an option is unknown or out of range (a `ValueError`); the message says what is allowed.

@@ -7,26 +7,58 @@ from reconstruction.lazy import export_lazily
 if TYPE_CHECKING:
     from symbrion_gym.tasks.catalog import TASKS, make_task
     from symbrion_gym.tasks.goals import PassFinish
-    from symbrion_gym.tasks.rewards import make_rewards
+    from symbrion_gym.tasks.reach import ReachPlaces
+    from symbrion_gym.tasks.recorders import (
+        Descriptor,
+        Extremes,
+        FinalPose,
+        GroundContacts,
+        Recorder,
+        Trajectory,
+    )
+    from symbrion_gym.tasks.rewards import (
+        gain_potential,
+        gain_progress,
+        has_failed,
+        has_succeeded,
+        make_rewards,
+        spend_power,
+    )
     from symbrion_gym.tasks.starts import Start
     from symbrion_gym.tasks.state import TaskState
     from symbrion_gym.tasks.task import Task, read_task
-    from symbrion_gym.tasks.terminations import make_terminations
+    from symbrion_gym.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit, make_terminations
     from symbrion_gym.tasks.terms import Goal, Reward, Termination
 
 __all__ = [
     "TASKS",
+    "Descriptor",
+    "Extremes",
+    "FellOff",
+    "FinalPose",
     "Goal",
+    "GroundContacts",
     "PassFinish",
+    "ReachPlaces",
+    "Recorder",
     "Reward",
+    "RolledOver",
     "Start",
+    "Stuck",
     "Task",
     "TaskState",
     "Termination",
+    "TouchedPit",
+    "Trajectory",
+    "gain_potential",
+    "gain_progress",
+    "has_failed",
+    "has_succeeded",
     "make_rewards",
     "make_task",
     "make_terminations",
     "read_task",
+    "spend_power",
 ]
 
 __getattr__, __dir__ = export_lazily(__name__)

@@ -80,7 +80,7 @@ class Trajectory(NamedTuple):
     qpos: Float[np.ndarray, "T 7+h"]
 
 
-class _Motion(NamedTuple):
+class Motion(NamedTuple):
     """What the modules did, worked out from the coordinates.
 
     Attributes:
@@ -149,22 +149,30 @@ def audit(
     scout, limits = scout or ScoutConfig(), limits or AuditLimits()
     if not np.isfinite(trajectory.qpos).all():
         return Audit(False, ("a coordinate is not finite",))
-    motion = _Motion(trajectory.time, *place_modules(trajectory.qpos, scout.pitch))
+    motion = Motion(trajectory.time, *place_modules(trajectory.qpos, scout.pitch))
     faults = [
-        *_find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
-        *_find_bad_motion(motion, limits),
+        *find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
+        *find_bad_motion(motion, limits),
         *_find_bad_course(motion, track_speed, half_width, limits),
-        *_find_overlaps(motion.centers, height, limits),
+        *find_overlaps(motion.centers, height, limits),
         *_find_bad_end(motion, height, far_edge, limits),
     ]
     return Audit(not faults, tuple(faults))
 
 
-def _find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[str]:
+def find_bad_hinges(angles: Float[np.ndarray, "T h"], largest: float) -> list[str]:
+    """Return whether a hinge is beyond its range [rad]."""
     return ["a hinge is beyond its range"] if (np.abs(angles) > largest).any() else []
 
 
-def _find_bad_motion(motion: _Motion, limits: AuditLimits) -> list[str]:
+def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | None = None) -> list[str]:
+    """Return what no body does: jumps, and rolling over.
+
+    Args:
+        motion: what the modules did.
+        limits: limits of an honest motion.
+        rolled_over: z of an up axis below which a module has rolled over; None for that of the limits.
+    """
     faults, (time, centers, rotations) = [], motion
     step = np.diff(time)
     if not (step > 0).all():
@@ -172,14 +180,12 @@ def _find_bad_motion(motion: _Motion, limits: AuditLimits) -> list[str]:
     speed = np.linalg.norm(np.diff(centers, axis=0), axis=2) / step[:, None]
     if speed.max(initial=0.0) > limits.max_speed:
         faults.append(f"a module moves at {speed.max():.2f} m/s")
-    if (rotations[:, :, 2, 2] < limits.rolled_over).any():
+    if (rotations[:, :, 2, 2] < (limits.rolled_over if rolled_over is None else rolled_over)).any():
         faults.append("a module rolled over")
     return faults
 
 
-def _find_bad_course(
-    motion: _Motion, track_speed: float, half_width: float, limits: AuditLimits
-) -> list[str]:
+def _find_bad_course(motion: Motion, track_speed: float, half_width: float, limits: AuditLimits) -> list[str]:
     faults, (time, centers, _) = [], motion
     if np.abs(centers[:, :, 1]).max() > half_width:
         faults.append("a module left the course at the side")
@@ -190,7 +196,8 @@ def _find_bad_course(
     return faults
 
 
-def _find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: AuditLimits) -> list[str]:
+def find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: AuditLimits) -> list[str]:
+    """Return whether modules were inside each other or the ground."""
     faults = []
     for apart in range(1, centers.shape[1]):
         nearest = np.linalg.norm(centers[:, apart:] - centers[:, :-apart], axis=2).min()
@@ -203,16 +210,27 @@ def _find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: 
     return faults
 
 
-def _find_bad_end(motion: _Motion, height: Height, far_edge: float, limits: AuditLimits) -> list[str]:
+def _find_bad_end(motion: Motion, height: Height, far_edge: float, limits: AuditLimits) -> list[str]:
     """Check that at the end every corner of every module is beyond the edge, and every module stands upright."""
-    time, centers, rotations = motion
-    last = time > time[-1] - limits.hold_time + _ROUNDING
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    corners = centers[last][:, :, None] + np.einsum("tnij,cj->tnci", rotations[last], signs * limits.corner)
-    faults = []
+    faults, corners = [], _find_last_corners(motion, limits)
     if corners[..., 0].min() <= far_edge:
         faults.append(f"a module ends {1000 * (far_edge - corners[..., 0].min()):.0f} mm before the edge")
-    if rotations[last][:, :, 2, 2].min() < limits.upright:
+    return faults + find_unsteady_end(motion, height, limits)
+
+
+def _find_last_corners(motion: Motion, limits: AuditLimits) -> Float[np.ndarray, "L n 8 3"]:
+    """Return the corners of all modules while the success was held."""
+    last = motion.time > motion.time[-1] - limits.hold_time + _ROUNDING
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    turned = np.einsum("tnij,cj->tnci", motion.rotations[last], signs * limits.corner)
+    return motion.centers[last][:, :, None] + turned
+
+
+def find_unsteady_end(motion: Motion, height: Height, limits: AuditLimits) -> list[str]:
+    """Return whether a module does not end upright, or not on the ground."""
+    faults, corners = [], _find_last_corners(motion, limits)
+    last = motion.time > motion.time[-1] - limits.hold_time + _ROUNDING
+    if motion.rotations[last][:, :, 2, 2].min() < limits.upright:
         faults.append("a module does not end upright")
     lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
     above = lowest[..., 2] - height(lowest[..., 0], lowest[..., 1])

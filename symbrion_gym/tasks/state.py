@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,9 +14,6 @@ from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
 
-if TYPE_CHECKING:
-    from symbrion_gym.tasks.terms import Goal
-
 UPPER_MEASURES = ("progress", "tick", "left_most", "rear")
 LOWER_MEASURES = ("right_most", "lowest", "least_up")
 MEASURES = UPPER_MEASURES + LOWER_MEASURES
@@ -25,6 +22,14 @@ farthest to the left of the way's middle, least far along it and farthest to the
 least z of an up axis. A term may name limits: upper ones of the first four, lower ones of the others."""
 _PROGRESS, _TICK, _LEFT, _REAR, _, _LOWEST, _UP = range(len(MEASURES))
 Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
+
+
+class Progressing(Protocol):
+    """A goal, as far as the state needs it."""
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return how far each body has come."""
+        ...
 
 
 class Views(NamedTuple):
@@ -83,7 +88,7 @@ class TaskState:
     def __init__(
         self,
         scene: Scene,
-        goal: Goal,
+        goal: Progressing,
         num: int,
         dt: float,
         criteria: SuccessCriteria,

@@ -50,7 +50,7 @@ def test_stairs_can_be_climbed_and_the_ramp_crossed():
         assert info["success"], (name, info)
 
 
-@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+@pytest.mark.parametrize("name", [name for name in ENVIRONMENTS if "Snake" in name])
 def test_ids_work_through_the_module_prefix(name):
     env = gym.make(
         f"symbrion_gym:{name}", modules=2, arena="truth", start=(-2.0, 0.0), goal=(0.0, 0.0), pit=0.0

@@ -1,0 +1,76 @@
+"""Bodies, tasks and arenas: Gymnasium's own check without warnings, single and vector equal to the bit."""
+
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.loading import load_arena
+from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym.robot.random_organism import make_random_organism
+
+BODIES: dict[str, Organism] = {
+    **{f"snake {count}": snake(count) for count in range(2, 10)},
+    "cross": cross(1),
+    "H": letter_h(),
+    "tree": make_random_organism(6, np.random.default_rng(4)),
+}
+ARENAS = ("truth", "gsrm", "gg", "wide")
+TASKS = ("cross_gap", "climb", "reach", "traverse", "explore", "recover")
+QUICK = [
+    ("snake 2", "reach", "truth"),
+    ("cross", "recover", "truth"),
+    ("tree", "climb", "gsrm"),
+    ("snake 3", "explore", "truth"),
+]
+TICKS = 25
+
+
+@cache
+def find_arena(name: str) -> Arena:
+    if name == "wide":
+        return Arena.from_course(Course(pit=0.3, plateau=1.2, height=0.15, width=3.0), "wide")
+    return load_arena(name)
+
+
+def check(body: str, task: str, arena: str) -> None:
+    options = {"arena": find_arena(arena), "task": task, "organism": BODIES[body], "track_control": "skid"}
+    env = OrganismEnv(**options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*different from the unwrapped version.*")
+        warnings.filterwarnings("ignore", message=".*`env.spec` is None.*|.*not having a spec.*|.*spec.*")
+        check_env(env, skip_render_check=True)
+    envs = OrganismVectorEnv(2, num_threads=1, autoreset_mode="Disabled", **options)
+    observations, _ = envs.reset(seed=3)
+    rng = np.random.default_rng(1)
+    for row in range(2):
+        np.testing.assert_array_equal(observations[row], OrganismEnv.reset(env, seed=3 + row)[0])
+    env.reset(seed=4)
+    for _ in range(TICKS):
+        actions = rng.uniform(-1, 1, envs.action_space.shape)
+        many, one = envs.step(actions), env.step(actions[1])
+        np.testing.assert_array_equal(many[0][1], one[0])
+        assert (many[1][1], many[2][1], many[3][1]) == one[1:4]
+        assert all(many[4][name][1] == value for name, value in one[4].items())
+        if one[2] or one[3]:
+            break
+
+
+@pytest.mark.parametrize(("body", "task", "arena"), QUICK)
+def test_some_of_them(body, task, arena):
+    check(body, task, arena)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arena", ARENAS)
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("body", BODIES)
+def test_all_of_them(body, task, arena):
+    check(body, task, arena)
