@@ -8,7 +8,7 @@ import hashlib
 import importlib
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
@@ -169,6 +169,38 @@ def find_version(owner: Any, what: str) -> str:
             f"{what} {owner.__module__}:{owner.__qualname__} has no source; give it an attribute `version`"
         ) from error
     return hashlib.sha256(source).hexdigest()[:_VERSION_LENGTH]
+
+
+def find_versions(content: Any, what: str) -> dict[str, str]:
+    """Return name -> version of all that is not of this project in JSON content of `symbrion_gym.tasks.storage`.
+
+    Raises:
+        RunError: something has no version.
+    """
+    if isinstance(content, list):
+        return {name: each for inner in content for name, each in find_versions(inner, what).items()}
+    if not isinstance(content, dict):
+        return {}
+    found = find_versions(list(content.values()), what)
+    name = content.get("type", content.get("function"))
+    if isinstance(name, str) and name.partition(".")[0].partition(":")[0] not in OWN_PACKAGES:
+        found[name] = find_version(_look_up(name), what)
+    return found
+
+
+def check_versions(versions: Mapping[str, str], what: str) -> None:
+    """Refuse other versions than those recorded.
+
+    Raises:
+        RunError: something has changed since.
+    """
+    for name, version in versions.items():
+        now = find_version(find_object(name, what), what)
+        if now != version:
+            raise RunError(
+                f"{what}: {name} has changed: version {now!r}, not {version!r} as recorded; restore it, or begin "
+                "another run (an attribute `version` of its own says which changes matter)"
+            )
 
 
 def check_signature(function: Callable[..., Any], what: str, *names: str) -> None:

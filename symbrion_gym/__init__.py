@@ -32,7 +32,9 @@ if TYPE_CHECKING:
         SymbrionGymError,
         TaskError,
     )
+    from symbrion_gym.robot.body_plans import load_organism, organism_to_text
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+    from symbrion_gym.robot.random_organism import make_random_organism
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
     from symbrion_gym.sensing.laser_scanner import LaserScanner
@@ -105,10 +107,13 @@ __all__ = [
     "draw_traversability",
     "letter_h",
     "load_arena",
+    "load_organism",
     "load_tiles",
     "make_arena",
+    "make_random_organism",
     "make_scout",
     "make_task",
+    "organism_to_text",
     "read_task",
     "snake",
     "survey",

@@ -34,8 +34,9 @@ def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], 
 
 
 _SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
-_CLIMB = {"arena": "stairs", "modules": 8, "track_control": "body"}
-_LONE = {"modules": 1, "track_control": "skid", "randomize": _TURNED}
+_CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
+_LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
+_FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "SnakePit-v0": ({"default_pit": 0.40}, 2.0),
@@ -68,27 +69,25 @@ _SPECS: dict[str, tuple[dict[str, Any], float]] = {
         1.5,
         arena="truth",
         default_pit=0.0,
-        modules=4,
+        default_organism=4,
         track_control="skid",
         parameters={"share": 0.4},
     ),
-    "Traverse-v0": _task("traverse", 2.5, arena="gsrm", modules=4, track_control="skid"),
+    "Traverse-v0": _task("traverse", 2.5, arena="gsrm", default_organism=4, track_control="skid"),
     "Traverse-hard-v0": _task(
         "traverse",
         2.5,
         arena="gsrm",
-        modules=4,
+        default_organism=4,
         track_control="skid",
         randomize={**_TURNED, "friction": (0.3, 0.45)},
     ),
     "Explore-easy-v0": _task("explore", 1.5, arena="gsrm", **_LONE, parameters={"share": 0.4}),
     "Explore-v0": _task("explore", 2.5, arena="gsrm", **_LONE, parameters={"share": 0.7}),
     "Explore-hard-v0": _task("explore", 3.0, arena="gsrm", **_LONE, parameters={"share": 0.9}),
-    "Recover-easy-v0": _task(
-        "recover", 1.5, modules=3, track_control="skid", parameters={"least": 1.2, "most": 1.7}
-    ),
-    "Recover-v0": _task("recover", 2.0, modules=3, track_control="skid"),
-    "Recover-hard-v0": _task("recover", 2.0, modules=8, track_control="skid", parameters={"least": 2.6}),
+    "Recover-easy-v0": _task("recover", 1.5, **_FALLEN, parameters={"least": 1.3, "most": 1.6}),
+    "Recover-v0": _task("recover", 1.5, **_FALLEN, parameters={"least": 1.5, "most": 1.9}),
+    "Recover-hard-v0": _task("recover", 2.5, **_FALLEN, parameters={"least": 2.4}),
 }
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()

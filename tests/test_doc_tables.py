@@ -5,7 +5,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from symbrion_gym.tasks.success_check import SuccessCriteria
 
 from evolution.controllers.controller import CONTROLLERS, make_controller
 from evolution.search.evaluation import BACKENDS
@@ -13,6 +12,7 @@ from reconstruction.scans.point_files import READABLE
 from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.contact.kinds import CONTACT_KINDS
 from symbrion_gym.registration import ENVIRONMENTS
+from symbrion_gym.tasks.criteria import SuccessCriteria
 
 ROOT = Path(__file__).parents[1]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from evolution.errors import RunError
+from evolution.references import check_versions, find_versions
 from symbrion_gym.errors import TaskError
 from symbrion_gym.tasks.recorders import (
     Descriptor,
@@ -46,9 +47,14 @@ class StoredDescriptors:
         Raises:
             RunError: one cannot be restored.
         """
+        content = json.loads(self.text)
+        versions = (
+            content.pop() if content and isinstance(content[-1], dict) and "versions" in content[-1] else {}
+        )
         try:
-            return check_descriptors(restore(json.loads(self.text)))
-        except TaskError as error:
+            check_versions(versions.get("versions", {}), what)
+            return check_descriptors(restore(content))
+        except (TaskError, AttributeError) as error:
             raise RunError(f"{what}: {error}") from error
 
 
@@ -89,9 +95,11 @@ def descriptors_to_json(descriptors: Any) -> Any:
     if isinstance(descriptors, StoredDescriptors):
         return json.loads(descriptors.text)
     try:
-        return describe(descriptors)
+        content = describe(descriptors)
     except TaskError as error:
         raise RunError(f"descriptors: {error}") from error
+    versions = find_versions(content, "descriptors")
+    return [*content, {"versions": versions}] if versions else content
 
 
 def as_records(kept: Mapping[str, Any]) -> Records:

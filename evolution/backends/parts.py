@@ -91,7 +91,7 @@ class EpisodeConfig:
     Attributes:
         task: a `Task` or the name of one; None: to cross a pit, or to reach `goal`.
         start: where a trial begins: "pit" (close before the pit), "floor", or (x, y) or (x, y, z) [m]; None: where
-            the task says, and "pit" without a task.
+            the task says, and "pit" without task and goal.
         goal: (x, y) or (x, y, z) to be reached [m]; None: where the task or the arena says.
         environment: further options of the environment, such as pit, bottomless, duration or track_control.
     """
@@ -106,7 +106,7 @@ class EpisodeConfig:
         set_field(self, "task", check_task(self.task))
         known = None if isinstance(self.task, StoredTask) else self.task
         set_field(self, "environment", sort_options(self.environment, known))
-        if self.start is None and self.task is None:
+        if self.start is None and self.task is None and self.goal is None:
             set_field(self, "start", "pit")
         if isinstance(self.start, str):
             check_choice("start", self.start, START_NAMES, RunError)
@@ -198,8 +198,8 @@ def make_snake(modules: int) -> Organism:
 def _as_point(name: str, values: Any) -> Point:
     try:
         point = as_floats(name, np.ravel(values).tolist(), -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-    except (TypeError, ValueError) as error:
-        raise RunError(f"{name} is {values!r}; a name, (x, y) or (x, y, z) is needed") from error
+    except (TypeError, ValueError, RunError) as error:
+        raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed") from error
     if len(point) not in (2, 3):
-        raise RunError(f"{name} is {values!r}; a name, (x, y) or (x, y, z) is needed")
+        raise RunError(f"{name} is {values!r}; (x, y) or (x, y, z) in meters is needed")
     return point

@@ -6,7 +6,6 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from jaxtyping import Float
 
 from evolution.backends.descriptors import Records, as_records
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.prepared_arenas import find_arena_key, prepare_arena
 from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
@@ -86,9 +86,30 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     ]
 
 
+def warm_up(trials: Trials, num_jobs: int, threads: int) -> None:
+    """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal.
+
+    Args:
+        trials: of each job.
+        num_jobs: number of jobs.
+        threads: number of threads of `mujoco.batch`.
+
+    Raises:
+        RunError: the environment cannot be made.
+    """
+    job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
+    expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
+    for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout):
+        first = np.arange(environment.num_envs) == 0  # the first trial begins there anyway
+        try:
+            environment.reset(options={"reset_mask": first})
+        except ValueError as error:
+            raise RunError(f"the environment cannot be made: {error}") from error
+
+
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
-    arena = trials.arena if isinstance(trials.arena, str | PathLike) else id(trials.arena)
+    arena = find_arena_key(trials.arena)
     return arena, trials.body, trials.episode, trials.control, trials.rollout, trials.trial.descriptors
 
 
@@ -106,7 +127,7 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
     body = trials.modules if trials.organism is None else trials.organism
     if trials.trial.descriptors:
         options["recorders"] = trials.trial.descriptors
-    return options | {"arena": trials.arena, "modules": body}
+    return options | {"arena": prepare_arena(trials.arena), "modules": body}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:

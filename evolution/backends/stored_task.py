@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from evolution.errors import RunError
+from evolution.references import check_versions, find_versions
+from symbrion_gym.errors import TaskError
+from symbrion_gym.tasks.catalog import TASKS
+from symbrion_gym.tasks.task import Task, read_task
 
 
 @dataclass(frozen=True)
@@ -12,7 +16,7 @@ class StoredTask:
     """What a file says of a task; its terms are not imported yet.
 
     Attributes:
-        text: JSON text of `Task.as_dict`.
+        text: JSON text of `Task.as_dict`, and of the versions of what a user wrote in it.
     """
 
     text: str
@@ -21,14 +25,13 @@ class StoredTask:
         """Return the task.
 
         Raises:
-            RunError: it cannot be restored.
+            RunError: it cannot be restored, or has changed since.
         """
-        from symbrion_gym.errors import TaskError
-        from symbrion_gym.tasks import read_task
-
+        content = json.loads(self.text)
         try:
-            return read_task(json.loads(self.text))
-        except TaskError as error:
+            check_versions(content.pop("versions", {}), "task")
+            return read_task(content)
+        except (TaskError, AttributeError) as error:
             raise RunError(f"task: {error}") from error
 
 
@@ -42,8 +45,6 @@ def check_task(task: Any) -> Any:
         return task
     if isinstance(task, dict):
         return StoredTask(json.dumps(task, sort_keys=True))
-    from symbrion_gym.tasks import TASKS, Task
-
     if isinstance(task, str) and task in TASKS:
         return task
     if isinstance(task, Task):
@@ -61,9 +62,9 @@ def task_to_json(task: Any) -> Any:
         return task
     if isinstance(task, StoredTask):
         return json.loads(task.text)
-    from symbrion_gym.errors import TaskError
-
     try:
-        return task.as_dict()
+        content = task.as_dict()
     except TaskError as error:
         raise RunError(f"task: {error}") from error
+    versions = find_versions(content, "task")
+    return content | {"versions": versions} if versions else content

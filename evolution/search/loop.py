@@ -16,6 +16,8 @@ from jaxtyping import Float
 
 from evolution.backends.making import Backend, make_backend
 from evolution.backends.parts import BodyConfig
+from evolution.backends.prepared_arenas import prepare_arena
+from evolution.backends.rollout import warm_up
 from evolution.backends.scoring import compute_fitness
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
@@ -52,9 +54,12 @@ def evolve(
     Raises:
         RunError: the folder contains a run, cannot be written or is being written by another run.
     """
+    if config.must_be_restorable:
+        config.to_json()  # refuses what no file and no other process could restore, before anything is written
+    if simulate is None and config.generations:
+        prepare(config, progress)
     if config.folder is None:
         return _run(config, Record(), None, simulate, on_generation, progress)
-    config.to_json()  # refuses what no file can keep before anything is written
     folder = RunFolder(config.folder)
     with folder.lock():
         folder.begin(config)
@@ -91,9 +96,34 @@ def resume(
         stored = run_folder.read_config()
         config = replace(stored, folder=str(folder), **changes).restore()
         record = run_folder.read_record(config)
+        if simulate is None and config.generations > record.num_generations:
+            prepare(config, progress)
         if config != stored:
             run_folder.write_config(config)
         return _run(config, record, run_folder, simulate, on_generation, progress)
+
+
+def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
+    """Build the arenas of a run, with progress, and check body, start and goal by compiling the first environment.
+
+    Raises:
+        RunError: the environment cannot be made.
+        ArenaError: there is no such arena, or it cannot be built.
+    """
+    for stage in config.all_stages:
+        prepare_arena(stage.arena, progress)
+    first = config.all_stages[0]
+    trials = Trials(
+        arena=first.arena,
+        body=BodyConfig(config.body.max_modules) if config.body_lengths else config.body,
+        episode=config.episode,
+        control=config.control,
+        trial=config.trial,
+        count=first.trials or config.trials,
+    )
+    is_here = config.backend == "batch"
+    progress("compiling the environment", 0.0)
+    warm_up(trials, config.population_size if is_here else 1, config.workers if is_here else 1)
 
 
 def load_run(folder: str | Path) -> Run:

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import COURSES, Course, make_course
 from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.assets import NAMED_ARENAS, SCANNED_PITS
-from symbrion_gym.environment.config import EnvironmentConfig
+from symbrion_gym.environment.config import MAX_MODULES, EnvironmentConfig
+from symbrion_gym.environment.organism_options import SCOUT_OPTIONS, apply_options
 from symbrion_gym.errors import ArenaError, OrganismError
-from symbrion_gym.robot.organism import Organism, snake
+from symbrion_gym.robot.body_plans import load_organism
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 logger = logging.getLogger(__name__)
@@ -89,19 +89,27 @@ def _log_progress(message: str, fraction: float) -> None:
 
 
 def find_organism(config: EnvironmentConfig, friction: float) -> Organism:
-    """Return the organism of the options.
+    """Return the organism of the options, with the constants of its modules that they name.
+
+    Args:
+        config: the options.
+        friction: sliding friction of the arena, which holds unless options or organism say otherwise.
 
     Raises:
-        OrganismError: neither a number of modules nor an Organism, or one that cannot be.
+        OrganismError: there is no such organism, or it cannot be.
+        OptionError: an option contradicts the organism.
     """
-    if isinstance(config.modules, Organism):
-        return config.modules
-    if not isinstance(config.modules, int | np.integer):
-        raise OrganismError(f"modules must be a number or an Organism, got {config.modules!r}")
-    scout = ScoutConfig(
-        friction=friction,
-        hinge_torque=config.hinge_torque,
-        track_speed=config.track_speed,
-        tracks=config.tracks,
-    )
-    return snake(int(config.modules), scout)
+    if isinstance(config.modules, str | Path):
+        raise OrganismError(
+            f"modules must be a number or an Organism, got {config.modules!r}; names go to organism"
+        )
+    organism = load_organism(config.modules if config.organism is None else config.organism)
+    if organism.num_modules > MAX_MODULES:
+        raise OrganismError(
+            f"{organism.num_modules} modules are too many; at most {MAX_MODULES} are possible"
+        )
+    usual = {entry.name: entry.default for entry in fields(EnvironmentConfig)}
+    wanted = {name: value for name in SCOUT_OPTIONS if (value := getattr(config, name)) != usual[name]}
+    if organism.scout.friction == ScoutConfig.friction:
+        wanted = {"friction": friction} | wanted
+    return apply_options(organism, wanted)

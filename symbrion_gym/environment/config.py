@@ -15,6 +15,7 @@ from reconstruction.progress import Progress
 from reconstruction.range_checks import check_choice, check_not_negative, check_positive
 from symbrion_gym.arenas.checks import FRICTION_LIMITS
 from symbrion_gym.assets import NAMED_ARENAS
+from symbrion_gym.environment.organism_options import check_organism_options
 from symbrion_gym.errors import OptionError, OrganismError
 from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS, SENSORS
 from symbrion_gym.tasks.catalog import choose_task, find_parameters
@@ -84,6 +85,7 @@ class EnvironmentConfig:
     Attributes:
         arena: a name, a folder, a mesh file or an `Arena`.
         modules: length of the snake, or an `Organism`.
+        organism: the body in place of `modules`: what `load_organism` reads, or an `Organism`.
         pit: width of the pit of the named courses [m]; None for `default_pit`.
         default_pit: width of the pit that a registered id sets [m]; None for the arena's own.
         default_ends: start and goal, (x, y) [m], that a registered id sets for its own, named arena, where neither
@@ -166,6 +168,7 @@ class EnvironmentConfig:
     criteria: SuccessCriteria | None = None
     margins: RouteMargins | None = None
     pit_search: PitSearch | None = None
+    organism: int | str | Path | Organism | None = None
 
     def __post_init__(self) -> None:
         check_not_negative(self, _NOT_NEGATIVE, OptionError)
@@ -182,6 +185,8 @@ class EnvironmentConfig:
             or self.frame_skip < 1
         ):
             raise OptionError(f"frame_skip must be a whole number above 0, got {self.frame_skip!r}")
+        if self.organism is not None and self.modules != type(self).modules:
+            check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
@@ -198,7 +203,8 @@ class EnvironmentConfig:
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> EnvironmentConfig:
-        """Return the configuration of keyword arguments.
+        """Return the configuration of keyword arguments: fields, parameters of a named task, and `default_organism`,
+        the body that a registered id sets where neither `modules` nor `organism` is given.
 
         Raises:
             OptionError: an option that does not exist, is given under two names, or is out of range.
@@ -211,12 +217,16 @@ class EnvironmentConfig:
             if old in given:
                 warnings.warn(f"option {old!r} is now called {new!r}", DeprecationWarning, stacklevel=3)
                 given[new] = given.pop(old)
+        usual_body = given.pop("default_organism", None)
+        if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
+            given["organism"] = usual_body
         names = [entry.name for entry in fields(cls)]
         chosen = given.get("task") or given.get("default_task", cls.default_task)
         own = find_parameters(chosen) if isinstance(chosen, str) else ()
         parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
         for name in given:
             check_choice("option", name, [*names, *(each for each in own if each not in names)], OptionError)
+        check_organism_options(given)
         if parameters:
             given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}
         return cls(**given)

@@ -18,11 +18,23 @@ from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.tasks.state import TaskState, Views
+from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 from symbrion_gym.tasks.watch import Watch
 
 _SOUND = 0.98
 """Share of the square of the largest rate at which the sum of all squares leaves no doubt."""
+
+
+def name_numbers(task: Task) -> tuple[str, ...]:
+    """Return the names of the numbers of `info`."""
+    rewards = tuple(f"reward_{term.name}" for term in task.rewards)
+    return ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
+
+
+def name_flags(task: Task) -> tuple[str, ...]:
+    """Return the names of the flags of `info`."""
+    return BASE_FLAGS + tuple(term.name for term in task.terminations)
 
 
 class Start(NamedTuple):
@@ -80,9 +92,7 @@ class Episodes:
         self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
         self._watch = Watch(task, self.state)
         self._largest_squares = _SOUND * criteria.max_rate**2
-        self.flag_names = BASE_FLAGS + tuple(term.name for term in task.terminations)
-        rewards = tuple(f"reward_{term.name}" for term in task.rewards)
-        self.number_names = ("x_position", "progress", "time", *rewards, "lowest_module", "least_upright")
+        self.number_names, self.flag_names = name_numbers(task), name_flags(task)
         self.flags = self._watch.flags
         self.numbers, self._scratch = np.zeros((2, len(self.number_names), num))
         coefficients = [term.weight * (self._dt if term.per_second else 1.0) for term in task.rewards]

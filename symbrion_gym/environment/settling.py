@@ -12,6 +12,10 @@ _MARGIN = 0.05
 """Contacts are foreseen from this distance on [m]."""
 _STEP = 0.02
 """A module moves at most this far up or down in an iteration [m], well within the margin."""
+_REACH = 2.0
+"""Parts of the body move no farther than this many times that [m]."""
+_ROUGHLY = 4e-3
+"""The body is first settled up to this step [m], put back to its place, and settled again."""
 _TURN_PER_STEP = 5.0
 """Joints turn at most this much per meter of that step [rad/m]: 0.1 rad, where arcs are still nearly straight."""
 _SHORTEST_STEP = 2e-4
@@ -20,7 +24,7 @@ _ENOUGH = 1e-5
 """Likewise when an iteration lowers its center of mass by less [m]."""
 _MAX_ITERATIONS = 60
 """More than any organism on the arenas at hand needs."""
-_PENALTY = 100.0
+_PENALTY = 10.0
 """Weight of the deepest overlap against the height of the center of mass: overlaps are removed first."""
 _DANGLING = np.pi / 3
 """Hinges bend no farther to either side, so that what hangs over an edge does not fold under it [rad]."""
@@ -36,6 +40,7 @@ class _Linearized(NamedTuple):
         height: of the center of mass [m].
         lifting: its change.
         rising: change of the modules' heights.
+        holding: change of the horizontal place of the ground below the center of mass, as part of the root.
     """
 
     qpos: Float[np.ndarray, " nq"]
@@ -44,6 +49,7 @@ class _Linearized(NamedTuple):
     height: float
     lifting: Float[np.ndarray, " m"]
     rising: Float[np.ndarray, "n m"]
+    holding: Float[np.ndarray, "2 m"]
 
     def find_merit(self, gap: float) -> float:
         """Return what is minimized: height of the center of mass, and the deepest overlap."""
@@ -58,8 +64,9 @@ class Settler:
     """Finds the pose of rest of a body with loose joints on the contact geometry of its arena.
 
     The potential energy is lowered step by step. Each step is a linear program: the center of mass goes down as far as
-    the distances to the ground, linear in the step, allow. Place and heading of the root stay. In the pose that it ends
-    in, the ground carries the body without any torque of the servos.
+    the distances to the ground, linear in the step, allow. Heading stays, and so does the point of the ground below the
+    center of mass, about which the body turns: as friction holds it, without a torque. In the pose that this ends in,
+    the ground carries the body with no torque of the servos.
 
     Args:
         model: the arena with the body; copied.
@@ -77,9 +84,11 @@ class Settler:
         self._data = mujoco.MjData(self._model)
         self._modules = modules
         self._root = int(self._model.body_rootid[self._model.site_bodyid[modules[0]]])
-        self._model.geom_margin[self._model.body_rootid[self._model.geom_bodyid] == self._root] = _MARGIN
+        is_ours = self._model.body_rootid == self._root
+        self._model.geom_margin[is_ours[self._model.geom_bodyid]] = _MARGIN
+        self._model.body_margin[is_ours] = _MARGIN
         free = int(self._model.jnt_dofadr[self._model.body_jntadr[self._root]])
-        self._moving = np.array([free + 2, free + 3, free + 4, *joints])
+        self._moving = np.array([free, free + 1, free + 2, free + 3, free + 4, *joints])
         joint = self._model.dof_jntid[joints]
         self._qpos = self._model.jnt_qposadr[joint]
         self._limit = np.minimum(self._model.jnt_range[joint, 1], _DANGLING)
@@ -91,7 +100,13 @@ class Settler:
             qpos: where the body begins, clear of the ground.
             gap: distance that it keeps from the ground [m].
         """
-        step, best = _STEP, self._linearize(qpos.copy())
+        rough = self._lower(qpos, gap, _ROUGHLY)
+        rough[:2] = qpos[:2]
+        return self._lower(rough, gap, _SHORTEST_STEP)
+
+    def _lower(self, qpos: Float[np.ndarray, " nq"], gap: float, shortest: float) -> Float[np.ndarray, " nq"]:
+        """Return the pose of rest, up to a shortest step; the root has moved as far as the body has tilted."""
+        step, best = _STEP, self._linearize(qpos)
         for _ in range(_MAX_ITERATIONS):
             trial = best.qpos.copy()
             mujoco.mj_integratePos(self._model, trial, self._find_step(best, step, gap), 1.0)
@@ -99,7 +114,7 @@ class Settler:
             gained = best.find_merit(gap) - tried.find_merit(gap)
             best = tried if gained > 0.0 else best
             step = step / 2 if gained < _ENOUGH else step
-            if step < _SHORTEST_STEP:
+            if step < shortest:
                 break
         best.qpos[2] += best.find_overlap(gap)
         return best.qpos
@@ -127,19 +142,27 @@ class Settler:
             mujoco.mj_jacSite(model, data, jacobian, None, site)
             rising[row] = jacobian[2, moving]
         mujoco.mj_jacSubtreeCom(model, data, jacobian, self._root)
-        height = float(data.subtree_com[self._root, 2])
+        center = data.subtree_com[self._root]
+        foot = np.array([*center[:2], np.min(data.contact.pos[found, 2], initial=center[2])])
+        lifting = jacobian[2, moving].copy()
+        mujoco.mj_jac(model, data, jacobian, None, foot, self._root)
+        holding = jacobian[:2, moving].copy()
         distance = data.contact.dist[found].copy()
-        return _Linearized(qpos, distance, leaving, height, jacobian[2, moving].copy(), rising)
+        return _Linearized(qpos, distance, leaving, float(center[2]), lifting, rising, holding)
 
     def _find_step(self, pose: _Linearized, step: float, gap: float) -> Float[np.ndarray, " nv"]:
         """Return the step that lowers the center of mass most."""
         from scipy.optimize import linprog
 
-        slack, nothing = -np.ones((len(pose.distance), 1)), np.zeros((len(pose.rising), 1))
+        is_near = pose.distance < gap + _REACH * step
+        distance, leaving = pose.distance[is_near], pose.leaving[is_near]
+        slack, nothing = -np.ones((len(distance), 1)), np.zeros((len(pose.rising), 1))
         found = linprog(
             np.append(pose.lifting, _PENALTY),
-            A_ub=np.block([[-pose.leaving, slack], [pose.rising, nothing], [-pose.rising, nothing]]),
-            b_ub=np.concatenate([pose.distance - gap, np.full(2 * len(pose.rising), step)]),
+            A_ub=np.block([[-leaving, slack], [pose.rising, nothing], [-pose.rising, nothing]]),
+            A_eq=np.hstack([pose.holding, np.zeros((2, 1))]),
+            b_eq=np.zeros(2),
+            b_ub=np.concatenate([distance - gap, np.full(2 * len(pose.rising), step)]),
             bounds=[*self._find_bounds(pose.qpos, step), (0.0, None)],
             method="highs-ds",
         )
@@ -152,4 +175,26 @@ class Settler:
         """Return the smallest and largest change of each degree of freedom that moves."""
         turn, angle = _TURN_PER_STEP * step, qpos[self._qpos]
         low, high = np.maximum(-turn, -self._limit - angle), np.minimum(turn, self._limit - angle)
-        return [(-step, step), (-turn, turn), (-turn, turn), *zip(low.tolist(), high.tolist(), strict=True)]
+        return [
+            (-step, step),
+            (-step, step),
+            (-step, step),
+            (-turn, turn),
+            (-turn, turn),
+            *zip(low.tolist(), high.tolist(), strict=True),
+        ]
+
+
+def find_depth(model: mujoco.MjModel, data: mujoco.MjData, qpos: Float[np.ndarray, " nq"]) -> float:
+    """Return how deep a pose reaches into the ground, or into itself [m].
+
+    Args:
+        model: the model.
+        data: overwritten.
+        qpos: the pose.
+    """
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    return float(-data.contact.dist.min(initial=0.0))

@@ -17,12 +17,15 @@ from symbrion_gym.environment.arena_and_organism import find_arena, find_organis
 from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.laying import LIFT, GroundPlacement
 from symbrion_gym.environment.rendering import add_scene
-from symbrion_gym.environment.settling import Settler
+from symbrion_gym.environment.settling import Settler, find_depth
 from symbrion_gym.environment.tumbling import tumble
 from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
 from symbrion_gym.tasks.scene import Scene
 
+_SUNK = 0.005
+"""A snake that follows a line on the ground may reach this deep into what rises beside the line; else it is settled as
+other bodies are [m]."""
 _SAME = 1e-9
 """Numbers closer than this are equal but for rounding."""
 
@@ -79,8 +82,8 @@ class World:
         self.config = config
         on_map = find_arena(config)
         self.arena = stretch_arena(on_map, config.stretch)
-        self.friction = float(self.arena.friction if config.friction is None else config.friction)
-        self.organism = find_organism(config, self.friction)
+        self.organism = find_organism(config, float(self.arena.friction))
+        self.friction = float(self.organism.scout.friction)
         self.task = config.find_task()
         self.map_route = self.task.find_route(on_map, self.organism)
         self.route = self.task.find_route(self.arena, self.organism)
@@ -212,10 +215,15 @@ class World:
         qpos[:3], qpos[3:7] = laid.position, laid.quaternion
         if roll:
             return tumble(self.scene, qpos, route.heading + yaw, roll)
-        if not self._placement.is_snake:
-            return self._settler.settle(qpos, LIFT)
         qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
-        return qpos
+        if self._placement.is_snake and find_depth(self.model, self._probe, qpos) <= _SUNK:
+            return qpos
+        return self._settler.settle(qpos, LIFT)
+
+    @cached_property
+    def _probe(self) -> mujoco.MjData:
+        """State in which contacts of a pose are looked up."""
+        return mujoco.MjData(self.model)
 
     @cached_property
     def _settler(self) -> Settler:

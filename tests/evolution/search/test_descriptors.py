@@ -59,7 +59,7 @@ def test_a_run_keeps_descriptors_in_its_record_and_resumes_with_them(tmp_path):
 
 
 def test_descriptors_of_a_file_are_not_imported_until_they_are_restored():
-    config = replace(CONFIG, descriptors=(RECORDERS["pose"], np.linalg.norm))
+    config = replace(CONFIG, descriptors=(RECORDERS["pose"], find_head))
     stored = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
     assert isinstance(stored.descriptors, StoredDescriptors)
     assert stored.digest() == config.digest()
@@ -74,7 +74,7 @@ def test_what_is_no_descriptor_is_refused(descriptors):
 
 def test_a_descriptor_that_no_file_can_keep_is_refused_before_anything_is_written(tmp_path):
     config = replace(CONFIG, descriptors=(lambda state: state.progress,), folder=str(tmp_path / "run"))
-    with pytest.raises(RunError, match="descriptors: .*cannot be restored"):
+    with pytest.raises(RunError, match=r"descriptors: .*cannot be restored"):
         evolve(config)
     assert not (tmp_path / "run").exists()
 

@@ -2,7 +2,11 @@
 
 import numpy as np
 
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS
+from symbrion_gym.environment.episodes import name_flags, name_numbers
+from symbrion_gym.tasks.snake_pit import make_snake_pit
+
+NUMBERS, FLAGS = name_numbers(make_snake_pit()), name_flags(make_snake_pit())
+"""Of `info`."""
 
 
 def assert_equal_ticks(vector, singles, ticks, rng):

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
+from side_by_side import FLAGS, NUMBERS
 
 import symbrion_gym as sg
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym.environment.config import DEFAULT_SENSORS, SnakePitConfig
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.errors import OptionError
 from symbrion_gym.registration import ENVIRONMENTS

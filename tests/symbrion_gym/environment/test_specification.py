@@ -8,9 +8,9 @@ from dataclasses import MISSING, fields
 
 import numpy as np
 import pytest
+from side_by_side import FLAGS, NUMBERS
 
 from symbrion_gym.environment.config import DEFAULT_SENSORS, RANDOM_OPTIONS, SENSORS, SnakePitConfig
-from symbrion_gym.environment.episodes import FLAGS, NUMBERS
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 TEXT = inspect.getdoc(SnakePitEnv) or ""

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
-from symbrion_gym.tasks.success_check import find_ceiling
 
 import symbrion_gym as sg
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 from symbrion_gym.sensing.timing import timing
+from symbrion_gym.tasks.scene import find_ceiling
 
 RESET = {
     "friction": np.array([0.5, 0.6, 0.7, 0.8]),
