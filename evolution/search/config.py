@@ -54,7 +54,9 @@ _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORME
 _ADDED = {
     "cmaes": asdict(CmaesConfig()),
     "success_threshold": Validation.success_threshold,
-    "controller_config": asdict(ControllerConfig()),
+    "controller_config": {
+        name: value for name, value in asdict(ControllerConfig()).items() if value is not None
+    },
     "rollout": asdict(RolloutConfig()),
     "descriptors": [],
 }
