@@ -7,6 +7,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import evolution as ev
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
@@ -22,6 +24,13 @@ def load(name: str) -> ModuleType:
 
 def test_the_hand_written_controller_crosses() -> None:
     assert load("hand_written_controller").main()
+
+
+def test_the_own_controller_is_evaluated_and_short() -> None:
+    wave = load("own_controller").Wave
+    evaluation = ev.evaluate(np.zeros((2, 3)), modules=4, controller=wave, trials=1, duration=1.0)
+    assert not any(outcome.error for outcome in evaluation.outcomes)
+    assert len((EXAMPLES / "own_controller.py").read_text().splitlines()) <= 25
 
 
 @pytest.mark.slow
