@@ -181,7 +181,7 @@ def read_organism(organism: Organism | str | PathLike[str]) -> Organism:
     """
     if isinstance(organism, Organism):
         return organism
-    from symbrion_gym.robot.organism_text import load_organism
+    from symbrion_gym.robot.body_plans import load_organism
 
     try:
         return load_organism(organism)

@@ -108,6 +108,8 @@ def _parse(arguments: Sequence[str]) -> Command:
                 config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
                 sort_subcommands=False,
             )
+    except RunError as error:  # of an option that is a part of the configuration
+        sys.exit(_fail(error, 2))
     except SystemExit as end:
         if end.code:
             _fail(_flatten(errors.getvalue()), 2)
