@@ -13,8 +13,6 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks.material.driving_scenes import (
     GALLERY,
     TABLE,
@@ -22,25 +20,13 @@ from benchmarks.material.driving_scenes import (
     make_terrain,
     make_two_storeys,
 )
-from benchmarks.material.pursuit import (
-    Drive,
-    Driver,
-    Pursuit,
-    PursuitConfig,
-    TrackedRobot,
-    drive_route,
-    make_idle,
-    make_random,
-)
+from benchmarks.material.goal_driving import DRIVERS, NUM_STARTS, drive
 from benchmarks.report import write_results
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.traversability.drawing import draw_traversability
-from symbrion_gym.traversability.routes import DrivingRoute, Place
+from symbrion_gym.traversability.routes import Place
 
-NUM_STARTS = 16
-LEAST_WAY = 0.5
-"""Starts are at least this far from the goal [m]: nearer ones say little."""
 SCENES: dict[str, tuple[Callable[[], Arena], Place | None]] = {
     "room": (make_furnished_room, None),
     "table": (make_furnished_room, (1.1, 1.1, TABLE)),
@@ -49,46 +35,6 @@ SCENES: dict[str, tuple[Callable[[], Arena], Place | None]] = {
     "rough terrain": (lambda: make_terrain(1), None),
 }
 """Name -> arena, and the goal; None for that which is found."""
-DRIVERS: dict[str, Callable[[DrivingRoute, PursuitConfig], Driver]] = {
-    "pursuit": Pursuit,
-    "random": lambda route, config: make_random(config),
-    "idle": lambda route, config: make_idle(config),
-}
-
-
-def drive(
-    arena: Arena,
-    route: DrivingRoute,
-    seeds: Iterable[int],
-    body: Organism | None = None,
-    driver: str = "pursuit",
-    config: PursuitConfig | None = None,
-) -> list[Drive]:
-    """Drive to the goal of a route from random drivable places of its region, in random directions.
-
-    Args:
-        arena: where.
-        route: its goal is driven to.
-        seeds: one for each drive.
-        body: what drives; None for one Scout.
-        driver: a name of `DRIVERS`.
-        config: how it drives; None for the defaults.
-    """
-    body, config = body or snake(1), config or PursuitConfig()
-    ground, robot = arena.traversability(body), TrackedRobot(arena, body)
-    far = np.linalg.norm(ground.positions - route.goal, axis=1) > LEAST_WAY
-    candidates = np.flatnonzero((ground.region == route.region) & far)
-    drives = []
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        start = ground.positions[rng.choice(candidates)]
-        way = arena.find_route(body, start, route.goal)
-        drives.append(
-            drive_route(
-                robot, ground, way, DRIVERS[driver](way, config), rng.uniform(-np.pi, np.pi), rng, config
-            )
-        )
-    return drives
 
 
 def measure_scene(
@@ -114,6 +60,7 @@ def measure_scene(
         drives = drive(arena, route, range(num_starts), body, driver)
         row[driver] = sum(each.has_arrived for each in drives)
         row[f"{driver}_off_ground"] = sum(each.has_left_ground for each in drives)
+        row[f"{driver}_tipped_over"] = sum(each.has_tipped_over for each in drives)
     if picture is not None:
         draw_traversability(ground, picture, route)
     return row
@@ -137,7 +84,8 @@ def run(quick: bool = False, pictures: Path | None = None) -> None:
 
 def _print_row(name: str, row: dict[str, Any]) -> None:
     arrived = "  ".join(
-        f"{driver} {row[driver]}/{row['num_starts']} (off ground {row[f'{driver}_off_ground']})"
+        f"{driver} {row[driver]}/{row['num_starts']} (off ground {row[f'{driver}_off_ground']}, "
+        f"tipped over {row[f'{driver}_tipped_over']})"
         for driver in DRIVERS
         if driver in row
     )

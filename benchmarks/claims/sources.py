@@ -26,11 +26,13 @@ _SURFACES = ("benchmarks/material/arena_surfaces.py",)
 _REAL_SCANS = (
     "cloud_to_arena",
     "contact_judge",
+    "goal_driving",
     "made_scenes",
     "open3d_peer",
     "pursuit",
     "scan_sources",
     "snake_steps",
+    "tracked_robot",
 )
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")

@@ -7,10 +7,9 @@ from typing import Any
 import reconstruction as rc
 from evolution.cli.command import UsageError, require_writable_folder
 from evolution.cli.console import Console
+from reconstruction.scans.frames import UNITS
 
-_METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937, "in": 0.0254}
-"""Meters in a unit of length."""
-_NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "viewpoint", "intrinsics", "vertices")
+_NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "intrinsics", "vertices")
 """Options that a tiled reconstruction does not have, where the command has them."""
 
 
@@ -60,6 +59,7 @@ class TileOptions:
         method: str,
         seed: int,
         unit: str | None,
+        viewpoints: tuple[tuple[float, float, float], ...],
         is_raw: bool,
     ) -> dict[str, Any]:
         """Reconstruct a scan in tiles and return the summary."""
@@ -75,7 +75,8 @@ class TileOptions:
                 self.make_config(),
                 method=method,
                 seed=seed,
-                meters=_METERS[unit or "m"],
+                meters=None if unit is None else UNITS[unit],
+                viewpoints=viewpoints or None,
                 is_raw=is_raw,
                 workers=self.workers,
                 run_jobs=run_jobs,

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
+from evolution.report.framing import find_frame
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
@@ -43,6 +44,8 @@ GROUND_OPACITY = 0.55
 HEIGHT_WEIGHT = 4.0
 """Surface is colored as ground within two cells in plan, and in height within two divided by this."""
 ROUTE_COLOR = "#b00050"
+ENDS = (("*", 12, ROUTE_COLOR, "goal"), ("o", 7, "white", "start"))
+"""Marker, size [point], color and name, in the order in which they are drawn: a goal never hides the start."""
 BEHIND = 0.05
 """Contact and route this far behind the surface are still drawn [m]: within what a robot feels."""
 LIFT = 0.02
@@ -57,6 +60,8 @@ def draw_arena(
 ) -> Figure:
     """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
 
+    What trails far off the scene is outside the picture (`find_frame`).
+
     Args:
         arena: any arena.
         layers: what is drawn, of `LAYERS`.
@@ -64,10 +69,8 @@ def draw_arena(
         route: way on it, for the layer "route".
     """
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
-    views = [
-        make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
-        for direction in DIRECTIONS
-    ]
+    frame = find_frame(arena, route if "route" in layers else None)
+    views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
     figure = Figure(
         figsize=(2 * WIDTH / DPI, max(view.height for view in views) / OVERSAMPLING / DPI + 0.8),
         dpi=DPI,
@@ -84,8 +87,7 @@ def draw_arena(
         if "contact" in layers:
             picture = _add_contact(picture, pixels, contact, front, labels, shown_ground is not None)
         if shown_ground is not None:
-            is_hidden = contact.height > pixels.height + BEHIND
-            picture = _add_ground(picture, pixels, view, shown_ground, is_hidden)
+            picture = _add_ground(picture, np.maximum(pixels.height, contact.height), view, shown_ground)
         axes.imshow(reduce_samples(picture))
         axes.set_axis_off()
         if "route" in layers and route is not None:
@@ -117,16 +119,15 @@ def _add_contact(
 
 def _add_ground(
     picture: Float[np.ndarray, "H W 3"],
-    pixels: Pixels,
+    heights: Float[np.ndarray, "H W"],
     view: View,
     ground: TraversabilityMap,
-    is_hidden: Bool[np.ndarray, "H W"],
 ) -> Float[np.ndarray, "H W 3"]:
-    """Return the picture with ground colored by whether the body can drive there."""
-    rows, columns = np.nonzero((pixels.face >= 0) & ~is_hidden)
+    """Return the picture with ground colored by whether the body can drive there, on surface or contact."""
+    rows, columns = np.nonzero(np.isfinite(heights))
     if not len(rows) or not len(ground.cell):
         return picture
-    points = view.find_points(columns, rows, pixels.height[rows, columns])
+    points = view.find_points(columns, rows, heights[rows, columns])
     flat = [1.0, 1.0, HEIGHT_WEIGHT]
     distance, place = cKDTree(ground.positions * flat).query(
         points * flat, distance_upper_bound=2 * ground.grid.cell
@@ -136,7 +137,7 @@ def _add_ground(
     kind = np.where(region == 0, 0, np.where(region > 0, 1, 2))
     tint = picture.copy()
     tint[rows, columns] = np.array(list(GROUND_COLORS.values()))[kind]
-    is_shown = np.zeros(pixels.face.shape, dtype=bool)
+    is_shown = np.zeros(heights.shape, dtype=bool)
     is_shown[rows, columns] = is_ground
     return blend(picture, tint, is_shown, GROUND_OPACITY)
 
@@ -150,8 +151,8 @@ def _add_route(axes: Axes, view: View, pixels: Pixels, route: DrivingRoute) -> N
     for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(is_seen)) + 1):
         if is_seen[part[0]]:
             axes.plot(seen[part, 0], seen[part, 1], color=ROUTE_COLOR, linewidth=2.0)
-    for index, marker, size in ((0, "o", 7), (-1, "*", 13)):
-        axes.plot(*seen[index, :2], marker, color=ROUTE_COLOR, markersize=size, markeredgecolor="white")
+    for index, (marker, size, color, _) in zip((-1, 0), ENDS, strict=True):
+        axes.plot(*seen[index, :2], marker, color=color, markersize=size, markeredgecolor=ROUTE_COLOR)
 
 
 def _is_seen(seen: Float[np.ndarray, "N 3"], pixels: Pixels) -> Bool[np.ndarray, " N"]:
@@ -170,10 +171,7 @@ def _make_legend(
     if "drivable" in layers and ground is not None:
         handles += [Patch(color=color, label=name) for name, color in GROUND_COLORS.items()]
     if "route" in layers and route is not None:
-        for marker, size, name in (("o", 6, "start"), ("*", 11, "goal")):
-            handles.append(
-                Line2D(
-                    [], [], color=ROUTE_COLOR, linestyle="none", marker=marker, markersize=size, label=name
-                )
-            )
+        for marker, size, color, name in reversed(ENDS):
+            look = {"color": color, "markeredgecolor": ROUTE_COLOR, "linestyle": "none"}
+            handles.append(Line2D([], [], marker=marker, markersize=size, label=name, **look))
     return handles

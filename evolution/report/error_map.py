@@ -12,10 +12,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 import symbrion_gym as sg
+from evolution.report.framing import find_frame
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
 from evolution.report.touchable import find_touchable
+from reconstruction.quantities import format_distance
 from symbrion_gym.contact.offsets import find_nearest, find_offsets
 from symbrion_gym.contact.quality import ArenaQuality
 
@@ -41,9 +43,9 @@ def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
     surface = np.asarray(arena.surface.triangles)
     front, labels = find_touchable(arena)
     contact = arena.pieces if arena.height_field is None else arena.height_field
-    drawn = []
+    drawn, frame = [], find_frame(arena)
     for direction in DIRECTIONS:
-        view = make_view(np.asarray(arena.surface.vertices), *direction, OVERSAMPLING * WIDTH)
+        view = make_view(frame, *direction, OVERSAMPLING * WIDTH)
         drawn.append(_measure(surface, view, lambda points, normals: find_offsets(points, normals, contact)))
         drawn.append(_measure(front, view, lambda points, _: find_nearest(points, arena.surface).heights))
     limit = limit or _find_limit([values for _, values in drawn])
@@ -95,8 +97,9 @@ def _find_limit(values: Sequence[np.ndarray]) -> float:
 def describe_quality(quality: ArenaQuality) -> str:
     """Return the figures that go with an error map, in one or two lines."""
     lines = [
-        f"{quality.num_pieces} pieces; surface to contact: mean {_format(quality.mean)}, "
-        f"95 % {_format(quality.p95)}, max {_format(quality.max)}; {quality.uncovered:.1%} without contact"
+        f"{quality.num_pieces} pieces; surface to contact: mean {format_distance(quality.mean)}, "
+        f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "
+        f"{quality.uncovered:.1%} without contact"
     ]
     if quality.beams_contact is not None and quality.beams_surface is not None:
         lines.append(
@@ -104,10 +107,6 @@ def describe_quality(quality: ArenaQuality) -> str:
             f"{quality.beams_surface:.1%} on the surface; free space that is solid: {quality.free_space or 0:.1%}"
         )
     return "\n".join(lines)
-
-
-def _format(distance: float) -> str:
-    return f"{1000 * distance:.3g} mm" if distance < 1.0 else f"{distance:.3g} m"
 
 
 def _compose(

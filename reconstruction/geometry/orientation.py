@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int, Num
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from reconstruction.geometry.reversals import TurnedMesh, turn_reversed_parts
 from reconstruction.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
@@ -12,6 +13,8 @@ from reconstruction.geometry.visibility import count_votes
 OPEN_SHARE = 0.2
 """A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
 those of a half sphere sum to half of it."""
+_INSIDE = 0.5
+"""A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
 
 
 def orient_outwards(
@@ -22,8 +25,8 @@ def orient_outwards(
 ) -> Int[np.ndarray, "F 3"]:
     """Return the faces, each component turned to the outside; within a component they must be wound alike.
 
-    Towards the scanner where its position is known; else outwards for closed components (and nearly closed
-    ones), upwards (along z) for sheets.
+    Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, as in a room.
+    Sheets look towards the scanner where its position is known, else upwards (along z).
 
     Args:
         vertices: [m].
@@ -38,22 +41,50 @@ def orient_outwards(
     middle = corners.mean(axis=1)
     part = find_components(faces, len(vertices))
     count = part.max() + 1
-    if viewpoint is not None:
-        seen_from = np.atleast_2d(viewpoint)
-        if len(seen_from) > 1:
-            squared = sum_rows((middle[:, None] - seen_from[None]) ** 2)
-            seen_from = seen_from[squared.argmin(axis=1)]
-        towards = np.bincount(part, sum_rows((seen_from - middle) * cross), count)
+    area = np.bincount(part, find_lengths(cross), count)
+    total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
+    center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
+    center /= np.bincount(part, minlength=count)[:, None]
+    outwards = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
+    is_sheet = find_lengths(total) > open_share * area
+    if viewpoint is None:
+        forth = np.where(is_sheet, total[:, 2], outwards)
     else:
-        area = np.bincount(part, find_lengths(cross), count)
-        total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
-        center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
-        center /= np.bincount(part, minlength=count)[:, None]
-        volume = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
-        is_sheet = find_lengths(total) > open_share * area
-        towards = np.where(is_sheet, total[:, 2], volume)
-    is_turned = towards[part] < 0
-    return np.where(is_turned[:, None], faces[:, ::-1], faces)
+        seen_from = np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
+        forth = np.bincount(part, sum_rows((_find_nearest(middle, seen_from) - middle) * cross), count)
+        for closed in np.flatnonzero(~is_sheet):
+            turns = _count_turns(vertices, faces[part == closed], seen_from)
+            forth[closed] = -turns if abs(turns) > _INSIDE else outwards[closed]
+    return np.where((forth[part] < 0)[:, None], faces[:, ::-1], faces)
+
+
+def _find_nearest(
+    places: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"]
+) -> Float[np.ndarray, "N 3"]:
+    """Return the viewpoint that is nearest to each place."""
+    if len(viewpoints) == 1:
+        return np.broadcast_to(viewpoints[0], places.shape)
+    return viewpoints[cKDTree(viewpoints).query(places)[1]]
+
+
+def _count_turns(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], viewpoints: Float[np.ndarray, "K 3"]
+) -> float:
+    """Return how often a component winds around the viewpoint that is deepest in it.
+
+    1 in one that looks outwards, -1 in one that looks inwards, 0 where all viewpoints are outside.
+    """
+    import igl
+
+    corners = vertices[np.unique(faces)]
+    is_near = ((viewpoints >= corners.min(axis=0)) & (viewpoints <= corners.max(axis=0))).all(axis=1)
+    if not is_near.any():
+        return 0.0
+    places = np.ascontiguousarray(viewpoints[is_near])
+    turns = np.atleast_1d(
+        igl.winding_number(np.ascontiguousarray(vertices, np.float64), np.asarray(faces, np.int64), places)
+    )
+    return float(turns[np.abs(turns).argmax()])
 
 
 def orient_to_viewpoints(
@@ -67,7 +98,7 @@ def orient_to_viewpoints(
 
     The points vote (`count_votes`), each face counts with its area: far walls have few readings. Large parts of a
     component that look away from where they were seen are cut off and turned (`turn_reversed_parts`). Components
-    without a vote look to the nearest viewpoint.
+    without a vote are turned as by `orient_outwards`.
 
     Args:
         vertices: [m].

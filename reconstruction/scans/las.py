@@ -59,7 +59,7 @@ def read_las(file: BoundedFile) -> RawPoints:
         point_rows.check_num_points(file, count)
         if not header.are_points_compressed and count * size > file.size:
             raise ScanError(f"the header promises {count} points of {size} bytes in {file.size} bytes")
-        meters, height_factor = _find_units(header)
+        meters, height_factor = find_las_units(header)
         points = point_rows.allocate_points(file, count)
         has_colors = "red" in set(header.point_format.dimension_names)
         colors = np.empty((count, 3), np.uint16) if has_colors else None
@@ -124,7 +124,7 @@ def _find_colors(chunk: Any) -> UInt16[np.ndarray, "N 3"]:
     return np.stack([np.asarray(chunk[name]) for name in point_rows.COLORS], axis=1)
 
 
-def _find_units(header: laspy.LasHeader) -> tuple[float | None, float]:
+def find_las_units(header: laspy.LasHeader) -> tuple[float | None, float]:
     """Return the meters of a unit of x and y, or None, and how many of them a unit of z has.
 
     Raises:
@@ -147,7 +147,7 @@ def _find_units(header: laspy.LasHeader) -> tuple[float | None, float]:
 
 
 def _find_wkt_units(text: str) -> tuple[float | None, float]:
-    """Return the units of a coordinate system in well-known text, as `_find_units` does."""
+    """Return the units of a coordinate system in well-known text, as `find_las_units` does."""
     horizontal, _, vertical = text.partition("VERT")
     lengths, heights = _find_last_unit(horizontal), _find_last_unit(vertical)
     return lengths, 1.0 if lengths is None or heights is None else heights / lengths

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from reconstruction.errors import ScanError
 from reconstruction.extras import MissingExtraError
 from reconstruction.scans.formats import load_points
+from reconstruction.scans.las import find_las_units
 
 CHUNK = 1_000_000
 """Points at a time: 24 MB, and a few times that while they are sorted into tiles."""
@@ -36,13 +37,13 @@ class PointStream(NamedTuple):
     offset: Float[np.ndarray, " 3"]
 
 
-def open_points(source: str | Path | ArrayLike, meters: float = 1.0) -> PointStream:
+def open_points(source: str | Path | ArrayLike, meters: float | None = None) -> PointStream:
     """Open a file or an array of points for reading in chunks.
 
     Args:
         source: a file .las or .laz (read in chunks, needs laspy), .npy of an array `[N, 3]` or wider (mapped into
             memory), any other point file (read whole), or an array.
-        meters: length of a unit of the source [m].
+        meters: length of a unit of the source [m]; None: what a .las or .laz says, else 1.
 
     Raises:
         ScanError: no points, or an array of another shape.
@@ -53,6 +54,7 @@ def open_points(source: str | Path | ArrayLike, meters: float = 1.0) -> PointStr
         raise ScanError(f"{path}: no such file")
     if path is not None and path.suffix.lower() in (".las", ".laz"):
         return _open_las(path, meters)
+    meters = 1.0 if meters is None else meters
     if path is not None and path.suffix.lower() == ".npy":
         rows = _map_array(path)
     else:
@@ -77,7 +79,7 @@ def _map_array(path: Path) -> np.ndarray:
         raise ScanError(f"{path}: not an array of numbers ({error})") from error
 
 
-def _open_las(path: Path, meters: float) -> PointStream:
+def _open_las(path: Path, meters: float | None) -> PointStream:
     try:
         import laspy
     except ImportError as error:
@@ -89,17 +91,20 @@ def _open_las(path: Path, meters: float) -> PointStream:
         with path.open("rb") as file, laspy.LasReader(file, closefd=False) as reader:
             for chunk in reader.chunk_iterator(CHUNK):
                 points = np.stack([np.asarray(chunk[axis], dtype=np.float64) for axis in "xyz"], axis=1)
-                yield _as_meters(points[_find_usable(chunk)], meters)
+                yield _as_meters(points[_find_usable(chunk)], lengths)
 
     try:
         with path.open("rb") as file, laspy.LasReader(file, closefd=False) as reader:
             header = reader.header
             low, high, count = np.array(header.mins), np.array(header.maxs), header.point_count
+            stated, height_factor = find_las_units(header)
     except (laspy.LaspyException, OSError, ValueError) as error:
         raise ScanError(f"{path}: not readable as LAS ({error})") from error
     if not count:
         raise ScanError(f"{path}: there are no points")
-    return PointStream(read, _find_offset(meters * (low + high) / 2))
+    unit = (stated or 1.0) if meters is None else meters
+    lengths = unit * np.array([1.0, 1.0, height_factor])
+    return PointStream(read, _find_offset(lengths * (low + high) / 2))
 
 
 def _find_usable(chunk: Any) -> np.ndarray:
@@ -108,7 +113,7 @@ def _find_usable(chunk: Any) -> np.ndarray:
     return ~(is_noise | np.asarray(chunk["withheld"]).astype(bool))
 
 
-def _as_meters(rows: np.ndarray, meters: float) -> Float[np.ndarray, "N 3"]:
+def _as_meters(rows: np.ndarray, meters: float | Float[np.ndarray, " 3"]) -> Float[np.ndarray, "N 3"]:
     """Return rows in double precision, without those that are not finite."""
     points = np.asarray(rows, dtype=np.float64) * meters
     is_finite = np.isfinite(points).all(axis=1)

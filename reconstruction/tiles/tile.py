@@ -25,7 +25,8 @@ def reconstruct_tile(job: dict[str, Any]) -> dict[str, Any]:
     """Reconstruct a tile with its halo and write its surface, in coordinates of the whole scan.
 
     Args:
-        job: `points` and `out` (files), `place`, `seed`, `method`, `is_raw`, and `config` (fields of `TilesConfig`).
+        job: `points` and `out` (files), `place`, `seed`, `method`, `is_raw`, `config` (fields of `TilesConfig`), and
+            `viewpoints` (positions in the tile's coordinates, or None).
 
     Returns:
         `place`; `units` of the network, 0 where there are too few points; `used` points; `problem`, one line or None.
@@ -42,7 +43,10 @@ def reconstruct_tile(job: dict[str, Any]) -> dict[str, Any]:
         points = _sample(
             points, round(units * config.points_per_unit), [job["seed"], *_as_unsigned(job["place"])]
         )
-        mesh = reconstruct(points, method=job["method"], units=units, seed=job["seed"]).mesh
+        viewpoints = job.get("viewpoints")
+        mesh = reconstruct(
+            points, method=job["method"], units=units, seed=job["seed"], viewpoints=viewpoints
+        ).mesh
     except (ReconstructionError, ScanError) as error:
         return report | {"problem": str(error)}
     corner = np.array([*job["place"], 0.0]) * config.tile

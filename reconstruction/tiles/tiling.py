@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
@@ -22,6 +24,9 @@ from reconstruction.tiles.workers import RunJobs, run_in_processes
 
 _NEIGHBORS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
 
+_MOST_VIEWPOINTS = 64
+"""Viewpoints that a tile knows: the nearest."""
+
 _logger = logging.getLogger(__name__)
 
 
@@ -32,7 +37,8 @@ def reconstruct_tiles(
     *,
     method: str = "gsrm",
     seed: int = 0,
-    meters: float = 1.0,
+    meters: float | None = None,
+    viewpoints: ArrayLike | None = None,
     is_raw: bool = False,
     workers: int = 1,
     run_jobs: RunJobs | None = None,
@@ -50,7 +56,9 @@ def reconstruct_tiles(
         config: size of tiles and halos, resolution.
         method: "gsrm" or "gg".
         seed: equal seeds give equal surfaces.
-        meters: length of a unit of the source [m].
+        meters: length of a unit of the source [m]; None: what a .las or .laz says, else 1.
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the source [m]: surfaces look to
+            where they were seen from. Without them they look up.
         is_raw: leave out the filter for isolated points.
         workers: processes of this machine.
         run_jobs: runs the jobs elsewhere, in place of `workers`; `folder` must be visible there.
@@ -64,6 +72,7 @@ def reconstruct_tiles(
     config = config or TilesConfig()
     run_jobs = run_jobs or run_in_processes(workers)
     stream, folder = open_points(source, meters), Path(folder).absolute()
+    positions = _read_viewpoints(viewpoints, stream.offset)
     claim_folder(folder)
     with tempfile.TemporaryDirectory(prefix=".working-", dir=folder) as temporary:
         working = Path(temporary)
@@ -74,6 +83,7 @@ def reconstruct_tiles(
             | {
                 "place": list(bucket.place),
                 "points": str(name_bucket(working, bucket.place)),
+                "viewpoints": _find_near_viewpoints(positions, bucket.place, config),
                 "out": str(working / name_tile(bucket.place)),
             }
             for bucket in buckets
@@ -112,6 +122,33 @@ def reconstruct_tiles(
         },
     )
     return TiledSurface.load(folder)
+
+
+def _read_viewpoints(viewpoints: ArrayLike | None, offset: Float[np.ndarray, " 3"]) -> np.ndarray | None:
+    """Return positions of the sensor in the frame of the tiles.
+
+    Raises:
+        ReconstructionError: they are none.
+    """
+    if viewpoints is None:
+        return None
+    places = np.atleast_2d(np.asarray(viewpoints, dtype=np.float64))
+    if places.ndim != 2 or places.shape[1] != 3 or not len(places) or not np.isfinite(places).all():
+        raise ReconstructionError(
+            f"viewpoints must be finite positions x, y, z in meters, got {viewpoints!r}"
+        )
+    return places - offset
+
+
+def _find_near_viewpoints(
+    positions: np.ndarray | None, place: Place, config: TilesConfig
+) -> list[list[float]] | None:
+    """Return the viewpoints nearest to a tile, in its own coordinates."""
+    if positions is None:
+        return None
+    corner = np.array([*place, 0.0]) * config.tile
+    distance = np.linalg.norm((positions - corner)[:, :2] - config.tile / 2, axis=1)
+    return (positions[np.argsort(distance, kind="stable")[:_MOST_VIEWPOINTS]] - corner).tolist()
 
 
 def finish_tile(job: dict[str, Any]) -> dict[str, Any]:

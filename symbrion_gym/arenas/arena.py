@@ -14,11 +14,13 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from reconstruction.geometry.elevation import Elevation
+from reconstruction.quantities import format_distance
 from symbrion_gym.arenas.checks import check_friction, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.saving import save_arena
+from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
@@ -29,7 +31,7 @@ from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfi
 from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Arena:
     """A world without a robot.
 
@@ -67,6 +69,17 @@ class Arena:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "hfield") != (self.height_field is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
+
+    def __repr__(self) -> str:
+        """Return name, contact, size and quality in one line."""
+        size = (
+            " x ".join(f"{side:.3g}" for side in self.surface.extents) if len(self.surface.faces) else "empty"
+        )
+        contact = (
+            "a height field" if self.height_field is not None else f"{len(self.pieces)} {self.kind} pieces"
+        )
+        off = f"{format_distance(self.quality.mean)} off in the mean"
+        return f"Arena({self.name!r}: {contact}, {len(self.surface.faces)} faces, {size} m, {off})"
 
     @classmethod
     def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
@@ -129,6 +142,8 @@ class Arena:
     ) -> DrivingRoute:
         """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
 
+        Where the positions of the scanner are known, they are chosen where it saw the ground.
+
         Args:
             body: an organism, or what a body of any kind needs; None for one Scout.
             start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
@@ -140,7 +155,9 @@ class Arena:
                 goal; the message names the nearest place that is possible.
             OptionError: the body is of another kind.
         """
-        return find_driving_route(self.traversability(body), start, goal, self.name, config)
+        viewpoints = self.provenance.get("viewpoints")
+        find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
+        return find_driving_route(self.traversability(body), start, goal, self.name, config, find_seen)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""

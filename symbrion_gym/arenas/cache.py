@@ -22,7 +22,7 @@ from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.quality import ArenaQuality
 
-_FORMAT = 8
+_FORMAT = 9
 """Raised whenever the way pieces are made or kept changes: old entries are then left alone."""
 _LIBRARIES = ("coacd", "libigl", "mujoco", "numpy", "scipy", "trimesh", "fast-simplification", "manifold3d")
 

@@ -16,7 +16,14 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scan_quality import add_scan_quality
-from symbrion_gym.arenas.scanned import find_doubts, find_two_sided, repair_surface, take_surface
+from symbrion_gym.arenas.scanned import (
+    MeshFrame,
+    find_doubts,
+    find_two_sided,
+    repair_surface,
+    take_surface,
+)
+from symbrion_gym.arenas.seen_places import choose_positions
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -32,9 +39,12 @@ def make_arena(
     surface: Reconstruction | trimesh.Trimesh | str | Path,
     *,
     accuracy: float | None = None,
-    max_pieces: int = 1500,
-    kind: str = "convex",
+    max_pieces: int = 2200,
+    kind: str = "auto",
     viewpoints: ArrayLike | None = None,
+    unit: str | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
     course: Course | StairsCourse | None = None,
     name: str | None = None,
     friction: float | None = None,
@@ -47,9 +57,10 @@ def make_arena(
 ) -> Arena:
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
-    A terrain of few planes becomes slabs, any other surface convex patches of its own, thickened away from free
-    space; coacd decomposes what is a solid where that gives as good a result. `Arena.quality` says what was reached,
-    `Arena.provenance` how: `passes`, `accuracy`, `is_reached`, `worst`, `warnings`.
+    A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
+    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
+    `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
 
     Args:
         surface: a reconstruction, whose viewpoints tell where free space is; a mesh; or a file of either; meters,
@@ -58,8 +69,12 @@ def make_arena(
         accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
             spacing of the scan, 3 mm or more.
         max_pieces: no more convex pieces than these.
-        kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
-        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m].
+        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
+            "prisms".
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
+        unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
+        up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
+        scale: a further factor on all lengths of a mesh.
         course: the course that was scanned, where it is known: its pit edges, start and goal are kept.
         name: what to call it; the file's name unless given.
         friction: sliding friction; the course's, or 0.7, unless given.
@@ -75,7 +90,7 @@ def make_arena(
     """
     config = config or ContactConfig()
     options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
-    scanned = take_surface(surface, viewpoints)
+    scanned = take_surface(surface, viewpoints, MeshFrame(unit, up, scale))
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
@@ -105,6 +120,8 @@ def make_arena(
         "versions": find_versions(),
         **contact.notes,
         "warnings": warnings,
+        **({"cut": scanned.cut} if scanned.cut else {}),
+        "viewpoints": choose_positions(scanned.viewpoints),
     }
     return Arena(
         name or "arena",
@@ -113,7 +130,7 @@ def make_arena(
         quality,
         friction,
         course,
-        kind,
+        ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
         contact.height_field,
         about,
         scanned.offset,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import trimesh
@@ -16,8 +16,11 @@ from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
-from reconstruction.scans.frames import describe_odd_size, find_offset
-from symbrion_gym.arenas.surface_file import load_surface
+from reconstruction.scans.frames import describe_odd_size, find_offset, make_frame
+from reconstruction.scans.raw_points import RawPoints
+from symbrion_gym.arenas.exact_readings import simulate_readings
+from symbrion_gym.arenas.surface_file import check_has_surface, load_surface
+from symbrion_gym.contact.ray_mesh import RayMesh
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -30,6 +33,10 @@ _FARTHEST = 1e8
 
 _ONE_SIDED = 0.6
 """A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
+_LOOKS_DOWN = -0.2
+"""Faces whose normal rises less look down, by 12 degrees or more: no noisy walls."""
+_BEHIND = 1e-5
+"""Rays start this far behind a face, in extents of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +52,7 @@ class ScannedSurface:
         seen_from: viewpoint of every reading.
         dropped: share of the readings that pre-processing dropped.
         offset: what was subtracted from the coordinates of the scan [m].
+        cut: what was cut off as far from every reading, in words; nothing where nothing was.
     """
 
     mesh: trimesh.Trimesh
@@ -55,21 +63,39 @@ class ScannedSurface:
     seen_from: Int[np.ndarray, " N"] | None = None
     dropped: float | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cut: str = ""
+
+
+class MeshFrame(NamedTuple):
+    """The frame of a mesh, where the user says it.
+
+    Attributes:
+        unit: name of its unit; None: what the file says, or meters.
+        up: axis that points up; None: what the file says, or z.
+        scale: a further factor.
+    """
+
+    unit: str | None = None
+    up: str | None = None
+    scale: float = 1.0
 
 
 def take_surface(
-    surface: Reconstruction | trimesh.Trimesh | str | Path, viewpoints: ArrayLike | None = None
+    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    viewpoints: ArrayLike | None = None,
+    frame: MeshFrame | None = None,
 ) -> ScannedSurface:
     """Return a reconstruction, a mesh, or a file of either as a surface near the origin of its frame.
 
     Args:
         surface: what an arena is made of.
-        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the surface [m].
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the surface [m], z up.
+        frame: unit, axis and scale of a mesh; None for those that it states.
 
     Raises:
-        ArenaError: the file cannot be read, or the viewpoints are none.
+        ArenaError: the file cannot be read, the viewpoints are none, or a frame is given for a reconstruction.
     """
-    scanned = _take(surface)
+    scanned = _take(surface, frame or MeshFrame())
     if viewpoints is not None:
         scanned = _look_from(scanned, _check_viewpoints(viewpoints) - np.array(scanned.offset))
     return _recenter(scanned)
@@ -88,12 +114,27 @@ def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Tri
 
 
 def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
-    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
-    if scanned.points is None or scanned.viewpoints is None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where nothing tells.
+
+    Readings vote where their viewpoints are known. Without viewpoints an open surface is taken to look up: faces that
+    look down and have the open sky behind them, such as the far side of a tree, were seen from there.
+    """
+    if scanned.viewpoints is None:
+        return None if mesh.is_watertight else _find_backs_below_sky(mesh)
+    if scanned.points is None:
         return None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
     return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
+def _find_backs_below_sky(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
+    """Return which faces look down with nothing above their backs."""
+    found = mesh.face_normals[:, 2] < _LOOKS_DOWN
+    starts = mesh.triangles_center[found] - _BEHIND * mesh.extents.max() * mesh.face_normals[found]
+    ranges = RayMesh([mesh]).cast(starts, np.tile([0.0, 0.0, 1.0], (len(starts), 1)))
+    found[found] = np.isinf(ranges)
+    return found
 
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:
@@ -104,7 +145,8 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
         odd = describe_odd_size(vertices)
         if odd:
             doubts.append(
-                f"{scanned.source}: {odd}; a mesh is read in meters: scale it if it is in another unit"
+                f"{scanned.source}: {odd}; a mesh is read in meters: give its unit or scale (--unit, --scale) if it is "
+                "in another unit"
             )
     if not scanned.is_oriented and scanned.mesh.is_watertight and scanned.mesh.volume < 0:
         doubts.append(
@@ -114,12 +156,14 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
     return doubts
 
 
-def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurface:
+def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:
     if isinstance(surface, trimesh.Trimesh):
-        return ScannedSurface(surface)
+        return ScannedSurface(_place(surface, frame))
     if isinstance(surface, str | Path):
         name = make_printable(Path(surface).name)
+        check_has_surface(Path(surface))
         if Path(surface).suffix.lower() == ".npz":
+            _check_no_frame(frame, name)
             from reconstruction.reconstruct import Reconstruction
 
             try:
@@ -127,19 +171,38 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path) -> ScannedSurf
             except ReconstructionError as error:
                 raise ArenaError(str(error)) from error
         if Path(surface).suffix.lower() in _WITH_FRAME:
-            return _take_file(Path(surface), name)
-        return ScannedSurface(load_surface(surface), name)
+            return _take_file(Path(surface), name, frame)
+        return ScannedSurface(_place(load_surface(surface), frame), name)
+    _check_no_frame(frame, "a reconstruction")
     return _take_reconstruction(surface, "reconstruction")
 
 
-def _take_file(path: Path, name: str) -> ScannedSurface:
-    """Return a mesh file in meters, z up, whatever its format says of both."""
+def _check_no_frame(frame: MeshFrame, name: str) -> None:
+    if frame != MeshFrame():
+        raise ArenaError(
+            f"{name}: a reconstruction is in meters, z up; give unit, up and scale where the points are read "
+            "(`symbrion reconstruct`, rc.load_cloud)"
+        )
+
+
+def _place(mesh: trimesh.Trimesh, frame: MeshFrame) -> trimesh.Trimesh:
+    """Return a mesh in meters, z up; itself where it is."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    try:
+        placed = make_frame(RawPoints(vertices), *frame).place(vertices)
+    except ScanError as error:
+        raise ArenaError(str(error)) from error
+    return mesh if placed is vertices else trimesh.Trimesh(placed, mesh.faces, process=False)
+
+
+def _take_file(path: Path, name: str, frame: MeshFrame) -> ScannedSurface:
+    """Return a mesh file in meters, z up, by what the user says, else its format."""
     from reconstruction.scans.mesh_files import load_mesh
 
     if not path.is_file():
         raise ArenaError(f"no mesh file {path}")
     try:
-        mesh = load_mesh(path)
+        mesh = load_mesh(path, *frame)
     except ScanError as error:
         raise ArenaError(str(error)) from error
     offset = np.asarray(mesh.metadata.get("offset", np.zeros(3)), dtype=np.float64)
@@ -158,6 +221,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.seen_from,
         None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+        str(made.notes.get("cut", "")),
     )
 
 
@@ -172,14 +236,31 @@ def _check_viewpoints(viewpoints: ArrayLike) -> Float[np.ndarray, "K 3"]:
 
 
 def _look_from(scanned: ScannedSurface, viewpoints: Float[np.ndarray, "K 3"]) -> ScannedSurface:
-    """Return a surface whose components look to the viewpoints that saw them."""
-    mesh = scanned.mesh
+    """Return a surface whose components look to the viewpoints that saw them.
+
+    Of a mesh without readings only what a viewpoint sees has a vote: the underside of a table that was seen from above
+    has none, and stays the underside of its top.
+    """
+    mesh, points, seen_from = scanned.mesh, scanned.points, None
+    if points is None:
+        mesh = mesh.copy()
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)  # triangles of an .stl share none
+        points, seen_from = _see(mesh, viewpoints)
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)
-    points = scanned.points if scanned.points is not None else vertices[faces].mean(axis=1)
-    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints)
+    turned, _ = orient_to_viewpoints(vertices, faces, points, viewpoints, seen_from)
     mesh = trimesh.Trimesh(turned.vertices, turned.faces, process=False)
     return replace(scanned, mesh=mesh, viewpoints=viewpoints, seen_from=None, is_oriented=True)
+
+
+def _see(
+    mesh: trimesh.Trimesh, viewpoints: Float[np.ndarray, "K 3"]
+) -> tuple[Float[np.ndarray, "N 3"], Int[np.ndarray, " N"]]:
+    """Return exact readings of a mesh; none of one that has no area or is damaged, which the repair refuses."""
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    if not np.isfinite(vertices).all() or not mesh.area > 0:
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    return simulate_readings(mesh, viewpoints)
 
 
 def _recenter(scanned: ScannedSurface) -> ScannedSurface:

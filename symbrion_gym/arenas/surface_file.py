@@ -8,11 +8,59 @@ from pathlib import Path
 
 import trimesh
 
-from reconstruction.files.bounded_read import MAX_BYTES, check_size
+from reconstruction.errors import ScanError
+from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, check_size, find_npz_names
 from symbrion_gym.errors import ArenaError
 
 _UNBOUNDED = (".bz2", ".gz", ".tbz2", ".tgz", ".xz")
 """Packings that trimesh unpacks whatever their size; `zip` tells its size."""
+
+
+_POINT_ENDINGS = (
+    ".xyz",
+    ".txt",
+    ".csv",
+    ".asc",
+    ".dat",
+    ".pts",
+    ".npy",
+    ".pcd",
+    ".vtk",
+    ".las",
+    ".laz",
+    ".e57",
+    ".3d",
+)
+"""Files that hold points alone; .ply and .obj hold either."""
+
+
+def check_has_surface(path: Path) -> None:
+    """Refuse a file of points, which has no surface.
+
+    Raises:
+        ArenaError: the message is the command that reconstructs the surface.
+    """
+    if path.is_file() and _holds_points(path):
+        stem = path.name.split(".")[0] or "surface"
+        raise ArenaError(
+            f"{path} holds points without a surface; first: symbrion reconstruct {path} --out {stem}-surface.npz"
+        )
+
+
+def _holds_points(path: Path) -> bool:
+    """Return whether a file holds points, rather than faces or a reconstruction; False where it is damaged."""
+    from reconstruction.scans.mesh_files import is_mesh
+    from reconstruction.scans.point_files import find_kind
+
+    kind = find_kind(path)
+    try:
+        if kind == ".npz":
+            return bool({"points", "ranges"} & set(find_npz_names(path))) and "header" not in find_npz_names(
+                path
+            )
+        return kind in _POINT_ENDINGS or (kind in (".ply", ".obj") and not is_mesh(path))
+    except (ScanError, UnreadableFileError, OSError):
+        return False
 
 
 def load_surface(path: str | os.PathLike[str]) -> trimesh.Trimesh:

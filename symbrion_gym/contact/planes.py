@@ -23,6 +23,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from symbrion_gym.contact.deadline import never
+from symbrion_gym.contact.moments import find_moments, fit_planes, measure_deviations, weigh_faces
 from symbrion_gym.errors import ArenaError
 
 _LEAST_MASS = 1e-300
@@ -171,14 +172,7 @@ class _FaceSurface:
             raise ArenaError("the mesh has no face with an area")
         self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
         self.origin = np.asarray(mesh.triangles_center).mean(axis=0)
-        corners = np.asarray(mesh.triangles, dtype=np.float64) - self.origin
-        homogeneous = np.concatenate([corners, np.ones((*corners.shape[:2], 1))], axis=2)
-        total = homogeneous.sum(axis=1)
-        # Integral of [x 1]ᵀ[x 1] over a triangle: A/12 (sum of h hᵀ + s sᵀ).
-        self.moments = (
-            np.einsum("fki,fkj->fij", homogeneous, homogeneous) + total[:, :, None] * total[:, None, :]
-        )
-        self.moments *= self.areas[:, None, None] / 12.0
+        self.moments = find_moments(mesh, self.origin)
         self.pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
         rows, columns = np.concatenate([self.pairs, self.pairs[:, ::-1]]).T
         count = len(self.areas)
@@ -193,34 +187,16 @@ class _FaceSurface:
         for _ in range(self.config.rings):
             moments = moments + self.adjacency @ moments
             normals = normals + self.adjacency @ normals
-        planes, offsets, deviation = self.fit(moments.reshape(-1, 4, 4))
+        planes, offsets, deviation = fit_planes(moments.reshape(-1, 4, 4))
         flip = np.where(np.einsum("fi,fi->f", planes, normals) < 0, -1.0, 1.0)
         return deviation, planes * flip[:, None], offsets * flip
 
-    def fit(
-        self, moments: Float[np.ndarray, "*N 4 4"]
-    ) -> tuple[Float[np.ndarray, "*N 3"], Float[np.ndarray, " *N"], Float[np.ndarray, " *N"]]:
-        """Return least-squares planes of moments: normals, offsets and standard deviations [m]."""
-        mass = np.maximum(moments[..., 3, 3], _LEAST_MASS)
-        center = moments[..., :3, 3] / mass[..., None]
-        spread = moments[..., :3, :3] / mass[..., None, None] - center[..., :, None] * center[..., None, :]
-        values, vectors = np.linalg.eigh(spread)
-        normal = vectors[..., 0]
-        offset = np.asarray(np.sum(normal * center, axis=-1))
-        return normal, offset, np.asarray(np.sqrt(np.maximum(values[..., 0], 0.0)))
-
     def fit_faces(self, members: Int[np.ndarray, " M"]) -> tuple[Float[np.ndarray, " 3"], float]:
         """Return the plane of some faces: its normal, on their side, and its offset [m]."""
-        normal, offset, _ = self.fit(self.moments[members].sum(axis=0))
+        normal, offset, _ = fit_planes(self.moments[members].sum(axis=0))
         if normal @ (self.normals[members] * self.areas[members, None]).sum(axis=0) < 0:
             normal, offset = -normal, -offset
         return normal, float(offset)
-
-    def deviations(self, normal: Float[np.ndarray, " 3"], offset: float) -> Float[np.ndarray, " F"]:
-        """Return the root-mean-square distance of every face from one plane [m]."""
-        plane = np.append(normal, -offset)
-        square = np.einsum("fij,i,j->f", self.moments, plane, plane)
-        return np.sqrt(np.maximum(square, 0.0) / np.maximum(self.areas, _LEAST_MASS))
 
     def grow(
         self,
@@ -233,7 +209,7 @@ class _FaceSurface:
         """Return the free faces that lie on one plane and are connected with the seed."""
         members = np.array([seed])
         for _ in range(self.config.max_rounds):
-            is_near = is_free & (self.deviations(normal, offset) < reach)
+            is_near = is_free & (measure_deviations(self.moments, normal, offset) < reach)
             is_near &= self.normals @ normal > self._min_cosine
             is_near[seed] = True
             found = self._find_part(is_near, seed)
@@ -297,15 +273,12 @@ class _FaceSurface:
         self, labels: Int[np.ndarray, " F"], count: int
     ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, " count"]]:
         """Return normals and offsets of the planes of regions; faces at the border of a region count little."""
-        is_inside = np.ones(len(labels), dtype=bool)
-        is_border = labels[self.pairs[:, 0]] != labels[self.pairs[:, 1]]
-        is_inside[self.pairs[is_border].ravel()] = False
-        weight = np.where(is_inside, 1.0, self.config.border_weight) * (labels >= 0)
+        weight = weigh_faces(labels, self.pairs, self.config.border_weight)
         sums = np.zeros((count, 4, 4))
         np.add.at(sums, np.maximum(labels, 0), self.moments * weight[:, None, None])
         facing = np.zeros((count, 3))
         np.add.at(facing, np.maximum(labels, 0), self.normals * (self.areas * weight)[:, None])
-        normals, offsets, _ = self.fit(sums)
+        normals, offsets, _ = fit_planes(sums)
         flip = np.where(np.einsum("ri,ri->r", normals, facing) < 0, -1.0, 1.0)
         return normals * flip[:, None], offsets * flip
 
@@ -317,9 +290,9 @@ class _FaceSurface:
         contacts = self._find_contacts(labels)
         into, close = np.arange(count), self.config.merge_deviation
         while len(contacts):
-            normals, _, deviations = self.fit(sums)
+            normals, _, deviations = fit_planes(sums)
             first, second = contacts.T
-            joint, _, deviation = self.fit(sums[first] + sums[second])
+            joint, _, deviation = fit_planes(sums[first] + sums[second])
             apart = np.maximum(deviations[first], deviations[second])
             limit = np.maximum(np.hypot(apart, close * tolerance), self.config.merge_noise * noise)
             tilts = [np.abs(np.einsum("ci,ci->c", joint, normals[side])) for side in (first, second)]

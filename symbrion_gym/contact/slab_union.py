@@ -13,7 +13,9 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction.geometry.elevation import Elevation
-from reconstruction.geometry.sampling import sample_evenly
+from reconstruction.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_prism
+from reconstruction.geometry.outlines import find_bounds, find_hull_outline
+from reconstruction.geometry.sampling import sample_evenly, sample_grid
 from symbrion_gym.contact.decomposition import decompose
 from symbrion_gym.contact.planes import Planes
 from symbrion_gym.errors import ArenaError
@@ -24,6 +26,8 @@ _LEAST_LENGTH = 1e-12
 """Keeps divisions by the length of a vector finite."""
 _NO_HEADING = 1e-9
 """Directions that sum to less than this area cancel out [m²]."""
+_DIGITS = 9
+"""Planes whose coefficients are equal to as many digits are one."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,10 @@ class UnionConfig:
         num_points: points of the ground that are compared.
         max_move: walls may move by this [m].
         max_change: ground that differs by less has not changed [m].
+        top_points: points a side of the grid on which a piece is compared with the slabs.
+        max_lift: planes put back on a piece may lift the ground by this [m] ...
+        max_bulge: ... and lower it by this [m]: coacd's pieces overlap by about as much ...
+        few: ... but for this share of the points, at walls.
     """
 
     overlap: float = 1.0005
@@ -45,6 +53,10 @@ class UnionConfig:
     num_points: int = 60_000
     max_move: float = 0.002
     max_change: float = 0.01
+    top_points: int = 160
+    max_lift: float = 2e-4
+    max_bulge: float = 2e-3
+    few: float = 2e-3
 
 
 UNION_DEFAULTS = UnionConfig()
@@ -125,6 +137,74 @@ def decompose_slabs(
     )
     back = trimesh.transformations.rotation_matrix(heading, [0.0, 0.0, 1.0])
     return [piece.apply_transform(back) for piece in pieces]
+
+
+def restore_planes(
+    pieces: list[trimesh.Trimesh], slabs: list[trimesh.Trimesh], config: UnionConfig = UNION_DEFAULTS
+) -> list[trimesh.Trimesh]:
+    """Return coacd's pieces with the slabs' planes on top, down to the bottom of the slabs.
+
+    coacd decides what is one piece; its hulls bulge by the threshold, several millimeters on ground of some meters, and
+    end where solids touch. A piece on which nothing rests stays as it is.
+
+    Args:
+        pieces: convex solids that follow the slabs.
+        slabs: what they were made of.
+        config: how far ground may move.
+
+    Raises:
+        ArenaError: planes on top of a piece would lift ground, or take some away.
+    """
+    halfspaces = np.concatenate([find_halfspaces(slab) for slab in slabs])
+    tops = np.unique(np.round(halfspaces[halfspaces[:, 2] > STEEP], _DIGITS), axis=0)
+    ground = Elevation(*slabs)
+    bottom = min(float(slab.bounds[0, 2]) for slab in slabs)
+    return [_restore(piece, tops, bottom, ground, config) for piece in pieces]
+
+
+def _restore(
+    piece: trimesh.Trimesh,
+    tops: Float[np.ndarray, "T 4"],
+    bottom: float,
+    ground: Elevation,
+    config: UnionConfig,
+) -> trimesh.Trimesh:
+    """Return the prism under a piece's planes; the piece itself where nothing rests on it."""
+    points = sample_grid(np.asarray(piece.vertices), config.top_points)
+    height, before = ground.height(*points.T), find_tops(find_halfspaces(piece), points)
+    is_known = np.isfinite(height) & np.isfinite(before)
+    points, height, before = points[is_known], height[is_known], before[is_known]
+    is_own = np.abs(before - height) < config.max_change
+    if not is_own.any():
+        return piece
+    levels = -(points @ tops[:, :2].T + tops[:, 3]) / tops[:, 2]
+    chosen = _choose_planes(levels[is_own], height[is_own], config.max_lift)
+    outline = find_hull_outline(np.asarray(piece.vertices)[:, :2])
+    made = make_prism(find_bounds(outline), tops[chosen], bottom) if chosen and outline is not None else None
+    if made is None:
+        raise ArenaError("a piece of coacd has no planes of its own")
+    after = find_tops(find_halfspaces(made), points)
+    lifted = after - np.maximum(height, before)
+    lost = (np.minimum(before, height) - after)[is_own]
+    is_off = np.concatenate([lifted > config.max_lift, lost > config.max_bulge])
+    if is_off.sum() > config.few * len(points):
+        raise ArenaError("a piece of coacd bends planes")
+    return made
+
+
+def _choose_planes(
+    levels: Float[np.ndarray, "N T"], height: Float[np.ndarray, " N"], tolerance: float
+) -> list[int]:
+    """Return the planes whose minimum is the ground, those with the most ground first."""
+    share = (np.abs(levels - height[:, None]) < tolerance).sum(axis=0)
+    chosen: list[int] = []
+    top, error = np.full(len(height), np.inf), np.inf
+    for k in np.argsort(-share, kind="stable"):
+        lower = np.minimum(top, levels[:, k])
+        if share[k] and (lower_error := float(np.abs(lower - height).sum())) < error:
+            chosen.append(int(k))
+            top, error = lower, lower_error
+    return chosen
 
 
 def has_moved(

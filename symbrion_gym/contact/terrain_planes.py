@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import trimesh
 
 from symbrion_gym.contact.planes import PlaneConfig, Planes, find_planes
+from symbrion_gym.contact.shared_planes import SharingConfig, share_planes
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class SlabPassConfig:
         max_united: no more slabs go to coacd, whose time grows faster, or have their seams closed: that compares
             every one with all others.
         max_parts: slabs are not cut at creases into more parts than these.
+        sharing: which regions share a plane.
     """
 
     scales: tuple[float, ...] = (1.0, 2.0)
@@ -34,6 +36,7 @@ class SlabPassConfig:
     max_slabs: int = 64
     max_united: int = 24
     max_parts: int = 16
+    sharing: SharingConfig = field(default_factory=SharingConfig)
 
 
 SLAB_PASS_DEFAULTS = SlabPassConfig()
@@ -48,6 +51,8 @@ def find_few_planes(
 ) -> tuple[Planes, float]:
     """Return the finest planes that are few enough, or about as few as coarser ones, and their tolerance [m].
 
+    Regions that lie apart on one plane share it.
+
     Args:
         top: open terrain, normals up.
         accuracy: wanted distance between contact and ground [m].
@@ -58,6 +63,8 @@ def find_few_planes(
     found: list[tuple[Planes, float]] = []
     for scale in config.scales:
         planes = find_planes(top, scale * accuracy, is_exceeded=is_exceeded, config=plane_config)
+        if len(planes.normals) <= config.most_planes:
+            planes = share_planes(top, planes, accuracy, config.sharing)
         found.append((planes, scale * accuracy))
         if len(planes.normals) <= config.few_planes or is_exceeded():
             return found[-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from jaxtyping import Float
 
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
 from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym.environment.sight import Sight, View
 from symbrion_gym.headless import has_display
 from symbrion_gym.robot.scout_look import VISUAL_GROUP
 
@@ -31,6 +33,7 @@ class CameraConfig:
         distance_per_length: ... and per meter of its length, so that all of it is seen.
         azimuth: relative to the heading of the route [deg]; 90 is from its right side, more looks back.
         elevation: negative looks down [deg].
+        nearest: what is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more.
         contact_gap: the contact geometry of the arena is drawn over its surface where its 95th percentile is farther
             off than this [m], a step that is seen in the image; inf never draws it.
         contact_uncovered: likewise where more than this share of the surface has no contact.
@@ -42,6 +45,7 @@ class CameraConfig:
     distance_per_length: float = 0.95
     azimuth: float = 105.0
     elevation: float = -18.0
+    nearest: float = 0.03
     contact_gap: float = 0.02
     contact_uncovered: float = 0.01
     contact_opacity: float = 0.35
@@ -79,7 +83,8 @@ class SceneRenderer:
     """Renders one simulation off screen, or in a window.
 
     Attributes:
-        camera: looks at the organism from the side; may be changed between images.
+        camera: looks at the organism from the side; may be changed between images. Where something of the arena hides
+            the organism from it, an image is taken from the nearest direction that is free.
     """
 
     def __init__(
@@ -108,6 +113,7 @@ class SceneRenderer:
         """
         config = config or CameraConfig()
         self._lag = config.lag
+        model.vis.map.znear = min(model.vis.map.znear, config.nearest / max(model.stat.extent, 1e-6))
         self._model, self._data, self._size = model, data, (width, height)
         self._renderer: mujoco.Renderer | None = None
         self._window: Any = None
@@ -116,6 +122,8 @@ class SceneRenderer:
         self.camera.distance = config.distance + config.distance_per_length * length
         self.camera.azimuth = config.azimuth + np.degrees(heading)
         self.camera.elevation = config.elevation
+        self._sight = Sight(model, data)
+        self._view: View | None = None
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
         self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
@@ -138,6 +146,14 @@ class SceneRenderer:
         self._middle = self._middle + (1.0 - np.exp(-passed / self._lag)) * (middle - self._middle)
         self.camera.lookat[:] = self._middle
 
+    def _find_free_camera(self) -> mujoco.MjvCamera:
+        """Return the camera, turned to the nearest direction from which nothing hides the organism."""
+        wanted = View(self.camera.azimuth, self.camera.elevation, self.camera.distance)
+        self._view = self._sight.find_view(self.camera.lookat, wanted, self._view)
+        camera = copy.copy(self.camera)
+        camera.azimuth, camera.elevation, camera.distance = self._view
+        return camera
+
     def render(self, mode: str) -> Any:
         """Return an image: `[H, W, 3]` bytes, depth `[H, W]` [m], both, or None for a window."""
         if mode == "human":
@@ -148,7 +164,7 @@ class SceneRenderer:
                 self._model, height, width, max_geom=self._model.ngeom + _MAX_GEOMS
             )
         renderer = self._renderer
-        renderer.update_scene(self._data, self.camera, self._option)
+        renderer.update_scene(self._data, self._find_free_camera(), self._option)
         images = []
         if mode in ("rgb_array", "rgbd_tuple"):
             images.append(renderer.render().copy())

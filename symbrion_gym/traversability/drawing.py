@@ -52,8 +52,8 @@ def draw_traversability(
         axis.set_xlabel("x [m]")
         if route is not None:
             axis.plot(route.path[:, 0], route.path[:, 1], color="crimson", linewidth=1.5)
-            axis.plot(*route.start[:2], "o", color="crimson", label="start")
             axis.plot(*route.goal[:2], "*", color="crimson", markersize=12, label="goal")
+            axis.plot(*route.start[:2], "o", color="white", markeredgecolor="crimson", label="start")
     if route is not None:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     axes[0].set_ylabel("y [m]")

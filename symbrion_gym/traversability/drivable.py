@@ -18,7 +18,7 @@ from symbrion_gym.errors import ArenaError
 from symbrion_gym.traversability.columns import SortedHeights, find_spans, find_walls
 from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
 from symbrion_gym.traversability.grid import Grid, make_grid
-from symbrion_gym.traversability.ground import find_ground, find_rims, find_walkable
+from symbrion_gym.traversability.ground import find_ground, find_rims, find_walkable, keep_upright
 from symbrion_gym.traversability.places import DIRECTIONS, find_places
 
 logger = logging.getLogger(__name__)
@@ -36,6 +36,7 @@ class TraversabilityMap:
         cell: `[P]` number of the cell of each place.
         height: `[P]` z of the ground in the middle of the cell [m].
         clearance: `[P]` free height above [m]; inf under the open sky.
+        gradient: `[P, 2]` rise of the ground along x and y over 3 x 3 cells; nan where there are too few neighbors.
         slope: `[P]` slope of the ground over 3 x 3 cells [rad]; nan where there are too few neighbors.
         roughness: `[P]` standard deviation of the ground from that slope [m]; nan likewise.
         step: `[P]` highest step to a neighbor on the same ground [m]; nan without one.
@@ -43,7 +44,8 @@ class TraversabilityMap:
             `TraversabilityConfig.max_distance`; 0 on such ground itself.
         is_drivable: `[P]` whether the middle of the body can be here: it keeps `footprint.reach` from walls.
         region: `[P]` number of the connected drivable region, the largest is 0; -1 where it is not drivable.
-        links: `[P, 8]` the place in each neighboring cell that the body can drive to; -1 for none.
+        links: `[P, 8]` the place in each neighboring cell that the body can drive to without leaning too far to its
+            side; -1 for none.
     """
 
     footprint: Footprint
@@ -51,6 +53,7 @@ class TraversabilityMap:
     cell: Int[np.ndarray, " P"]
     height: Float[np.ndarray, " P"]
     clearance: Float[np.ndarray, " P"]
+    gradient: Float[np.ndarray, "P 2"]
     slope: Float[np.ndarray, " P"]
     roughness: Float[np.ndarray, " P"]
     step: Float[np.ndarray, " P"]
@@ -163,6 +166,7 @@ def find_traversability(
         find_rims(grid, places, links, spans, walls, footprint),
         config.max_distance,
     )
+    links = keep_upright(links, ground.gradient, footprint)
     is_drivable = (wall_distance >= footprint.reach) & (wall_distance > 0.0)
     has_link = np.isfinite(ground.steps).any(axis=1)
     step = np.where(has_link, np.nan_to_num(ground.steps).max(axis=1), np.nan)
@@ -172,6 +176,7 @@ def find_traversability(
         places.cell,
         places.height,
         places.clearance,
+        ground.gradient,
         ground.slope,
         ground.roughness,
         step,

@@ -17,10 +17,14 @@ STEP_LIMITS = ((1, 0.010), (5, 0.020), (8, 0.040))
 Measured in MuJoCo, straight on: 1 module climbs 10 mm and not 12, 2 modules 18 and not 20, 3 modules 15 and not 18, 5
 modules 20 and not 25, 8 modules 40, the highest that was tried. 2 modules that also turn get stuck on natural terrain
 with steps of 15 mm (6 of 16 drives, 2 of 16 with 10)."""
-SLOPE_LIMITS = ((1, float(np.deg2rad(15.0))), (2, float(np.deg2rad(20.0))))
-"""(modules in a row, slope that they climb [rad]), measured likewise on planes: 1 module climbs 20 degrees and tips
-over at 25; on bumps of natural terrain it tips over at 17, so 15. 2 modules climb 30 degrees straight up, and get stuck
-where they turn on natural terrain of more than 20."""
+SLOPE_LIMIT = float(np.deg2rad(15.0))
+"""Slope that Scouts climb [rad], measured likewise on planes: 1 module climbs 20 degrees and tips over at 25; on bumps
+of natural terrain it tips over at 17. 2 modules climb 30 degrees straight up; on natural terrain with slopes of up to
+20 they fail to turn in hollows and slide off (4 of 8 drives on one, 0 of 8 on the same ground with up to 15; on another
+ground 1 of 8 tipped over at the rim with 15 as well)."""
+ROLL_LIMIT = float(np.deg2rad(15.0))
+"""Side slope on which Scouts stay upright [rad]. Measured in MuJoCo across planes, at rest, driving and turning: 1, 2,
+4 and 8 modules stand at 25 degrees and tip over at 30; bumps of natural terrain add up to 10 on one side."""
 _FRICTION_SHARE = 0.85
 """Share of the angle of friction that is climbed: tracks that turn or cross a seam slip sooner."""
 
@@ -33,8 +37,9 @@ class Footprint:
         length: extent along its way when its hinges are straight [m].
         width: extent across [m].
         height: free height that it needs above the ground [m]: a Scout's 0.105, and 0.02 to rock on tracks.
-        max_slope: steepest ground that it climbs [rad]; see `SLOPE_LIMITS`.
+        max_slope: steepest ground that it climbs [rad]; see `SLOPE_LIMIT`.
         max_step: highest step that it climbs [m]; see `STEP_LIMITS`.
+        max_roll: steepest ground that it crosses sideways [rad]; see `ROLL_LIMIT`.
         radius: distance of its middle from walls and rims that it keeps [m]; None for half of its diagonal, so that
             it can turn on the spot everywhere.
 
@@ -45,17 +50,19 @@ class Footprint:
     length: float = 0.105
     width: float = 0.105
     height: float = 0.125
-    max_slope: float = SLOPE_LIMITS[0][1]
+    max_slope: float = SLOPE_LIMIT
     max_step: float = STEP_LIMITS[0][1]
+    max_roll: float = ROLL_LIMIT
     radius: float | None = None
 
     def __post_init__(self) -> None:
-        check_positive(self, ("length", "width", "height", "max_slope"), OptionError)
+        check_positive(self, ("length", "width", "height", "max_slope", "max_roll"), OptionError)
         check_not_negative(self, ("max_step",), OptionError)
         if self.radius is not None:
             check_not_negative(self, ("radius",), OptionError)
-        if not self.max_slope < np.pi / 2:
-            raise OptionError(f"Footprint: max_slope must be below pi/2 rad, got {self.max_slope!r}")
+        for name in ("max_slope", "max_roll"):
+            if not getattr(self, name) < np.pi / 2:
+                raise OptionError(f"Footprint: {name} must be below pi/2 rad, got {getattr(self, name)!r}")
 
     @property
     def reach(self) -> float:
@@ -86,7 +93,7 @@ class Footprint:
             length=round(float(extent[0]), 9),
             width=round(float(extent[1]), 9),
             height=body.scout.size[2] + body.scout.track_radius,
-            max_slope=min(_read_limit(SLOPE_LIMITS, in_a_row), hold),
+            max_slope=min(SLOPE_LIMIT, hold),
             max_step=_read_limit(STEP_LIMITS, in_a_row),
         )
 

@@ -22,12 +22,14 @@ class Ground(NamedTuple):
     """The shape of the ground at places.
 
     Attributes:
-        slope: angle of the plane through a place and its neighbors [rad]; nan with fewer than 3 neighbors.
+        gradient: rise of the plane through a place and its neighbors along x and y; nan with fewer than 3 neighbors.
+        slope: angle of that plane [rad]; nan likewise.
         roughness: standard deviation of the ground from that plane [m].
         rises: height of the ground at each neighbor above that at the place [m]; nan without a neighbor.
         steps: step on the way to each neighbor [m]: what of the rise is not explained by the slopes before and after.
     """
 
+    gradient: Float[np.ndarray, "P 2"]
     slope: Float[np.ndarray, " P"]
     roughness: Float[np.ndarray, " P"]
     rises: Float[np.ndarray, "P 8"]
@@ -35,10 +37,27 @@ class Ground(NamedTuple):
 
 
 def find_ground(grid: Grid, places: Places) -> Ground:
-    """Return slope, roughness and steps at places."""
+    """Return gradient, slope, roughness and steps at places."""
     rises = np.where(places.links >= 0, places.height[places.links] - places.height[:, None], np.nan)
-    slope, roughness = _fit_planes(rises, grid.cell)
-    return Ground(slope, roughness, rises, _find_steps(places.links, rises))
+    gradient, roughness = _fit_planes(rises, grid.cell)
+    slope = np.arctan(np.hypot(*gradient.T))
+    return Ground(gradient, slope, roughness, rises, _find_steps(places.links, rises))
+
+
+def keep_upright(
+    links: Int[np.ndarray, "P 8"], gradient: Float[np.ndarray, "P 2"], body: Footprint
+) -> Int[np.ndarray, "P 8"]:
+    """Return the links on which a body leans to its side by no more than it may, at either end; else -1.
+
+    Args:
+        links: those along which it can drive.
+        gradient: rise of the ground along x and y; nan where it is unknown.
+        body: how far it may lean.
+    """
+    ways = np.array(DIRECTIONS) / np.hypot(*np.transpose(DIRECTIONS))[:, None]
+    aside = np.abs(np.nan_to_num(gradient) @ np.stack([-ways[:, 1], ways[:, 0]]))
+    leans = np.maximum(aside, aside[links, np.arange(len(DIRECTIONS))]) > np.tan(body.max_roll)
+    return np.where(leans, -1, links)
 
 
 def find_walkable(
@@ -55,8 +74,8 @@ def find_walkable(
 
 def _fit_planes(
     rises: Float[np.ndarray, "P 8"], cell: float
-) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
-    """Return slope and standard deviation of least-squares planes through places and their neighbors."""
+) -> tuple[Float[np.ndarray, "P 2"], Float[np.ndarray, " P"]]:
+    """Return gradient and standard deviation of least-squares planes through places and their neighbors."""
     is_known = np.isfinite(rises)
     z = np.where(is_known, rises, 0.0)
     x, y = (np.where(is_known, values, 0.0) for values in np.transpose(DIRECTIONS).astype(np.float64))
@@ -78,8 +97,8 @@ def _fit_planes(
     spread = np.where(is_plane, spread, 1.0)
     along_x, along_y = (s_xz * s_yy - s_yz * s_xy) / spread, (s_yz * s_xx - s_xz * s_xy) / spread
     rest = np.maximum(s_zz - along_x * s_xz - along_y * s_yz, 0.0)
-    slope = np.arctan(np.hypot(along_x, along_y) / cell)
-    return np.where(is_plane, slope, np.nan), np.where(is_plane, np.sqrt(rest / count), np.nan)
+    gradient = np.column_stack([along_x, along_y]) / cell
+    return np.where(is_plane[:, None], gradient, np.nan), np.where(is_plane, np.sqrt(rest / count), np.nan)
 
 
 def _find_steps(links: Int[np.ndarray, "P 8"], rises: Float[np.ndarray, "P 8"]) -> Float[np.ndarray, "P 8"]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -15,8 +15,11 @@ from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import ArenaError, OptionError
 from symbrion_gym.traversability.drivable import TraversabilityMap
 
+_MAY_BE_ZERO = ("snap", "wall_cost", "slope_cost")
 Place = Sequence[float] | np.ndarray
 """(x, y), or (x, y, z) where there are several storeys [m]."""
+FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
+"""From places on the ground [m] to whether the scanner saw each."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,11 @@ class RouteConfig:
             among the half of the region with the most room.
         wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
             room, so that paths keep off walls where they can.
+        slope_cost: likewise ground as steep as the body climbs, against level ground; less slope costs less, by its
+            square.
+        level: start and goal are chosen where the ground around has no more than this share of the slope on which the
+            body stays upright, or among the half of the region with the least.
+        num_ends: places of which start and goal are chosen at most, evenly spread.
         snap: a given place is moved to drivable ground no farther away than this in plan [m], beside half a cell.
         storey: a given z is that of ground no farther above or below than this [m]; half a storey is more.
         look_ahead: the start heads for the path this far ahead [m].
@@ -40,14 +48,17 @@ class RouteConfig:
     max_length: float = 10.0
     ample_room: float = 2.0
     wall_cost: float = 3.0
+    slope_cost: float = 3.0
+    level: float = 0.5
+    num_ends: int = 4000
     snap: float = 0.0
     storey: float = 0.25
     look_ahead: float = 0.3
 
     def __post_init__(self) -> None:
         names = [each.name for each in fields(self)]
-        check_positive(self, [name for name in names if name not in ("snap", "wall_cost")], OptionError)
-        check_not_negative(self, ("snap", "wall_cost"), OptionError)
+        check_positive(self, [name for name in names if name not in _MAY_BE_ZERO], OptionError)
+        check_not_negative(self, _MAY_BE_ZERO, OptionError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +94,7 @@ def find_driving_route(
     goal: Place | None = None,
     name: str = "arena",
     config: RouteConfig | None = None,
+    find_seen: FindSeen | None = None,
 ) -> DrivingRoute:
     """Find a route over drivable ground; what is not given is chosen.
 
@@ -94,6 +106,8 @@ def find_driving_route(
         goal: likewise.
         name: name of the arena, for messages.
         config: how the route is chosen; None for the defaults.
+        find_seen: tells which places the scanner saw: start and goal are chosen among them, if there are any in the
+            region; None where that is unknown.
 
     Raises:
         ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
@@ -103,7 +117,8 @@ def find_driving_route(
     if not ground.num_regions:
         raise ArenaError(
             f"arena {name!r} has no drivable ground for a body of {ground.footprint.length:.2f} x "
-            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more"
+            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more, or, if the scan has another "
+            "axis up than z, say so where it is read (--up y, up='y')"
         )
     if start is not None and goal is not None and np.array_equal(start, goal):
         raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
@@ -115,7 +130,7 @@ def find_driving_route(
         last = find_drivable_place(ground, "goal", goal, name, config, wanted)
         region = int(ground.region[last])
     graph = _make_cost_graph(ground, config)
-    first, last = _choose_ends(ground, graph, region, first, last, config)
+    first, last = _choose_ends(ground, region, first, last, config, find_seen)
     path = _follow(ground, graph, first, last)
     points = ground.positions[path]
     for index, given in ((0, start), (-1, goal)):
@@ -192,26 +207,24 @@ def _make_cost_graph(ground: TraversabilityMap, config: RouteConfig) -> csr_matr
     graph = ground.find_graph(ground.is_drivable).tocoo()
     ample = config.ample_room * max(ground.footprint.reach, ground.grid.cell)
     nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
-    factor = 1.0 + config.wall_cost * (nearness[graph.row] + nearness[graph.col]) / 2
+    steepness = np.clip(np.nan_to_num(ground.slope) / ground.footprint.max_slope, 0.0, 1.0) ** 2
+    cost = config.wall_cost * nearness + config.slope_cost * steepness
+    factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
 
 
 def _choose_ends(
     ground: TraversabilityMap,
-    graph: csr_matrix,
     region: int,
     first: int | None,
     last: int | None,
     config: RouteConfig,
+    find_seen: FindSeen | None,
 ) -> tuple[int, int]:
-    """Return start and goal; what is missing is chosen far from the other, with room around it."""
+    """Return start and goal; what is missing is chosen far from the other, with room on level ground around it."""
     if first is not None and last is not None:
         return first, last
-    inside = ground.region == region
-    ample = config.ample_room * ground.footprint.reach
-    roomy = np.flatnonzero(
-        inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
-    )
+    roomy = _find_good_ends(ground, ground.region == region, config, find_seen)
     lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]
@@ -225,6 +238,33 @@ def _choose_ends(
             "too little for a route; give a smaller body or one that climbs more"
         )
     return (known, other) if first is not None else (other, known)
+
+
+def _find_good_ends(
+    ground: TraversabilityMap,
+    inside: Bool[np.ndarray, " P"],
+    config: RouteConfig,
+    find_seen: FindSeen | None,
+) -> Int[np.ndarray, " N"]:
+    """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
+    ample = config.ample_room * ground.footprint.reach
+    is_good = inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
+    slope = _find_steepest(ground)
+    level = config.level * ground.footprint.max_roll
+    is_good &= slope <= max(level, np.median(slope[is_good]))
+    good = np.flatnonzero(is_good)
+    good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), config.num_ends)).astype(np.int64))]
+    is_seen = find_seen(ground.positions[good]) if find_seen is not None else np.zeros(len(good), dtype=bool)
+    return good[is_seen] if is_seen.any() else good
+
+
+def _find_steepest(ground: TraversabilityMap) -> Float[np.ndarray, " P"]:
+    """Return the largest slope of the ground that a body stands on which turns at a place [rad]."""
+    slope = np.nan_to_num(ground.slope)
+    for _ in range(int(np.ceil(ground.footprint.reach / ground.grid.cell))):
+        near = np.where(ground.links >= 0, slope[ground.links], 0.0)
+        slope = np.maximum(slope, near.max(axis=1, initial=0.0))
+    return slope
 
 
 def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], most: float) -> int:

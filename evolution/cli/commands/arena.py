@@ -1,6 +1,7 @@
 """`symbrion arena`: turn a surface into geometry for MuJoCo."""
 
 import dataclasses
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -42,14 +43,21 @@ class Arena(SeededCommand):
     """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
     accuracy: float | None = None
     """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
-    kind: Literal["convex", "hfield", "prisms", "primitives"] = "convex"
+    kind: Literal["auto", "convex", "hfield", "prisms", "primitives"] = "auto"
     """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit."""
     max_pieces: int | None = None
     """Largest number of convex pieces. More follow rough ground better and make a step slower."""
     time_limit: float | None = None
     """Emergency stop [s]: the best arena so far is written, with a warning."""
     viewpoint: tuple[tuple[float, float, float], ...] = ()
-    """Position X Y Z of the scanner, in the frame of the file [m]; several: X Y Z X Y Z. Contact grows away from it."""
+    """Position X Y Z of the scanner [m], in the frame of the file with z up; several: X Y Z X Y Z. Contact grows away
+    from it."""
+    unit: Literal["m", "cm", "mm", "ft", "us-ft", "in"] | None = None
+    """Length unit of a mesh file. Default: what the file says (.glb, .gltf, .dae), otherwise meters."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    """Axis of a mesh file that points up. Default: what the file says, otherwise z."""
+    scale: float = 1.0
+    """Factor on all lengths of a mesh file."""
     picture: Path | None = None
     """Draw where contact and surface differ in this file (.png)."""
     strict: bool = False
@@ -58,6 +66,7 @@ class Arena(SeededCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_file(self.mesh, "MESH")
+        self._check_mesh()
         require_writable_folder(self.out, "--out")
         try:
             from symbrion_gym.arenas.saving import find_own_files
@@ -77,6 +86,26 @@ class Arena(SeededCommand):
             raise UsageError(f"--viewpoint {self.viewpoint} is not finite; give positions in meters")
         if self.picture is not None:
             require_writable_file(self.picture, "--picture", (".png",))
+
+    def _check_mesh(self) -> None:
+        """Refuse points, which have no surface, and a frame for a reconstruction, which knows its own.
+
+        Raises:
+            UsageError: it names the command that helps.
+        """
+        if not 0 < self.scale < math.inf:
+            raise UsageError(f"--scale {self.scale} is not a factor; give a number above 0")
+        from symbrion_gym.arenas.surface_file import check_has_surface
+
+        try:
+            check_has_surface(self.mesh)
+        except sg.ArenaError as error:
+            raise UsageError(f"MESH {error}") from error
+        if self.mesh.suffix.lower() == ".npz" and (self.unit or self.up or self.scale != 1.0):
+            raise UsageError(
+                f"MESH {self.mesh} is a reconstruction, in meters with z up; give --unit, --up and --scale to "
+                "symbrion reconstruct"
+            )
 
     def run(self, console: Console) -> dict[str, Any]:
         """Make the arena, write it, print its quality.
@@ -125,6 +154,9 @@ class Arena(SeededCommand):
             accuracy=self.accuracy,
             kind=self.kind,
             viewpoints=np.array(self.viewpoint) if self.viewpoint else None,
+            unit=self.unit,
+            up=self.up,
+            scale=self.scale,
             seed=self.seed,
             progress=progress,
             **options,

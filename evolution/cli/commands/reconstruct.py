@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import reconstruction as rc
 from evolution.cli.command import UsageError, require_own_archive, require_writable_file
 from evolution.cli.console import Console
+from evolution.cli.quality_table import make_surface_rows
 from evolution.cli.scan_source import ScanCommand
 from evolution.cli.tile_options import TileOptions
 from reconstruction.files.atomic_write import write_atomically
@@ -61,6 +62,7 @@ class Reconstruct(TileOptions, ScanCommand):
                 method=self.method,
                 seed=self.seed,
                 unit=self.unit,
+                viewpoints=self.viewpoint,
                 is_raw=self.raw,
             )
         with console.track(f"Reading {self.source.name}"):
@@ -78,7 +80,7 @@ class Reconstruct(TileOptions, ScanCommand):
                 progress=step.progress,
                 readings=scan.readings,
             )
-        quality = result.quality().as_dict()
+        quality = result.quality()
         self.out.parent.mkdir(parents=True, exist_ok=True)
         if self.out.suffix == ".npz":
             result.save(self.out)
@@ -90,7 +92,7 @@ class Reconstruct(TileOptions, ScanCommand):
         console.show_table(
             "Quality",
             ["measure", "value"],
-            [[name, format_value(value)] for name, value in flatten(quality).items()],
+            make_surface_rows(quality),
         )
         for subject, note in result.notes.items():
             console.print_line(f"{subject}: {note}")
@@ -102,7 +104,7 @@ class Reconstruct(TileOptions, ScanCommand):
             "offset": result.offset.tolist(),
             "notes": result.notes,
             "seconds": step.seconds,
-            "quality": quality,
+            "quality": quality.as_dict(),
         }
 
 
@@ -110,20 +112,3 @@ def export_mesh(mesh: "trimesh.Trimesh", path: Path) -> None:
     """Write a mesh file atomically."""
     with write_atomically(path) as beside:
         mesh.export(beside)
-
-
-def flatten(measures: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested measures as a flat table, "group: name" -> value, without those that are None."""
-    rows: dict[str, Any] = {}
-    for name, value in measures.items():
-        label = f"{prefix}{name}".replace("_", " ")
-        if isinstance(value, dict):
-            rows |= flatten(value, f"{label}: ")
-        elif value is not None:
-            rows[label] = value
-    return rows
-
-
-def format_value(value: object) -> str:
-    """Return a measure as text, with four significant digits."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

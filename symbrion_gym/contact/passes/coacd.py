@@ -8,7 +8,7 @@ from reconstruction.surfaces.intersections import find_intersections
 from symbrion_gym.contact.coacd_search import decompose_solid
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.problem import ContactProblem
-from symbrion_gym.contact.slab_union import decompose_slabs, has_moved
+from symbrion_gym.contact.slab_union import decompose_slabs, has_moved, restore_planes
 from symbrion_gym.errors import ArenaError
 
 
@@ -20,7 +20,7 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
     """Return coacd's pieces of the united slabs.
 
     Raises:
-        NoCandidate: there are too many slabs, or coacd failed, or moved walls.
+        NoCandidate: there are too many slabs, or coacd failed, moved walls or bent planes.
     """
     if best is None or best.notes["way"] != "slabs":
         return None
@@ -36,10 +36,11 @@ def decompose_united_slabs(problem: ContactProblem, best: Contact | None) -> Con
             problem.deadline.left(),
             config.union,
         )
+        if has_moved(pieces, best.pieces, config.union):
+            raise NoCandidate("coacd's pieces move walls")
+        pieces = restore_planes(pieces, best.pieces, config.union)
     except ArenaError as error:
         raise NoCandidate(str(error)) from error
-    if has_moved(pieces, best.pieces, config.union):
-        raise NoCandidate("coacd's pieces move walls")
     return problem.measure(pieces, {**best.notes, "way": "coacd of slabs"})
 
 

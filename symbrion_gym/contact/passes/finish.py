@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from symbrion_gym.contact.boxing import split_at_creases, turn_into_boxes
 from symbrion_gym.contact.contact import Contact
+from symbrion_gym.contact.hidden_edges import clear_hidden_edges
 from symbrion_gym.contact.problem import ContactProblem
 from symbrion_gym.contact.seams import mend_pieces
 
@@ -26,7 +27,8 @@ def fit_boxes(problem: ContactProblem, best: Contact | None) -> Contact | None:
     most = min(problem.options.max_pieces, max(config.slab_pass.max_parts, len(best.pieces)))
     parts = split_at_creases(best.pieces, most, config.boxes)
     boxed = turn_into_boxes(parts, problem.top_ground, config.boxes, problem.deadline.is_over)
-    return problem.measure(boxed, best.notes)
+    cleared = clear_hidden_edges(boxed, problem.top_ground, config.edges)
+    return problem.measure(cleared, best.notes)
 
 
 def _is_of_slabs(problem: ContactProblem, contact: Contact) -> bool:

@@ -112,3 +112,21 @@ def test_files_that_are_none_are_refused(tmp_path):
     (tmp_path / "text.npy").write_text("hello")
     with pytest.raises(ScanError, match="not an array of numbers"):
         open_points(tmp_path / "text.npy")
+
+
+def test_the_unit_of_a_las_file_is_looked_up(tmp_path):
+    laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
+    from laspy.vlrs.known import WktCoordinateSystemVlr
+
+    header = laspy.LasHeader(version="1.4", point_format=6)
+    header.scales = np.full(3, 0.001)
+    header.vlrs.append(
+        WktCoordinateSystemVlr('COMPD_CS["x",PROJCS["p",UNIT["foot",0.3048]],VERT_CS["h",UNIT["metre",1.0]]]')
+    )
+    data = laspy.LasData(header)
+    data.xyz = np.array([[10.0, 20.0, 3.0], [11.0, 20.0, 4.0], [10.0, 22.0, 5.0]])
+    data.write(tmp_path / "feet.las")
+    (stated,) = open_points(tmp_path / "feet.las").chunks()
+    np.testing.assert_allclose(stated[0], [3.048, 6.096, 3.0])
+    (given,) = open_points(tmp_path / "feet.las", meters=1.0).chunks()
+    np.testing.assert_allclose(given[0, :2], [10.0, 20.0])

@@ -173,3 +173,13 @@ def test_a_streamed_scan_is_that_of_one_array(tmp_path):
     rows = np.load(tmp_path / "scan.npy")
     assert rows.shape == (1000, 3)
     assert np.abs(rows[:, 2] - LANDSCAPE.height(*rows[:, :2].astype(float).T)).std() < 0.05
+
+
+def test_tiles_look_to_where_they_were_seen_from(tmp_path):
+    points = make_points(6000)
+    np.save(tmp_path / "points.npy", points + FAR)
+    below = np.array([[5.0, 5.0, -30.0], [15.0, 15.0, -30.0]]) + FAR
+    seen = reconstruct_tiles(tmp_path / "points.npy", tmp_path / "seen", CONFIG, viewpoints=below)
+    assert (seen.mesh().face_normals[:, 2] < 0).mean() > 0.99
+    with pytest.raises(ReconstructionError, match="viewpoints must be finite positions"):
+        reconstruct_tiles(tmp_path / "points.npy", tmp_path / "bad", CONFIG, viewpoints=[0.0, np.nan, 1.0])

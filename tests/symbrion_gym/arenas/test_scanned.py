@@ -1,10 +1,13 @@
 """What an arena is made of, and what is asked about."""
 
 import numpy as np
+import pytest
 import trimesh
 
+import reconstruction as rc
 from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.arenas.scanned import find_doubts, take_surface
+from symbrion_gym.arenas.scanned import MeshFrame, find_doubts, find_two_sided, take_surface
+from symbrion_gym.errors import ArenaError
 
 
 def test_a_room_without_viewpoint_and_a_mesh_in_millimeters_are_asked_about():
@@ -25,3 +28,93 @@ def test_a_room_seen_from_inside_is_hollow():
         assert np.abs(piece.vertices / [2.0, 1.5, 1.25]).max(axis=1).min() > 0.99
     assert arena.quality.free_space == 0.0
     assert arena.quality.beams_contact == 1.0
+
+
+def join(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    joined = trimesh.util.concatenate(meshes)
+    assert isinstance(joined, trimesh.Trimesh)
+    return joined
+
+
+def test_without_viewpoints_backs_below_the_sky_were_seen():
+    ground = trimesh.Trimesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    leaning = trimesh.Trimesh([[0, 0, 0.5], [1, 0, 0.5], [0, 1, 1.0]], [[0, 2, 1]])
+    assert leaning.face_normals[0, 2] < -0.5
+    mesh = join([ground, leaning])
+    found = find_two_sided(take_surface(mesh), mesh)
+    assert found is not None
+    assert found.tolist() == [False, False, True]
+    roof = ground.copy().apply_translation([0, 0, 2])
+    covered = join([ground, leaning, roof])
+    found = find_two_sided(take_surface(covered), covered)
+    assert found is not None
+    assert not found[:3].any()
+
+
+def test_a_closed_body_without_viewpoints_has_no_backs():
+    box = trimesh.creation.box()
+    assert find_two_sided(take_surface(box), box) is None
+
+
+def test_an_arena_says_what_of_the_surface_was_cut():
+    side = np.linspace(0, 3, 61)
+    floor = np.stack([*np.meshgrid(side, side), np.zeros((61, 61))], axis=-1).reshape(-1, 3)
+    made = rc.reconstruct(floor, units=200)
+    assert "cut" not in make_arena(made, cache=False).provenance
+    made.notes["cut"] = "3 m² of the surface"
+    assert make_arena(made, cache=False).provenance["cut"] == "3 m² of the surface"
+
+
+def make_box(low: list[float], high: list[float]) -> trimesh.Trimesh:
+    box = trimesh.creation.box(np.subtract(high, low)).subdivide().subdivide()
+    box.apply_translation(np.add(low, high) / 2)
+    return box
+
+
+@pytest.mark.parametrize("is_inverted", [False, True])
+@pytest.mark.parametrize("viewpoint", [[2.0, 1.4, 1.4], [0.3, 2.7, 0.2]])
+def test_a_table_in_a_room_is_not_turned_inside_out(viewpoint, is_inverted):
+    room, top = make_box([0, 0, 0], [4, 3, 2.5]), make_box([1, 1, 0.70], [2.2, 1.8, 0.74])
+    if is_inverted:
+        top.invert()
+    mesh = take_surface(trimesh.util.concatenate([room, top]), viewpoint).mesh
+    is_top = np.asarray(mesh.vertices)[mesh.faces][:, :, 2].max(axis=1) < 0.75
+    is_top &= np.asarray(mesh.vertices)[mesh.faces][:, :, 2].min(axis=1) > 0.69
+    parts = [trimesh.Trimesh(mesh.vertices, mesh.faces[chosen]) for chosen in (is_top, ~is_top)]
+    assert parts[0].volume == pytest.approx(1.2 * 0.8 * 0.04)
+    assert parts[1].volume == pytest.approx(-4 * 3 * 2.5)
+    assert len(mesh.vertices) == len(room.vertices) + len(top.vertices)
+
+
+def test_triangles_of_a_file_that_share_no_vertex_are_turned_together(tmp_path):
+    room = trimesh.util.concatenate(
+        [make_box([0, 0, 0], [4, 3, 2.5]), make_box([1, 1, 0.7], [2.2, 1.8, 0.74])]
+    )
+    room.export(tmp_path / "room.stl")
+    mesh = take_surface(tmp_path / "room.stl", [2.0, 1.4, 1.4]).mesh
+    assert mesh.volume == pytest.approx(1.2 * 0.8 * 0.04 - 30.0, rel=1e-5)
+
+
+def test_unit_axis_and_scale_of_a_mesh(tmp_path):
+    box = trimesh.creation.box([3000.0, 2500.0, 4000.0])  # millimeters, y up
+    box.export(tmp_path / "box.ply")
+    for surface in (box, tmp_path / "box.ply"):
+        extents = take_surface(surface, frame=MeshFrame("mm", "y", 2.0)).mesh.extents
+        np.testing.assert_allclose(extents, [6.0, 8.0, 5.0])
+    assert take_surface(box).mesh is box
+    with pytest.raises(ArenaError, match="unknown axis up='w'"):
+        take_surface(box, frame=MeshFrame(up="w"))
+    with pytest.raises(ArenaError, match="unknown unit 'mile'"):
+        make_arena(box, unit="mile")
+
+
+def test_points_are_sent_to_reconstruct(tmp_path):
+    points = tmp_path / "scan.xyz"
+    np.savetxt(points, np.random.default_rng(0).random((50, 3)))
+    np.savez(tmp_path / "scan.npz", points=np.zeros((5, 3)))
+    trimesh.PointCloud(np.random.default_rng(0).random((50, 3))).export(tmp_path / "scan.ply")
+    for name in ("scan.xyz", "scan.npz", "scan.ply"):
+        with pytest.raises(
+            ArenaError, match=r"holds points without a surface; first: symbrion reconstruct .*scan"
+        ):
+            make_arena(tmp_path / name)

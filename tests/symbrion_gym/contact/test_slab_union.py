@@ -5,12 +5,13 @@ import pytest
 import trimesh
 
 from reconstruction.geometry.elevation import Elevation
+from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.scanned_surface import make_scanned_surface
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.planes import find_planes
-from symbrion_gym.contact.slab_union import find_heading, has_moved, unite_slabs
+from symbrion_gym.contact.slab_union import find_heading, has_moved, restore_planes, unite_slabs
 from symbrion_gym.errors import ArenaError
 
 
@@ -54,3 +55,17 @@ def test_coacd_makes_the_pieces_walls_stay_and_equal_seeds_give_equal_pieces():
         assert pit.max() == pytest.approx(0.2, abs=0.005)
     short = make_contact(mesh, ContactOptions(time_limit=0.8), 0.003)
     assert short.pieces
+
+
+def test_hulls_that_bulge_get_the_planes_of_the_slabs_back():
+    pieces = Course(pit=0.40).pieces()
+    bent = np.array(pieces[0].vertices)
+    bent[bent[:, 2] > -0.1, 2] += 0.0015
+    restored = restore_planes([make_hull(bent)], pieces[:1])
+    assert restored[0].bounds == pytest.approx(pieces[0].bounds, abs=1e-5)
+
+
+def test_pieces_that_fill_a_pit_get_no_planes():
+    pieces = Course(pit=0.40).pieces()
+    with pytest.raises(ArenaError, match="bends planes"):
+        restore_planes([unite_slabs(pieces).convex_hull], pieces)

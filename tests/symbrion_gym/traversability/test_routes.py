@@ -9,12 +9,15 @@ from benchmarks.material.driving_scenes import (
     make_box,
     make_exact_arena,
     make_furnished_room,
+    make_terrain,
     make_two_storeys,
 )
 from symbrion_gym.errors import ArenaError, OptionError
 from symbrion_gym.robot.organism import snake
 from symbrion_gym.traversability.drawing import draw_traversability
 from symbrion_gym.traversability.footprint import Footprint
+from symbrion_gym.traversability.ground import keep_upright
+from symbrion_gym.traversability.places import DIRECTIONS
 from symbrion_gym.traversability.routes import RouteConfig
 from symbrion_gym.traversability.straight import (
     find_standing_place,
@@ -144,3 +147,32 @@ def test_a_picture_is_drawn(room, tmp_path):
     pytest.importorskip("matplotlib")
     draw_traversability(room.traversability(), tmp_path / "map.png", room.find_route())
     assert (tmp_path / "map.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_side_slope_is_crossed_straight_up_and_not_along():
+    links = np.arange(8)[None].repeat(1, axis=0) * 0
+    steep = np.array([[0.0, np.tan(0.3)]])  # rises along y by 17 degrees
+    body = Footprint(max_slope=0.5, max_roll=0.2)
+    kept = keep_upright(links, steep, body)[0] >= 0
+    ways = np.array(DIRECTIONS)
+    assert kept.tolist() == (ways[:, 0] == 0).tolist()
+    assert (keep_upright(links, steep, Footprint(max_slope=0.5, max_roll=0.31)) >= 0).all()
+    assert (keep_upright(links, np.full((1, 2), np.nan), body) >= 0).all()
+
+
+def test_ends_lie_on_level_ground_and_paths_avoid_slopes():
+    arena = make_terrain(7, roughness=0.05)
+    ground, route = arena.traversability(), arena.find_route()
+    numbers = ground.sorted_heights.find_nearest(ground.grid.find_cells(route.path[:, :2]), route.path[:, 2])
+    slope = ground.slope[numbers]
+    assert max(slope[0], slope[-1]) < ground.footprint.max_roll / 2
+    short = arena.find_route(start=route.start, goal=route.goal, config=RouteConfig(slope_cost=0.0))
+    crossed = ground.sorted_heights.find_nearest(ground.grid.find_cells(short.path[:, :2]), short.path[:, 2])
+    assert slope.mean() < ground.slope[crossed].mean()
+    assert short.length < route.length
+
+
+def test_no_ground_is_told_with_the_axis():
+    wall = make_box((0.0, 0.0, 0.0), (0.02, 3.0, 2.0))
+    with pytest.raises(ArenaError, match="--up y"):
+        make_exact_arena("wall", [wall], [wall]).find_route()

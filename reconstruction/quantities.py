@@ -1,0 +1,23 @@
+"""Distances and shares as text for people: in fitting units, without powers of ten."""
+
+
+def format_distance(distance: float) -> str:
+    """Return a distance [m] as text in millimeters, or in meters from 1 m on, with three digits.
+
+    What is below 0.005 mm is "0.00 mm": no scanner and no simulator knows of less.
+    """
+    if abs(distance) >= 1.0:
+        return f"{_round(distance)} m"
+    millimeters = 1000.0 * distance
+    return f"{_round(millimeters)} mm" if abs(millimeters) >= 0.005 else "0.00 mm"
+
+
+def format_share(share: float) -> str:
+    """Return a share as text in percent, with three digits; one that is not 0 but below 0.01 % says so."""
+    percent = 100.0 * share
+    return "below 0.01 %" if 0.0 < percent < 0.01 else f"{_round(percent)} %"
+
+
+def _round(value: float) -> str:
+    """Return a number with three digits; whole numbers keep all."""
+    return f"{value:.0f}" if 100 <= abs(value) < 1e15 else f"{value:.3g}"

@@ -1,0 +1,29 @@
+"""Numbers as text for people."""
+
+import pytest
+
+from reconstruction.quantities import format_distance, format_share
+
+
+@pytest.mark.parametrize(
+    ("distance", "text"),
+    [
+        (0.0, "0.00 mm"),
+        (1.25e-15, "0.00 mm"),
+        (5.1e-6, "0.0051 mm"),
+        (0.01234, "12.3 mm"),
+        (0.9996, "1000 mm"),
+        (-0.02, "-20 mm"),
+        (12.345, "12.3 m"),
+        (123456.7, "123457 m"),
+    ],
+)
+def test_distances(distance, text):
+    assert format_distance(distance) == text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"), [(0.0, "0 %"), (1e-9, "below 0.01 %"), (0.01234, "1.23 %"), (1.0, "100 %")]
+)
+def test_shares(share, text):
+    assert format_share(share) == text
