@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from evolution.backends.trials import Randomization, RolloutConfig
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
-    from evolution.controllers.controller import ControllerConfig
+    from evolution.controllers.config import ControllerConfig
+    from evolution.controllers.finding import find_controller
+    from evolution.controllers.protocol import Controller
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
@@ -25,6 +27,7 @@ __all__ = [
     "Champion",
     "ChampionPolicy",
     "CmaesConfig",
+    "Controller",
     "ControllerConfig",
     "Evaluation",
     "Evaluator",
@@ -41,6 +44,7 @@ __all__ = [
     "Validation",
     "evaluate",
     "evolve",
+    "find_controller",
     "judge",
     "load_champion",
     "load_run",

@@ -6,11 +6,7 @@ import evolution as ev
 
 
 class Wave:
-    name, version, sensors = (
-        "wave",
-        "1",
-        ("hinge_angle",),
-    )  # raise the version when equal genes act differently
+    name, version, sensors = "wave", "1", ("hinge_angle",)
     parameters, initial = ("size", "rate", "lag"), (0.3, 1.0, 1.0)
     lower, upper = (0.0, 0.0, -3.0), (0.8, 3.0, 3.0)
 
@@ -26,4 +22,4 @@ class Wave:
 
 
 if __name__ == "__main__":
-    print(ev.evolve(ev.EvolutionConfig(controller=Wave, origin="hint", generations=20)).champion)  # noqa: T201
+    print(ev.evolve(ev.EvolutionConfig(controller=Wave, origin="hint", generations=4)).champion)  # noqa: T201

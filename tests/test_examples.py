@@ -36,6 +36,13 @@ def test_a_task_of_ones_own_takes_few_lines_and_is_solved() -> None:
     assert sum(info["reward_rise"] for *_, info in own.results) > 0.1
 
 
+def test_the_own_controller_is_evaluated_and_short() -> None:
+    wave = load("own_controller").Wave
+    evaluation = ev.evaluate(np.zeros((2, 3)), modules=4, controller=wave, trials=1, duration=1.0)
+    assert not any(outcome.error for outcome in evaluation.outcomes)
+    assert len((EXAMPLES / "own_controller.py").read_text().splitlines()) <= 25
+
+
 @pytest.mark.slow
 def test_ppo_trains() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")

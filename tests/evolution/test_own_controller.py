@@ -9,6 +9,7 @@ import pytest
 from own_controllers import Hold, Wave
 
 import evolution as ev
+from evolution.cli.main import main
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 TINY = {
@@ -102,3 +103,14 @@ def test_an_unknown_controller_fails_in_the_configuration(controller):
 def test_its_own_mistakes_end_the_run_and_are_named():
     with pytest.raises(ev.RunError, match=r"act of controller 'hold' returns actions of shape \(8, 9\)"):
         ev.evaluate(np.zeros((1, 0)), modules=4, controller=Hold(9), trials=1, duration=0.4)
+
+
+def test_the_command_line_finds_a_module_in_the_working_folder(tmp_path, monkeypatch):
+    (tmp_path / "nearby_controller.py").write_text("from own_controllers import Wave\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    words = "evolve --arena truth --modules 4 --controller nearby_controller:Wave --generations 1 --trials 1 --quiet"
+    with pytest.raises(SystemExit) as end:
+        main([*words.split(), "--population", "4", "--folder", str(tmp_path / "run")])
+    assert end.value.code == 0
+    assert ev.load_champion(tmp_path / "run").controller.source == "nearby_controller:Wave"

@@ -10,6 +10,7 @@ from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
 from symbrion_gym.environment.config import SENSORS
 from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 COUNT = 13
 BODIES = [(name, control) for name in TREES for control in ("constant", "skid")] + [("single", "skid")]
@@ -58,7 +59,7 @@ def test_a_search_can_begin_on_any_tree(law, name, control):
 @pytest.mark.parametrize("name", TREES)
 def test_laws_read_what_they_name_and_what_a_robot_senses(law, name):
     controller = make_law(law, TREES[name], None, 2 * TREES[name].num_modules)
-    assert set(controller.sensors) <= {*SENSORS, "goal_direction"} - {"odometry"}
+    assert set(controller.sensors) <= {*SENSORS, "goal_direction"} - {"odometry", "goal"}
     structure, _ = make_structure(TREES[name])
     named = {sensor: structure[sensor] for sensor in controller.sensors}
     observation = make_observations(TREES[name], 2, 0)
@@ -133,3 +134,18 @@ def test_bodies_without_anything_to_control_are_refused():
     with pytest.raises(RunError, match="dock modules by their fronts"):
         make_law("path", pair)
     assert make_law("path", pair, None, 2).parameters[0] == "track_speed_change"
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+def test_rotations_of_arms_stay_at_zero(law):
+    organism = cross(1, ScoutConfig(dofs=2))
+    controller = make_law(law, organism, None, 10)
+    structure, _ = make_structure(cross(1))
+    observation = make_observations(cross(1), 2, 0)
+    genotype = np.full((2, len(controller.parameters)), 0.3)
+    action, _ = controller.act(observation, genotype, structure, controller.begin(2))
+    usual = make_law(law, cross(1), None, 10)
+    expected, _ = usual.act(observation, genotype, structure, usual.begin(2))
+    assert action.shape == (2, 20)
+    assert not action[:, 5:10].any()
+    assert np.array_equal(np.delete(action, range(5, 10), axis=1), expected)
