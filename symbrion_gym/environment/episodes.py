@@ -17,11 +17,13 @@ from symbrion_gym.environment.commands import Commands
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
 from symbrion_gym.tasks.scene import Scene
-from symbrion_gym.tasks.state import TaskState, Views
+from symbrion_gym.tasks.state import MEASURES, TaskState, Views
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 from symbrion_gym.tasks.watch import Watch
 
+_LOWEST = MEASURES.index("lowest")
+"""Heights of the lowest modules, and the least z of an up axis after them."""
 _SOUND = 0.98
 """Share of the square of the largest rate at which the sum of all squares leaves no doubt."""
 
@@ -58,11 +60,13 @@ class Ticks(NamedTuple):
         reward: reward of the tick.
         terminated: whether the episode ended by what happened.
         truncated: whether it ended by its time.
+        has_ended: whether any episode ended.
     """
 
     reward: Float[np.ndarray, " N"]
     terminated: Bool[np.ndarray, " N"]
     truncated: Bool[np.ndarray, " N"]
+    has_ended: bool
 
 
 class Episodes:
@@ -74,6 +78,7 @@ class Episodes:
         state: what the terms of the task see.
         number_names: names of the numbers of `info`.
         flag_names: names of the flags of `info`.
+        info_names: both.
         numbers: `[numbers, N]` numbers of `info` at the last tick or reset of each.
         flags: `[flags, N]` likewise its flags.
         num_tracks: number of track speeds in an action.
@@ -93,10 +98,13 @@ class Episodes:
         self._watch = Watch(task, self.state)
         self._largest_squares = _SOUND * criteria.max_rate**2
         self.number_names, self.flag_names = name_numbers(task), name_flags(task)
+        self.info_names = self.number_names + self.flag_names
         self.flags = self._watch.flags
         self.numbers, self._scratch = np.zeros((2, len(self.number_names), num))
         coefficients = [term.weight * (self._dt if term.per_second else 1.0) for term in task.rewards]
-        terms = list(enumerate(zip(task.rewards, coefficients, strict=True)))
+        factors = [np.full(num, each) for each in coefficients]
+        terms = list(enumerate(zip(task.rewards, factors, strict=True)))
+        self._tick_length = np.full(num, self._dt)
         self._rewards = [(index, term.function, factor) for index, (term, factor) in terms if not term.at_end]
         self._final_rewards = [
             (index, term.function, factor) for index, (term, factor) in terms if term.at_end
@@ -109,8 +117,15 @@ class Episodes:
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
         self._viewed: Physics | None = None
+        self._ends = self.state.measures[_LOWEST : _LOWEST + 2]
+        self._tables = self._split(self.numbers), self._split(self._scratch)
         self._never = np.zeros(num, dtype=bool)
         self._recorders = world.config.recorders
+
+    def _split(self, table: np.ndarray) -> tuple[Any, ...]:
+        """Return a table and the rows of it that each tick writes."""
+        head, gained, time = table[:3]
+        return table, head, gained, time, [*table[3 : self._last_reward]], table[self._last_reward :]
 
     def _view(self, physics: Physics) -> None:
         """Let the state read from the physics; once, where its views stay valid while it goes on."""
@@ -121,6 +136,7 @@ class Episodes:
                 physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos]
             )
             self.state.bind(views)
+            self._head = self.state.along[:, 0]
 
     def begin(self, physics: Physics, starts: Sequence[Start]) -> None:
         """Start episodes from the present physics.
@@ -141,7 +157,8 @@ class Episodes:
         self._has_driven[rows] = False
         self.numbers[:, rows] = 0.0
         self.numbers[0, rows] = state.along[rows, 0]
-        self.numbers[self._last_reward :, rows] = state.measures[-2:, rows]
+        self._head = state.along[:, 0]
+        self.numbers[self._last_reward :, rows] = self._ends[:, rows]
         if self._recorders:
             begun = self._never.copy()
             begun[rows] = True
@@ -210,17 +227,20 @@ class Episodes:
         has_ended = self._watch.look(active, is_sound)
         if self._recorders:
             self._record(~self._never if active is None else active)
-        table = self.numbers if active is None else self._scratch
-        head, gained, time, *rewards = table[: self._last_reward]
-        np.copyto(head, state.along[:, 0])
+        table, head, gained, time, rewards, ends = self._tables[active is not None]
+        np.copyto(head, self._head)
         np.subtract(state.progress, state.start_progress, out=gained)
-        np.multiply(state.tick, self._dt, out=time)
-        table[self._last_reward :] = state.measures[-2:]
+        np.multiply(state.tick, self._tick_length, out=time)
+        np.copyto(ends, self._ends)
         for index, function, factor in self._rewards:
             np.multiply(function(state), factor, out=rewards[index])
         if has_ended or self._has_final:
             self._give_final_rewards(rewards, has_ended)
-        reward = sum(rewards[1:], rewards[0]) if rewards else np.zeros(state.num)
+            reward = add_rewards(rewards)
+        else:
+            reward = add_rewards([rewards[index] for index, _, _ in self._rewards])
+        if not self._rewards:
+            reward = np.zeros(state.num) + reward
         if not is_sound:
             np.copyto(head, state.start_mean, where=~state.is_sound)
         if active is not None:
@@ -228,8 +248,8 @@ class Episodes:
             reward = np.where(active, reward, 0.0)
         watch = self._watch
         if has_ended:
-            return Ticks(reward, watch.terminated, watch.truncated)
-        return Ticks(reward, self._never.copy(), self._never.copy())
+            return Ticks(reward, watch.terminated, watch.truncated, True)
+        return Ticks(reward, self._never, self._never, False)
 
     def _give_final_rewards(self, rewards: Sequence[np.ndarray], has_ended: bool) -> None:
         """Give what is given once in the simulations whose episodes have ended, and nothing in the others."""
@@ -241,4 +261,13 @@ class Episodes:
     def describe(self, row: int) -> dict[str, float | bool]:
         """Return the `info` of one simulation."""
         values = self.numbers[:, row].tolist() + self.flags[:, row].tolist()
-        return dict(zip(self.number_names + self.flag_names, values, strict=True))
+        return dict(zip(self.info_names, values, strict=True))
+
+
+def add_rewards(rewards: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the sum of rewards, added in their order."""
+    return (
+        sum(rewards[2:], rewards[0] + rewards[1])
+        if len(rewards) > 1
+        else np.array(rewards[0] if rewards else 0.0)
+    )

@@ -252,7 +252,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()
         physics = self.physics
-        (reward,), (terminated,), (truncated,) = (each.tolist() for each in episodes.finish_tick(physics))
+        ticks = episodes.finish_tick(physics)
+        reward, terminated, truncated = ticks.reward.item(), False, False
+        if ticks.has_ended:
+            terminated, truncated = ticks.terminated.item(), ticks.truncated.item()
         info = episodes.describe(0)
         observation = episodes.observe(physics)
         if self.config.noise:

@@ -218,7 +218,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if actions.shape != self.action_space.shape:
             raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
         was_done, active = self._is_done, ~self._is_done
-        reward, terminated, truncated = self._advance(actions, active)
+        reward, terminated, truncated, _ = self._advance(actions, active)
         ended = terminated | truncated
         has_ended = np.count_nonzero(ended) > 0
         self._is_done = was_done | ended
@@ -253,6 +253,7 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             self.batch.step(some, nstep=self.config.frame_skip)
             self._refresh()
         ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
+        ticks = ticks._replace(terminated=ticks.terminated.copy(), truncated=ticks.truncated.copy())
         if self._max_ticks is not None:
             limit = (self._max_ticks - 0.5) * self.config.dt
             has_timed_out = active & (episodes.state.time > limit)

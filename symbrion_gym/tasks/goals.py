@@ -13,7 +13,7 @@ from symbrion_gym.tasks.pit_search import PitSearch
 from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route
 from symbrion_gym.tasks.standing import find_honest_along, find_standing
 from symbrion_gym.tasks.starts import Start
-from symbrion_gym.tasks.state import TaskState, add_up
+from symbrion_gym.tasks.state import TaskState
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,7 @@ class PassFinish:
 
     def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way, each counted up to the finish [m]."""
-        along = state.along
-        return add_up(np.minimum(along, state.finish[:, None])) * (1.0 / along.shape[1])
+        return state.mean_to_finish
 
     def limits(self, state: TaskState) -> dict[str, np.ndarray]:
         """Return the limits within which no body has arrived."""

@@ -14,13 +14,13 @@ from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
 
-UPPER_MEASURES = ("progress", "tick", "left_most", "rear")
-LOWER_MEASURES = ("right_most", "lowest", "least_up")
+UPPER_MEASURES = ("progress", "tick", "rear")
+LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")
 MEASURES = UPPER_MEASURES + LOWER_MEASURES
 """What is measured of every simulation in every tick: progress; ticks since the start; of the modules the position
-farthest to the left of the way's middle, least far along it and farthest to the right, the lowest height [m] and the
-least z of an up axis. A term may name limits: upper ones of the first four, lower ones of the others."""
-_PROGRESS, _TICK, _LEFT, _REAR, _, _LOWEST, _UP = range(len(MEASURES))
+least far along the way, least far to the left of its middle, the lowest height [m], the least z of an up axis, and the
+position least far to the right [m]. A term may name limits: upper ones of the first three, lower ones of the others."""
+_REAR = MEASURES.index("rear")
 Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
 
 
@@ -68,8 +68,8 @@ class TaskState:
         start_position: `[N, n, 3]` positions at the start [m].
         tick: `[N]` ticks since the start.
         rear: `[N]` position of the last module along the way [m].
-        left_most: `[N]` position of a module farthest to the left of the way's middle [m].
-        right_most: `[N]` and farthest to the right, below 0 there [m].
+        least_left: `[N]` how far to the left of the way's middle the module is that is least so [m].
+        least_right: `[N]` how far to the right the module is that is least so [m].
         lowest: `[N]` height of the lowest module [m].
         least_up: `[N]` least z of an up axis.
         is_sound: `[N]` whether the simulation is numerically stable.
@@ -81,6 +81,7 @@ class TaskState:
         half_width: `[N]` distance to the side of the way at which the arena ends [m].
         deepest: `[N]` height below which a module has fallen off [m].
         criteria: limits of standing, rolling over and so on.
+        power: `[N]` sum over the hinges of the absolute power [W].
         memory: what terms remember, name -> `[N, ...]`; see `remember`.
         scenes: arena and way of each simulation.
     """
@@ -98,13 +99,22 @@ class TaskState:
         self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
-        self.progress, self.tick, self.left_most, self.rear = self.measures[:4]
-        self.right_most, self.lowest, self.least_up = self.measures[4:]
-        self._extremes = self.measures[_REAR : _LOWEST + 1].T
+        self.progress, self.tick, self.rear = self.measures[: _REAR + 1]
+        self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
+        self._least = self.measures[_REAR:].T
+        self._places = np.zeros((num, 5, count))
+        self._coordinates, (self._up, self._right) = (
+            self._places[:, :3].transpose(0, 2, 1),
+            self._places[:, 3:].transpose(1, 0, 2),
+        )
+        self._share = 1.0 / count
         self.previous_progress, self.start_progress, self.track_speed = np.zeros((3, num))
         self.start_position = np.zeros((num, count, 3))
         self.start_mean = np.zeros(num)
         self.finish, self.half_width, self.deepest = np.zeros((3, num))
+        self._finish_of_each, self._clipped, self._sums = np.zeros((3, num, count))
+        self._to_finish = self._sums[:, -1]
+        self._ones = np.ones(num)
         self.is_sound = np.ones(num, dtype=bool)
         self.success, self.failed = np.zeros((2, num), dtype=bool)
         self.memory: dict[str, np.ndarray] = {}
@@ -118,6 +128,11 @@ class TaskState:
         """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
         self.position, self.rotation, self.qvel, self.hinge_rate, self.torque = views
         self.up = self.rotation[:, :, 8]
+        shape = self.torque.shape
+        self._powers, self._power_sums = np.zeros((2, shape[0], max(shape[1], 1)))
+        self.power = self._power_sums[:, -1]
+        if not shape[1]:
+            self._powers = self._powers[:, :0]
         self._find_local()
 
     def _find_local(self) -> None:
@@ -141,6 +156,7 @@ class TaskState:
                 route.lowest,
             )
             self._direction[:, row, 0] = *route.direction, route.lateral
+        self._finish_of_each[:] = self.finish[:, None]
         self._is_along_x = all(scene.is_along_x for scene in self.scenes)
         self._find_local()
         rows = list(rows)
@@ -169,8 +185,8 @@ class TaskState:
             active: whether each simulation was stepped; None for all.
             is_sound: whether all of them are certainly numerically stable.
         """
-        self.previous_progress[:] = self.progress
-        np.add(self.tick, 1.0 if active is None else active, out=self.tick)
+        np.copyto(self.previous_progress, self.progress)
+        np.copyto(self.tick, self.tick + (self._ones if active is None else active))
         self.measure()
         if not (is_sound and self._was_sound):
             self._distrust()
@@ -183,17 +199,23 @@ class TaskState:
         tick, progress = self.tick[unsound], self.previous_progress[unsound]
         self.measures[:, unsound] = 0.0
         self.tick[unsound], self.progress[unsound] = tick, progress
-        self._cache["power"] = np.where(self.is_sound, self.power, 0.0)
+        self.power[unsound] = 0.0
 
     def measure(self) -> None:
         """Measure the modules; what was computed of the last tick is forgotten."""
         self._cache.clear()
         if not self._is_along_x:
             self._turn()
-        np.minimum.reduce(self.local, axis=1, out=self._extremes)
-        np.minimum.reduce(self.up, axis=1, out=self.least_up)
-        np.maximum.reduce(self._left, axis=1, out=self.left_most)
-        self.progress[:] = self._goal.progress(self)
+        np.copyto(self._coordinates, self.local)
+        np.copyto(self._up, self.up)
+        np.negative(self._left, out=self._right)
+        np.minimum.reduce(self._places, axis=2, out=self._least)
+        np.minimum(self._places[:, 0], self._finish_of_each, out=self._clipped)
+        np.add.accumulate(self._clipped, axis=1, out=self._sums)  # one after the other, whatever N is
+        np.multiply(self.torque, self.hinge_rate, out=self._powers)
+        np.abs(self._powers, out=self._powers)
+        np.add.accumulate(self._powers, axis=1, out=self._power_sums[:, : self._powers.shape[1]])
+        np.copyto(self.progress, self._goal.progress(self))
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
@@ -237,9 +259,9 @@ class TaskState:
         return self.tick * self.dt
 
     @property
-    def power(self) -> Float[np.ndarray, " N"]:
-        """Sum over the hinges of the absolute power [W]."""
-        return self._once("power", lambda: add_up(np.abs(self.torque * self.hinge_rate)))
+    def mean_to_finish(self) -> Float[np.ndarray, " N"]:
+        """Mean position of the modules along the way, each counted up to the finish [m]."""
+        return self._to_finish * self._share
 
     @property
     def height(self) -> Float[np.ndarray, "N n"]:

@@ -47,11 +47,11 @@ class FellOff:
 
     def limits(self, state: TaskState) -> Limits:
         """Return the limits within which nothing has happened."""
-        return {"left_most": state.half_width, "right_most": -state.half_width, "lowest": state.deepest}
+        return {"least_left": -state.half_width, "least_right": -state.half_width, "lowest": state.deepest}
 
     def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
         """Return whether a module is off the arena."""
-        is_beside = np.maximum(state.left_most, -state.right_most) > state.half_width
+        is_beside = np.minimum(state.least_left, state.least_right) < -state.half_width
         return is_beside | (state.lowest < state.deepest)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,6 +49,8 @@ class Watch:
         is_lower = np.arange(len(MEASURES)) >= len(UPPER_MEASURES)
         self._is_quiet = np.array(np.broadcast_to(is_lower[:, None], self._limits.shape))
         self._quiet = self._is_quiet.tobytes()
+        self._widest = np.where(is_lower, -np.inf, np.inf)[:, None] * np.ones(num)
+        self._widest[_TICK] = self._last_tick - 0.5
         self._own: list[dict[int, np.ndarray]] = [{} for _ in self._all]
         self._watched = [frozenset[int]() for _ in self._all]
         self._is_always = [not hasattr(term, "limits") for term in self._all]
@@ -73,12 +76,17 @@ class Watch:
     def _join_limits(self, measure: int) -> None:
         """Find the narrowest limit of a measure."""
         is_lower = MEASURES[measure] in LOWER_MEASURES
-        joined = self._limits[measure]
-        joined[:] = self._last_tick - 0.5 if measure == _TICK else -np.inf if is_lower else np.inf
-        join = np.maximum if is_lower else np.minimum
-        for own in self._own:
-            if measure in own:
-                join(joined, own[measure], out=joined)
+        given = [own[measure] for own in self._own if measure in own]
+        if measure == _TICK or not given:
+            given.append(self._widest[measure])
+        np.copyto(self._limits[measure], functools.reduce(np.maximum if is_lower else np.minimum, given))
+
+    def _refresh(self, called: Sequence[int]) -> None:
+        """Ask terms that have just been called for their limits, which may have moved."""
+        for index in called:
+            self._read_limits(index)
+        for measure in frozenset().union(*(self._watched[index] for index in called)):
+            self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
         """Find what happened in a tick; return whether any episode ended.
@@ -91,58 +99,71 @@ class Watch:
         is_quiet = is_sound and self._seen.tobytes() == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
-        with np.errstate(all="ignore"):
-            return self._judge(active)
-
-    def _judge(self, active: Bool[np.ndarray, " N"] | None) -> bool:
-        state, flags = self._state, self.flags
-        active = np.ones(state.num, dtype=bool) if active is None else active
         called = self._find_called(active)
-        ends = self._call_terms([index for index in called if index < len(self._terms)], active)
-        failed, is_over, is_cut = ends
+        found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
+        if is_sound and not self._is_eventful and self._goal_index not in called:
+            is_late = np.count_nonzero(self._state.tick >= self._last_tick)
+            if not is_late and not any(np.count_nonzero(each) for _, each in found):
+                self._refresh(called)
+                return False
+        return self._judge(np.ones(self._state.num, dtype=bool) if active is None else active, called, found)
+
+    def _judge(
+        self, active: Bool[np.ndarray, " N"], called: Sequence[int], found: Sequence[tuple[int, np.ndarray]]
+    ) -> bool:
+        """Find which episodes ended, and how.
+
+        Args:
+            active: whether each simulation was stepped.
+            called: terms that were called.
+            found: what terminations returned, with their numbers.
+        """
+        state, flags = self._state, self.flags
+        failed, is_over, is_cut = self._join_ends(found, active)
         success = self._hold(~failed & active, self._goal_index in called)
-        for row, found in ((0, success), (1, ~state.is_sound)):
-            np.copyto(flags[row], found, where=active)
+        for row, each in ((0, success), (1, ~state.is_sound)):
+            np.copyto(flags[row], each, where=active)
         np.copyto(state.failed, failed, where=active)
         np.copyto(state.success, success, where=active)
         self.terminated = (is_over | success) & active
         self.truncated = is_cut & ~self.terminated & active
-        for index in called:
-            self._read_limits(index)
-        for measure in frozenset().union(*(self._watched[index] for index in called)):
-            self._join_limits(measure)
+        self._refresh(called)
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
 
-    def _find_called(self, active: Bool[np.ndarray, " N"]) -> list[int]:
+    def _find_called(self, active: Bool[np.ndarray, " N"] | None) -> Sequence[int]:
         """Return the terms for which something may have happened."""
         if self._is_eventful:
-            return list(range(len(self._all)))
-        hit = ((self._seen != self._is_quiet) & active).any(axis=1).nonzero()[0].tolist()
+            return range(len(self._all))
+        seen = self._seen != self._is_quiet
+        hit = np.logical_or.reduce(seen if active is None else seen & active, axis=1).tolist()
+        hits = [measure for measure, is_hit in enumerate(hit) if is_hit]
         return [
             index
             for index, watched in enumerate(self._watched)
-            if self._is_always[index] or not watched.isdisjoint(hit)
+            if self._is_always[index] or not watched.isdisjoint(hits)
         ]
 
-    def _call_terms(self, called: Sequence[int], active: Bool[np.ndarray, " N"]) -> tuple[np.ndarray, ...]:
-        """Call terminations; return what failed, what is over and what is cut off.
+    def _join_ends(
+        self, found: Sequence[tuple[int, np.ndarray]], active: Bool[np.ndarray, " N"]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what failed, what is over and what is cut off.
 
         What is measured of an unstable simulation means nothing, but for the time.
         """
         state = self._state
         failed = ~state.is_sound
         is_over, is_cut = failed.copy(), state.tick >= self._last_tick
-        for index in called:
-            found, (is_failure, truncates) = self._terms[index](state), self._kinds[index]
+        for index, each in found:
+            is_failure, truncates = self._kinds[index]
             if truncates:
-                is_cut |= found
+                is_cut |= each
             else:
-                found = found & state.is_sound
-                is_over |= found
+                each = each & state.is_sound
+                is_over |= each
             if is_failure:
-                failed |= found
-            np.copyto(self.flags[index + len(BASE_FLAGS)], found, where=active)
+                failed |= each
+            np.copyto(self.flags[index + len(BASE_FLAGS)], each, where=active)
         return failed, is_over, is_cut
 
     def _hold(self, is_possible: Bool[np.ndarray, " N"], is_called: bool) -> Bool[np.ndarray, " N"]:

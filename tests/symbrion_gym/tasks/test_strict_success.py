@@ -146,7 +146,7 @@ def test_what_is_measured_of_a_body(check: World):
         check, places, rotation, torque=np.array([2.0, -3.0]), hinge_rate=np.array([-0.5, -0.1])
     )
     assert (state.along[0, 0], state.find_mean_along()[0]) == pytest.approx((0.3, 0.02))
-    assert (state.left_most[0], state.right_most[0], state.rear[0]) == pytest.approx((0.04, -0.07, -0.24))
+    assert (-state.least_right[0], state.least_left[0], state.rear[0]) == pytest.approx((0.04, -0.07, -0.24))
     assert (state.lowest[0], state.least_up[0], state.power[0]) == pytest.approx((0.29, -0.2, 1.3))
     assert state.is_sound[0]
 
@@ -246,7 +246,7 @@ def test_on_a_turned_way_all_is_measured_along_it(turned: World):
     steps, aside = np.array([0.5, 0.3, 0.1]), np.array([0.1, -0.2, 0.05])
     places = np.column_stack([start + np.outer(steps, ahead) + np.outer(aside, left), np.full(3, HALF)])
     state = find_state(turned, places)
-    assert (state.left_most[0], state.right_most[0]) == pytest.approx((0.1, -0.2))
+    assert (-state.least_right[0], state.least_left[0]) == pytest.approx((0.1, -0.2))
     assert state.along[0] == pytest.approx(begin + steps)
     assert state.left[0] == pytest.approx(aside)
 
