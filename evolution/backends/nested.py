@@ -95,7 +95,7 @@ def _list_part(cls: type[Nested], each: Field[Any]) -> tuple[str, ...]:
     if each.name not in cls.PARTS:
         return ()
     factory: Any = each.default_factory
-    kind = factory.func if isinstance(factory, functools.partial) else factory
+    kind: Any = factory.func if isinstance(factory, functools.partial) else factory
     return tuple(inner.name for inner in fields(kind))
 
 

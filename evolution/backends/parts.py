@@ -187,7 +187,7 @@ def read_organism(organism: Organism | str | PathLike[str]) -> Organism:
     from symbrion_gym.robot.body_plans import load_organism
 
     try:
-        return load_organism(organism)
+        return load_organism(str(organism))
     except (OrganismError, OSError) as error:
         raise RunError(f"organism: {error}") from error
 

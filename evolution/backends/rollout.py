@@ -202,7 +202,8 @@ def _find_environment(
 def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
-    num_envs, shape = environment.num_envs, environment.action_space.shape
+    num_envs = environment.num_envs
+    shape = environment.action_space.shape or (num_envs,)
     structure, has_records = environment.observation_structure, bool(environment.config.recorders)
     waiting = deque(trials)
     running: list[Trial | None] = [None] * num_envs

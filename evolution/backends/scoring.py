@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from evolution.errors import RunError
 from evolution.references import Reference, check_signature, find_object
@@ -60,14 +60,15 @@ def find_scoring(scoring: ScoringFunction | Reference | str) -> ScoringFunction 
     """
     if isinstance(scoring, Reference):
         return scoring
-    found = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
+    found: Any = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
     if isinstance(found, type):
         found = _make_instance(found)
     if not callable(found):
         raise RunError(f"scoring is {found!r}; a `Scoring`, or a function of (outcome, body), is needed")
+    function: ScoringFunction = found
     if type(found) is not Scoring:
-        check_signature(found, "scoring", "outcome", "body")
-    return found
+        check_signature(function, "scoring", "outcome", "body")
+    return function
 
 
 def _make_instance(found: type) -> object:

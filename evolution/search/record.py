@@ -144,8 +144,7 @@ class Record:
             format=np.array(FORMAT),
             digest=np.array(digest),
             history=self.history,
-            **pack([entry.outcome.descriptors for entry in self.entries]),
-            **arrays,  # pyright: ignore[reportArgumentType]
+            **arrays | pack([entry.outcome.descriptors for entry in self.entries]),  # pyright: ignore[reportArgumentType]
         )
         return buffer.getvalue()
 
