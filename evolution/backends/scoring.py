@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from evolution.errors import RunError
 from evolution.references import Reference, check_signature, find_object
@@ -65,7 +65,7 @@ def find_scoring(scoring: ScoringFunction | Reference | str) -> ScoringFunction 
         found = _make_instance(found)
     if not callable(found):
         raise RunError(f"scoring is {found!r}; a `Scoring`, or a function of (outcome, body), is needed")
-    function: ScoringFunction = found
+    function = cast("ScoringFunction", found)
     if type(found) is not Scoring:
         check_signature(function, "scoring", "outcome", "body")
     return function
