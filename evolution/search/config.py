@@ -23,7 +23,7 @@ from evolution.search.stored_config import (
     SHARED_KINDS,
     Kinds,
     drop_none,
-    dump,
+    to_text,
     read_content,
     restore,
     to_json,
@@ -164,7 +164,7 @@ class EvolutionConfig(Nested):
         content = to_json(self, KINDS, _collect_for_digest) | {"start": self.episode.find_start()}
         content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
         content = drop_none(list(content.items()))
-        return hashlib.sha256(dump(content, is_sorted=True).encode()).hexdigest()
+        return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
 
     def differences(self, other: "EvolutionConfig") -> list[str]:
         """Return "field: this, not that" for each difference that decides the results of a run."""
@@ -182,7 +182,7 @@ class EvolutionConfig(Nested):
             RunError: a part is an object of a user that nothing would restore.
         """
         content = to_json(self, KINDS)
-        return json.loads(dump(content | {"environment": dict(content["environment"])}))
+        return json.loads(to_text(content | {"environment": dict(content["environment"])}))
 
     @classmethod
     def from_json(cls, content: object) -> "EvolutionConfig":

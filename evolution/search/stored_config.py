@@ -65,7 +65,7 @@ def drop_none(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return {name: value for name, value in pairs if value is not None}
 
 
-def dump(content: Any, *, is_sorted: bool = False) -> str:
+def to_text(content: Any, *, is_sorted: bool = False) -> str:
     """Return JSON text.
 
     Raises:

@@ -30,7 +30,7 @@ from evolution.limits import (
     MIN_POSITIVE,
 )
 from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
-from evolution.search.stored_config import SHARED_KINDS, Kinds, dump, read_content, to_json
+from evolution.search.stored_config import SHARED_KINDS, Kinds, to_text, read_content, to_json
 from reconstruction.deprecation import accept_former_fields
 from reconstruction.range_checks import (
     as_floats,
@@ -190,7 +190,7 @@ class Champion(Nested):
         found["start"] = self.episode.find_start()
         content = {name: found[name] for name in self.POSITIONAL}
         content |= {name: found[name] for name, default in defaults.items() if found[name] != default}
-        dump(content)  # refuses what no file can keep
+        to_text(content)  # refuses what no file can keep
         return content
 
     @classmethod
