@@ -3,10 +3,12 @@
 The only memory is how long ago each module last touched the ground, because contact flickers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -32,8 +34,10 @@ from evolution.controllers.protocol import Structure as Structure
 from evolution.controllers.protocol import check_genotypes
 from evolution.errors import RunError
 from reconstruction.range_checks import check_choice
-from symbrion_gym.robot.organism import Organism, snake
 from symbrion_gym.robot.scout_constants import ScoutConfig
+
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 SENSORS = ("hinge_angle", "pitch", "contact")
 """Sensors that every law reads."""
@@ -213,6 +217,8 @@ def make_controller(name: str, modules: int, config: ControllerConfig | None = N
     check_choice("controller", name, CONTROLLERS, RunError)
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
+    from symbrion_gym.robot.organism import snake
+
     return make_law(name, snake(modules), config)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +13,9 @@ from evolution.controllers.protocol import Structure
 from evolution.errors import RunError
 from reconstruction.range_checks import check_choice
 from symbrion_gym.environment.config import SENSORS
-from symbrion_gym.robot.organism import Organism
+
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 GOAL_SENSOR = "goal_direction"
 """Bearing of the goal, positive to the left of the head [rad], and its distance [m], by dead reckoning."""

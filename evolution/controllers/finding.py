@@ -1,9 +1,11 @@
 """Controllers by what names them: a law of ours, an object, a class, a function, "module:name", or a record."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evolution.controllers.checked import CheckedController
 from evolution.controllers.controller import CONTROLLERS, ControllerConfig, OwnController, make_law
@@ -17,7 +19,9 @@ from evolution.controllers.source import (
 )
 from evolution.errors import RunError
 from reconstruction.range_checks import check_choice
-from symbrion_gym.robot.organism import Organism
+
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 FIRST_VERSION = "1"
 """Version of laws before they had one: records of these hold their name alone."""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym.robot.organism import Organism
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
+
 
 _ROUNDING = 1e-9
 """Cosines, and distances in units of a module, that differ by less from a whole number are that number."""

@@ -1,15 +1,19 @@
 """Where a controller of a user is found again: by "module:name" and version, in records, workers and clusters."""
 
+from __future__ import annotations
+
 import dataclasses
 import importlib
 import inspect
 import sys
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evolution.errors import RunError
 from reconstruction.files.typed_json import JsonError, as_type
-from symbrion_gym.robot.organism import Organism
+
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 _PLAIN = (bool, int, float, str, type(None))
 """Types of arguments that a record can hold."""
