@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from evolution.backends.making import make_backend
 from evolution.backends.rollout import simulate
 from evolution.backends.trials import Job, Trials
 from evolution.controllers.controller import REACTIVE_HINT
 from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import make_backend
 from evolution.search.loop import evolve, load_run, resume
 from evolution.search.run import format_history
 from symbrion_gym.environment import vector

@@ -6,14 +6,18 @@ from reconstruction.deprecation import export_former_names
 from reconstruction.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.backends.trials import Outcome, Randomization, RolloutConfig, Scoring
+    from evolution.backends.outcome import Outcome
+    from evolution.backends.scoring import Scoring
+    from evolution.backends.trials import Randomization, RolloutConfig
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
-    from evolution.controllers.controller import ControllerConfig
+    from evolution.controllers.config import ControllerConfig
+    from evolution.controllers.finding import find_controller
+    from evolution.controllers.protocol import Controller
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
-    from evolution.search.evaluation import Evaluation, evaluate
+    from evolution.search.evaluation import Evaluation, Evaluator, evaluate
     from evolution.search.loop import evolve, load_run, resume
     from evolution.search.run import Run, load_champion
     from evolution.search.stages import Stage
@@ -23,8 +27,10 @@ __all__ = [
     "Champion",
     "ChampionPolicy",
     "CmaesConfig",
+    "Controller",
     "ControllerConfig",
     "Evaluation",
+    "Evaluator",
     "EvolutionConfig",
     "EvolutionError",
     "Outcome",
@@ -38,6 +44,7 @@ __all__ = [
     "Validation",
     "evaluate",
     "evolve",
+    "find_controller",
     "judge",
     "load_champion",
     "load_run",

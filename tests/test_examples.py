@@ -1,12 +1,15 @@
 """The examples work."""
 
 import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+import evolution as ev
+from evolution.backends.trials import Job
 import symbrion_gym as sg
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -34,6 +37,13 @@ def test_a_task_of_ones_own_takes_few_lines_and_is_solved() -> None:
     assert sum(info["reward_rise"] for *_, info in own.results) > 0.1
 
 
+def test_the_own_controller_is_evaluated_and_short() -> None:
+    wave = load("own_controller").Wave
+    evaluation = ev.evaluate(np.zeros((2, 3)), modules=4, controller=wave, trials=1, duration=1.0)
+    assert not any(outcome.error for outcome in evaluation.outcomes)
+    assert len((EXAMPLES / "own_controller.py").read_text().splitlines()) <= 25
+
+
 @pytest.mark.slow
 def test_ppo_trains() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
@@ -58,3 +68,29 @@ def test_a_scout_drives_to_random_places(arena: str) -> None:
         goal = rng.choice(np.flatnonzero(places.region >= 0))
         start = rng.choice(np.flatnonzero(places.region == places.region[goal]))
         assert drive(ground, *(tuple(places.positions[place, :2]) for place in (start, goal)))
+
+
+def test_pycma_searches_around_an_evaluator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("evolution.backends.rollout.simulate", bowl)
+    genotype, fitness = load("search_with_pycma").main(generations=3)
+    assert len(genotype) == 8
+    assert np.isfinite(fitness)
+
+
+def test_ribs_fills_an_archive() -> None:
+    pytest.importorskip("ribs", reason="the extra ribs is not installed")
+    archive = load("search_with_ribs").main(1, 1, arena="truth", modules=3, duration=1.0, trials=1)
+    assert archive.stats.num_elites > 0
+
+
+def test_a_fitness_of_ones_own_is_kept_and_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example = load("own_fitness")
+    run = example.main(0, str(tmp_path / "run"))
+    assert run.config.scoring.__name__ == "far_and_low"
+    assert len(ev.resume(tmp_path / "run", generations=2, simulate=bowl).history) == 2
+
+
+def bowl(jobs: Sequence[Job], threads: int) -> list[ev.Outcome]:
+    """Stand-in for physics: progress is highest where every gene is 0."""
+    return [ev.Outcome(-float((job.genotype**2).sum()), 0.0, (False,) * job.trials.count) for job in jobs]

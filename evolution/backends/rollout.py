@@ -12,8 +12,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
-from evolution.backends.trials import CONDITIONS, FAILED_PROGRESS, Job, Outcome, RolloutConfig, Trials
-from evolution.controllers.controller import Controller, make_controller
+from evolution.backends.descriptors import Records, as_records
+from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.prepared_arenas import find_arena_key, prepare_arena
+from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
+from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
@@ -47,6 +50,7 @@ class TrialResult(NamedTuple):
     effort: float
     seconds: float
     diverged: bool
+    records: Records | None = None
 
 
 _environments: OrderedDict[Hashable, SnakePitVectorEnv] = OrderedDict()
@@ -73,7 +77,7 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     results: dict[tuple[int, int], TrialResult] = {}
     for trials in groups.values():
         first = jobs[trials[0].job].trials
-        controller = make_controller(first.controller, first.modules, first.controller_config)
+        controller = find_trial_controller(first)
         for environment, own_trials in _group_by_environment(first, trials, threads, config or first.rollout):
             results |= _run_trials(environment, controller, own_trials)
     return [
@@ -82,11 +86,31 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     ]
 
 
+def warm_up(trials: Trials, num_jobs: int, threads: int) -> None:
+    """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal.
+
+    Args:
+        trials: of each job.
+        num_jobs: number of jobs.
+        threads: number of threads of `mujoco.batch`.
+
+    Raises:
+        RunError: the environment cannot be made.
+    """
+    job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
+    expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
+    for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout):
+        first = np.arange(environment.num_envs) == 0  # the first trial begins there anyway
+        try:
+            environment.reset(options={"reset_mask": first})
+        except ValueError as error:
+            raise RunError(f"the environment cannot be made: {error}") from error
+
+
 def find_environment_key(trials: Trials) -> Hashable:
     """Return what trials must have in common to share an environment."""
-    arena = trials.arena if isinstance(trials.arena, str) else id(trials.arena)
-    rollout, laws = trials.rollout, trials.controller_config
-    return arena, trials.modules, trials.controller, trials.start, trials.environment, rollout, laws
+    arena = find_arena_key(trials.arena)
+    return arena, trials.body, trials.episode, trials.control, trials.rollout, trials.trial.descriptors
 
 
 def make_environment_options(trials: Trials, stuck_time: float | None = None) -> dict[str, Any]:
@@ -96,10 +120,14 @@ def make_environment_options(trials: Trials, stuck_time: float | None = None) ->
         trials: arena, body and further options.
         stuck_time: as in `RolloutConfig`; None for that of the trials.
     """
-    sensors = make_controller(trials.controller, trials.modules).sensors
+    sensors = find_trial_controller(trials).sensors
     stuck_time = trials.rollout.stuck_time if stuck_time is None else stuck_time
-    options = {"sensors": sensors, "stuck_time": stuck_time} | dict(trials.environment)
-    return options | {"arena": trials.arena, "modules": trials.modules, "start": trials.start}
+    patience = {"stuck_time": stuck_time} if trials.episode.has_parameter("stuck_time") else {}
+    options = {"sensors": sensors} | patience | trials.episode.make_options()
+    body = trials.modules if trials.organism is None else trials.organism
+    if trials.trial.descriptors:
+        options["recorders"] = trials.trial.descriptors
+    return options | {"arena": prepare_arena(trials.arena), "modules": body}
 
 
 def split_job(index: int, job: Job) -> list[Trial]:
@@ -149,7 +177,9 @@ def _find_environment(
     """
     sizes = config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
-    key = (find_environment_key(conditions), config.stuck_time, stretches, size, threads)
+    same = (find_environment_key(conditions), config.stuck_time, stretches, threads)
+    larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
+    key = larger[0] if larger else (same, size)
     if key not in _environments:
         while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
@@ -173,7 +203,8 @@ def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
     num_envs = environment.num_envs
-    structure = environment.observation_structure
+    shape = environment.action_space.shape or (num_envs,)
+    structure, has_records = environment.observation_structure, bool(environment.config.recorders)
     waiting = deque(trials)
     running: list[Trial | None] = [None] * num_envs
     genotypes = np.zeros((num_envs, len(controller.parameters)))
@@ -183,8 +214,13 @@ def _run_trials(
     observation = _start_trials(environment, waiting, running, genotypes, effort, range(num_envs))
     while len(results) < len(trials):
         actions, state = controller.act(observation, genotypes, structure, state)
+        if actions.shape != shape:
+            raise RunError(
+                f"controller {controller.name!r} returns {actions.shape[-1]} numbers for an action of {shape[-1]}; "
+                "give a controller that drives the tracks, too, or leave out track_control"
+            )
         observation, _, terminated, truncated, info = environment.step(actions)
-        effort -= info["reward_effort"]
+        effort -= info.get("reward_effort", 0.0)
         ended = (terminated | truncated).nonzero()[0].tolist()
         for row in ended:
             trial = running[row]
@@ -195,10 +231,11 @@ def _run_trials(
                     effort=float(effort[row]),
                     seconds=float(info["time"][row]),
                     diverged=bool(info["diverged"][row]),
+                    records=as_records(environment.read_records(row)) if has_records else None,
                 )
                 running[row] = None
         if ended and waiting:
-            state.ticks_since_contact[ended] = 0
+            state = reset_rows(controller, state, ended)
             observation = _start_trials(environment, waiting, running, genotypes, effort, ended)
     return results
 
@@ -239,4 +276,5 @@ def _summarize(results: Sequence[TrialResult]) -> Outcome:
         succeeded=tuple(each.success for each in results),
         seconds=float(np.sum([each.seconds for each in results])),
         diverged=sum(each.diverged for each in results),
+        descriptors=tuple(each.records for each in results if each.records is not None),
     )

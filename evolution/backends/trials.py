@@ -1,4 +1,4 @@
-"""The trials of a genotype, their outcome, and its fitness.
+"""The trials of a genotype.
 
 A `Job` describes everything that decides its outcome; the worker, the other jobs and the number of threads have no
 influence. That is why batch, processes and a Ray cluster give equal results.
@@ -8,13 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution.controllers.controller import ControllerConfig
+from evolution.backends.descriptors import check_descriptors
+from evolution.backends.environment_options import Options as Options
+from evolution.backends.nested import Nested
+from evolution.backends.outcome import FAILED_PROGRESS, Outcome
+from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
+from evolution.backends.scoring import Scoring as Scoring
+from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
 from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
 from reconstruction.range_checks import as_floats, as_range, check_count, coerce_floats
@@ -25,20 +32,14 @@ if TYPE_CHECKING:
 
     ArenaSource: TypeAlias = str | PathLike[str] | Arena
 
-FAILED_PROGRESS = -1.0
-"""Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
 MAX_ERROR_LENGTH = 200
 """Characters of an error that a record keeps."""
 MAX_STRETCHES = 100
 """Each is a separate arena in memory."""
-MAX_WEIGHT = 1e6
-"""Largest weight of a term of the fitness [m of progress]."""
 _STRETCH_LIMITS = (0.1, 10.0)
 CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
-Options = tuple[tuple[str, Any], ...]
-"""Name and value of each option of the environment, sorted by name."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,8 @@ class RolloutConfig:
         stuck_time: a body without progress for this long ends its trial [s], unless the options of the environment say
             otherwise. Shorter than the environment's default: a controller without memory that made no progress in 5 s
             will make none. Changes results.
-        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used. Few
-            sizes mean few compilations. Changes the speed only.
+        batch_sizes: sub-environments of a vector environment; the smallest size that takes all trials is used, or a
+            larger one that is compiled already. Few sizes mean few compilations. Changes the speed only.
         max_environments: compiled vector environments that a process keeps. Changes the speed and memory only.
     """
 
@@ -112,32 +113,61 @@ class RolloutConfig:
 
 
 @dataclass(frozen=True)
-class Trials:
-    """The trials of a genotype.
+class TrialConfig:
+    """How trials vary, how they are simulated and what is kept of them.
 
     Attributes:
-        arena: name, folder or, on backend "batch", an `Arena`.
-        modules: number of modules in the snake.
-        controller: name of the law that reads the genotype.
-        start: "pit" (close before it) or "floor".
-        count: number of trials, each under other conditions.
-        seed: seed of the conditions; equal seeds mean equal conditions.
-        randomization: ranges from which the conditions are sampled.
-        environment: further options of the environment, as sorted pairs.
-        controller_config: parameters of the controller that are not evolved.
-        rollout: parameters of the simulation.
+        randomization: ranges from which the conditions of the trials are sampled.
+        rollout: parameters of the simulation of trials.
+        descriptors: what outcomes keep of every trial beside progress and success: "pose" (final positions and
+            rotations), "extremes" (lowest and highest positions), "contacts", "trajectory" (thinned), recorders of
+            `symbrion_gym.tasks.recorders`, or functions of a `TaskState`. None by default, as some cost time.
     """
 
+    randomization: Randomization = field(default_factory=Randomization)
+    rollout: RolloutConfig = field(default_factory=RolloutConfig)
+    descriptors: Any = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "descriptors", check_descriptors(self.descriptors))
+
+
+@dataclass(frozen=True, init=False)
+class Trials(Nested):
+    """The trials of a genotype. Fields of parts are given and read as its own: `Trials(modules=5, start="floor")`.
+
+    Attributes:
+        arena: name, folder, file or, on backend "batch", an `Arena`.
+        body: the body.
+        episode: what is to be done; options that are no field go to its `environment`.
+        control: the controller that reads the genotype.
+        trial: how the trials vary and are simulated.
+        count: number of trials, each under other conditions.
+        seed: seed of the conditions; equal seeds mean equal conditions.
+    """
+
+    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control", "trial")
+
     arena: ArenaSource = "truth"
-    modules: int = 8
-    controller: str = "reactive"
-    start: str = "pit"
+    body: BodyConfig = field(default_factory=BodyConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=partial(ControlConfig, controller="reactive"))
+    trial: TrialConfig = field(default_factory=TrialConfig)
     count: int = 2
     seed: tuple[int, ...] = (0,)
-    randomization: Randomization = field(default_factory=Randomization)
-    environment: Options = ()
-    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
-    rollout: RolloutConfig = field(default_factory=RolloutConfig)
+
+    def take_others(self, others: dict[str, Any]) -> None:
+        """Take further options of the environment."""
+        take_environment(self, others)
+
+
+def find_trial_controller(trials: Trials) -> Controller:
+    """Return the controller of trials, for their body.
+
+    Raises:
+        RunError: there is no such controller, or it does not suit the body.
+    """
+    return trials.control.make_controller(trials.body.find_organism(), trials.episode)
 
 
 class Job(NamedTuple):
@@ -145,62 +175,6 @@ class Job(NamedTuple):
 
     genotype: Float[np.ndarray, " G"]
     trials: Trials
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a genotype's trials.
-
-    Attributes:
-        progress: progress of the whole body, mean over trials [m].
-        effort: mean over trials.
-        succeeded: for each trial, whether the strict success check passed.
-        seconds: simulated, summed over trials [s].
-        diverged: number of trials whose physics diverged.
-        error: why it could not be tried; empty if it could.
-    """
-
-    progress: float
-    effort: float
-    succeeded: tuple[bool, ...]
-    seconds: float = 0.0
-    diverged: int = 0
-    error: str = ""
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return len(self.succeeded)
-
-    @property
-    def successes(self) -> int:
-        """Number of successful trials."""
-        return sum(self.succeeded)
-
-
-@dataclass(frozen=True)
-class Scoring:
-    """How an outcome becomes a fitness: progress + success - effort - body.
-
-    Attributes:
-        success: reward of a success rate of 1 [m of progress].
-        effort: penalty for a unit of effort.
-        module: penalty for each module; only relevant where the length of the body evolves.
-    """
-
-    success: float = 1.0
-    effort: float = 0.2
-    module: float = 0.05
-
-    def __post_init__(self) -> None:
-        coerce_floats(
-            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
-        )
-
-    def score(self, outcome: Outcome, modules: int) -> float:
-        """Return the fitness, higher is better, always finite."""
-        rate = outcome.successes / max(outcome.trials, 1)
-        return outcome.progress + self.success * rate - self.effort * outcome.effort - self.module * modules
 
 
 def make_failure(trials: Trials, error: str) -> Outcome:

@@ -2,21 +2,23 @@
 
 import logging
 import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from evolution.backends.making import make_backend
 from evolution.backends.rollout import make_environment_options
-from evolution.backends.trials import Job, Outcome, Randomization, Trials
-from evolution.controllers.controller import make_controller
-from evolution.search.evaluation import make_backend
+from evolution.backends.trials import Job, Outcome, Randomization, Trials, find_trial_controller
+from evolution.controllers.protocol import Controller
+from evolution.search.stored_config import restore
 from evolution.search.validation import Champion
 from reconstruction.deprecation import accept_former_arguments
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 if TYPE_CHECKING:
+    from evolution.backends.parts import Point
     from evolution.backends.trials import ArenaSource
 
 UNSTRETCHED = Randomization(stretch=(1.0,))
@@ -57,7 +59,7 @@ def judge(
     trials: int = 20,
     seed: int = 0,
     *,
-    start: str = "floor",
+    start: "str | Point | None" = None,
     randomization: Randomization = UNSTRETCHED,
     workers: int = 1,
 ) -> Outcome:
@@ -68,7 +70,7 @@ def judge(
         arena: a name, folder or `Arena`.
         trials: number of trials.
         seed: seed of the conditions.
-        start: "floor" or "pit".
+        start: "floor", "pit" or (x, y) [m]; None: as in the run where that had a place or a task, else "floor".
         randomization: ranges of the conditions; by default the arena is not stretched.
         workers: number of threads.
 
@@ -78,16 +80,8 @@ def judge(
     Raises:
         RunError: the environment cannot be made.
     """
-    conditions = Trials(
-        arena=arena,
-        modules=champion.modules,
-        controller=champion.controller,
-        start=start,
-        count=trials,
-        seed=(seed, _JUDGE_SEED),
-        randomization=randomization,
-        environment=champion.environment,
-        controller_config=champion.controller_config,
+    conditions = make_champion_trials(
+        champion, arena, start, count=trials, seed=(seed, _JUDGE_SEED), randomization=randomization
     )
     backend = make_backend("batch", workers)
     (outcome,) = backend.run([Job(np.array(champion.genotype), conditions)])
@@ -99,7 +93,7 @@ def play(
     arena: "ArenaSource" = "truth",
     seed: int = 0,
     *,
-    start: str = "floor",
+    start: "str | Point | None" = None,
     film: bool = False,
     window: bool = False,
     speed: float = 5.0,
@@ -112,7 +106,7 @@ def play(
         champion: champion to try, with genotype, controller and body.
         arena: a name, folder or `Arena`.
         seed: seed of the environment.
-        start: "floor" or "pit".
+        start: as of `judge`.
         film: also render; where there is no OpenGL, a warning is logged and there are no frames.
         window: show it in MuJoCo's viewer instead; where there is no display, a warning is logged.
         speed: speed of film and window, relative to the robot.
@@ -122,14 +116,7 @@ def play(
     Raises:
         ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
-    conditions = Trials(
-        arena=arena,
-        modules=champion.modules,
-        controller=champion.controller,
-        start=start,
-        environment=champion.environment,
-        controller_config=champion.controller_config,
-    )
+    conditions = make_champion_trials(champion, arena, start)
     environment = SnakePitEnv(
         render_mode="human" if window else "rgb_array",
         width=size[0],
@@ -137,16 +124,46 @@ def play(
         **make_environment_options(conditions),
     )
     try:
-        return _run(environment, champion, seed, film and not window, speed, fps)
+        return _run(
+            environment, champion, find_trial_controller(conditions), seed, film and not window, speed, fps
+        )
     finally:
         environment.close()
 
 
+def make_champion_trials(
+    champion: Champion, arena: "ArenaSource", start: "str | Point | None" = None, **others: Any
+) -> Trials:
+    """Return trials of a champion: its body, its controller and its task, all found anew in the arena.
+
+    Args:
+        champion: champion to try.
+        arena: a name, folder, file or `Arena`.
+        start: as of `judge`.
+        others: other fields of the trials.
+
+    Raises:
+        RunError: controller or task cannot be restored.
+    """
+    champion = restore(champion)
+    episode = champion.episode
+    if start is None and isinstance(episode.find_start(), str):
+        start = "floor"
+    if start is not None:
+        episode = replace(episode, start=start)
+    return Trials(arena=arena, body=champion.body, episode=episode, control=champion.control, **others)
+
+
 def _run(
-    environment: SnakePitEnv, champion: Champion, seed: int, film: bool, speed: float, fps: int
+    environment: SnakePitEnv,
+    champion: Champion,
+    controller: Controller,
+    seed: int,
+    film: bool,
+    speed: float,
+    fps: int,
 ) -> Recording:
-    controller = make_controller(champion.controller, champion.modules, champion.controller_config)
-    genotype = np.array(champion.genotype)
+    genotype = np.array(champion.genotype)[None]
     observation, info = environment.reset(seed=seed)
     state = controller.begin(1)
     positions, rotations, frames = [], [], []

@@ -1,11 +1,12 @@
 """A champion as a policy, in the form that reinforcement-learning libraries call."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from evolution.controllers.controller import State, Structure, make_controller
+from evolution.controllers.protocol import Structure, check_genotypes, reset_rows
 from evolution.errors import RunError
 from evolution.search.run import load_champion
 from evolution.search.validation import Champion
@@ -24,30 +25,34 @@ class ChampionPolicy:
 
     def __init__(self, champion: Champion | str | Path, structure: Structure) -> None:
         self.champion = champion if isinstance(champion, Champion) else load_champion(champion)
-        self._controller = make_controller(
-            self.champion.controller, self.champion.modules, self.champion.controller_config
-        )
+        self._organism = self.champion.body.find_organism()
+        self._controller = self.champion.control.make_controller(self._organism, self.champion.episode)
         self._genotype = np.array(self.champion.genotype)
-        self._controller.check(self._genotype)
+        check_genotypes(self._controller, self._genotype)
         self._structure = structure
         missing = [name for name in self._controller.sensors if name not in structure]
         if missing:
             raise RunError(
                 f"the observation lacks {', '.join(missing)}; make the environment with these sensors"
             )
-        pitch = structure["pitch"]
-        if pitch.stop - pitch.start != self.champion.modules:
-            raise RunError(
-                f"the champion has {self.champion.modules} modules, the environment {pitch.stop - pitch.start}"
-            )
+        self._check_body(structure)
+
+    def _check_body(self, structure: Structure) -> None:
+        """Refuse an environment whose body has another number of modules or hinges."""
+        counts = {"pitch": self._organism.num_modules, "hinge_angle": len(self._organism.servos)}
+        for name, count in counts.items():
+            part = structure.get(name, slice(0, count))
+            if part.stop - part.start != count:
+                what = "modules" if name == "pitch" else "joints"
+                raise RunError(f"the champion has {count} {what}, the environment {part.stop - part.start}")
 
     def predict(
         self,
         observation: Float[np.ndarray, "*N O"],
-        state: State | None = None,
+        state: Any = None,
         episode_start: Bool[np.ndarray, " N"] | None = None,
         deterministic: bool = True,
-    ) -> tuple[Float[np.ndarray, "*N H"], State]:
+    ) -> tuple[Float[np.ndarray, "*N A"], Any]:
         """Return the actions and the state to pass to the next call.
 
         Args:
@@ -60,6 +65,7 @@ class ChampionPolicy:
         if state is None:
             state = self._controller.begin(len(rows))
         elif episode_start is not None:
-            state = State(np.where(np.reshape(episode_start, (-1, 1)), 0, state.ticks_since_contact))
-        action, state = self._controller.act(rows, self._genotype, self._structure, state)
+            state = reset_rows(self._controller, state, np.reshape(episode_start, -1).astype(bool))
+        genotypes = np.broadcast_to(self._genotype, (len(rows), len(self._genotype)))
+        action, state = self._controller.act(rows, genotypes, self._structure, state)
         return (action if np.ndim(observation) == 2 else action[0]), state

@@ -1,16 +1,23 @@
-"""Controllers: a control law, the genotypes it reads, and the memory between ticks.
+"""The laws of this package as controllers: a law, the genotypes it reads, and the memory between ticks.
 
 The only memory is how long ago each module last touched the ground, because contact flickers.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from evolution.controllers.config import NUM_KNOTS as NUM_KNOTS
+from evolution.controllers.config import ControllerConfig as ControllerConfig
+from evolution.controllers.config import OscillatorConfig
+from evolution.controllers.drive import Drive, make_drive
+from evolution.controllers.joints import Joints, find_joints
 from evolution.controllers.laws import (
     NETWORK_INPUTS,
     REACTIVE_GENES,
@@ -21,73 +28,27 @@ from evolution.controllers.laws import (
     reactive,
     travelling,
 )
+from evolution.controllers.oscillators import OscillatorController, make_oscillators
+from evolution.controllers.protocol import Controller as Controller
+from evolution.controllers.protocol import Structure as Structure
+from evolution.controllers.protocol import check_genotypes
 from evolution.errors import RunError
-from evolution.limits import MAX_MAGNITUDE, MIN_POSITIVE
-from reconstruction.range_checks import as_range, check_choice, coerce_floats, coerce_integers
+from reconstruction.range_checks import check_choice
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
-Structure = Mapping[str, slice]
-"""Where each quantity lies in an observation, as in `SnakePitEnv.observation_structure`."""
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 SENSORS = ("hinge_angle", "pitch", "contact")
 """Sensors that every law reads."""
 HINGE_RANGE = ScoutConfig().hinge_range
-"""Largest angle of a hinge to either side [rad]; actions are relative to it."""
+"""Largest angle of a hinge of the usual Scout to either side [rad]."""
 REACTIVE_HINT = (-0.1, 0.0, 0.0, -0.1, 0.0, 1.1, 0.0, -0.6)
 """Hint for a search for a reactive law: lift what is in the air in front, keep the head level.
 Set by hand, close to what earlier searches had found; a genotype close to it crossed in 14 of 32 trials."""
 U_SHAPE_HINT = (0.0, -0.1, -0.3, -0.5, 0.2, 1.2, 0.8, -0.3, -1.0, -0.4, -0.1, 0.0)
 """Hint for a search for a travelling posture: down at the near edge, up at the bottom, level at the far
 edge (paper, section III-A)."""
-NUM_KNOTS = len(U_SHAPE_HINT)
-"""Knots of `travelling` and `path`: 10 cm apart, finer than a module is long."""
-
-
-_MAX_TICKS, _MAX_HIDDEN = 10**9, 1000
-
-
-@dataclass(frozen=True)
-class ControllerConfig:
-    """Parameters of the laws that are not evolved.
-
-    Attributes:
-        contact_timeout: ticks without contact after which a module counts as airborne. 15 (0.3 s) bridge the
-            flicker of contact; a head that drives over an edge advances by 2.5 cm meanwhile.
-        max_airborne_ticks: ticks without contact after which a module no longer keeps its raised posture. 175 (3.5 s);
-            without a limit a raised head would never come down again.
-        knot_range: position of the first and the last knot of `travelling` and `path`, from the middle of the
-            pit [m]. They cover the pit and 0.3 m on either side.
-        num_hidden: hidden units of `network`; four keep its search space at 37 genes.
-        gene_bound: largest absolute value of a gene, an angle [rad] or gain: nearly the range of a hinge.
-        weight_bound: largest absolute value of a weight of `network`; more saturates its tanh.
-    """
-
-    contact_timeout: int = 15
-    max_airborne_ticks: int = 175
-    knot_range: tuple[float, float] = (-0.55, 0.55)
-    num_hidden: int = 4
-    gene_bound: float = 1.5
-    weight_bound: float = 4.0
-
-    def __post_init__(self) -> None:
-        ticks = (0, _MAX_TICKS)
-        coerce_integers(
-            self,
-            {"contact_timeout": ticks, "max_airborne_ticks": ticks, "num_hidden": (1, _MAX_HIDDEN)},
-            RunError,
-        )
-        coerce_floats(
-            self, dict.fromkeys(("gene_bound", "weight_bound"), (MIN_POSITIVE, MAX_MAGNITUDE)), RunError
-        )
-        low, high = as_range("knot_range", self.knot_range, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
-        if not low < high:
-            raise RunError(f"knot_range is {self.knot_range!r}; first < last is needed")
-        object.__setattr__(self, "knot_range", (low, high))
-
-    @property
-    def knots(self) -> Float[np.ndarray, " G"]:
-        """Positions of the knots [m]."""
-        return np.linspace(*self.knot_range, NUM_KNOTS)
 
 
 class State(NamedTuple):
@@ -100,39 +61,70 @@ class State(NamedTuple):
     ticks_since_contact: Int[np.ndarray, "P n"]
 
 
-@dataclass(frozen=True)
-class Controller:
-    """A law, and the genotypes it reads.
+@dataclass(frozen=True, eq=False)
+class LawController:
+    """A law of ours on a body: it follows `Controller`.
+
+    The genes of the tracks, where these are part of the action, come before those of the law: so a body that is
+    shorter than the genotype's reads its first genes.
 
     Attributes:
         name: name of the law.
-        modules: length of the longest body it is for.
-        parameters: name of each gene.
+        joints: the hinges of the body.
+        drive: its tracks.
+        law_parameters: name of each gene of the law.
         law: the function.
-        initial: genotype at which a search with a hint begins.
+        law_initial: genes of the law at which a search with a hint begins.
         bound: largest absolute value of a gene.
-        sensors: the parts of an observation that the law reads.
+        law_sensors: the parts of an observation that the law reads.
+        hinge_range: largest angle of a hinge to either side [rad]; actions are relative to it.
         config: parameters that are not evolved.
+        version: raised when the law acts differently than before.
     """
 
     name: str
-    modules: int
-    parameters: tuple[str, ...]
+    joints: Joints
+    drive: Drive
+    law_parameters: tuple[str, ...]
     law: Law
-    initial: tuple[float, ...]
+    law_initial: tuple[float, ...]
     bound: float = ControllerConfig.gene_bound
-    sensors: tuple[str, ...] = SENSORS
-    config: ControllerConfig = ControllerConfig()
+    law_sensors: tuple[str, ...] = SENSORS
+    hinge_range: float = HINGE_RANGE
+    config: ControllerConfig = field(default_factory=ControllerConfig)
+    version: str = "1"
+
+    @property
+    def modules(self) -> int:
+        """Number of modules of the body."""
+        return self.joints.num_modules
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The parts of an observation that it reads."""
+        rolls = ("roll",) if self.joints.has_rolls else ()
+        return (*self.law_sensors, *rolls, *self.drive.sensors)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Name of each gene."""
+        return self.drive.parameters + self.law_parameters
+
+    @property
+    def initial(self) -> tuple[float, ...]:
+        """Genotype at which a search with a hint begins."""
+        return self.drive.initial + self.law_initial
 
     @property
     def lower(self) -> tuple[float, ...]:
         """Smallest value of each gene."""
-        return (-self.bound,) * len(self.parameters)
+        return tuple(-value for value in self.upper)
 
     @property
     def upper(self) -> tuple[float, ...]:
         """Largest value of each gene."""
-        return (self.bound,) * len(self.parameters)
+        drive, law = len(self.drive.parameters), len(self.law_parameters)
+        return (self.drive.bound,) * drive + (self.bound,) * law
 
     def begin(self, count: int) -> State:
         """Return the state of `count` controllers before their first observation."""
@@ -144,8 +136,8 @@ class Controller:
         genotype: Float[np.ndarray, "*P G"],
         structure: Structure,
         state: State,
-    ) -> tuple[Float[np.ndarray, "P H"], State]:
-        """Compute actions in [-1, 1], hinge targets as a share of the hinge's range, and the new state.
+    ) -> tuple[Float[np.ndarray, "P A"], State]:
+        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
 
         Args:
             observation: one row for each controller.
@@ -153,60 +145,100 @@ class Controller:
             structure: slice of each quantity in an observation.
             state: as returned by `begin` or the previous call.
         """
-        count = len(observation)
-        genes = genotype if genotype.ndim == 2 else np.broadcast_to(genotype, (count, len(self.parameters)))
-        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in self.sensors}
+        genes = np.broadcast_to(genotype, (len(observation), len(self.parameters)))
+        num_drive = len(self.drive.parameters)
+        sensed, state = self._sense(observation, structure, state)
+        target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
+        np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target)
+        if not num_drive and not self.joints.num_twists:
+            return target, state
+        twists = np.zeros((len(target), self.joints.num_twists))
+        tracks = self.drive.act(genes[:, :num_drive], observation, structure)
+        return np.concatenate((target, twists, tracks), axis=1), state
+
+    def _sense(
+        self, observation: Float[np.ndarray, "P O"], structure: Structure, state: State
+    ) -> tuple[dict[str, Float[np.ndarray, "P _"]], State]:
+        """Return what the law reads, and how long ago each module touched something."""
+        names = (*self.law_sensors, *(("roll",) if self.joints.has_rolls else ()))
+        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in names}
+        sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
+        sensed["inclination_ahead"] = self.joints.find_inclination_ahead(sensed["pitch"], sensed.get("roll"))
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)
         sensed["airborne"] = (ticks > self.config.contact_timeout).astype(float)
         sensed["recent_contact"] = (ticks <= self.config.max_airborne_ticks).astype(float)
-        target = self.law(sensed, genes) / HINGE_RANGE
-        return np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target), State(ticks)
+        return sensed, State(ticks)
 
     def check(self, genotypes: Float[np.ndarray, "*P G"]) -> None:
-        """Refuse genotypes that do not fit this controller.
-
-        Raises:
-            RunError: wrong length, or not finite.
-        """
-        if genotypes.shape[-1] != len(self.parameters):
-            raise RunError(
-                f"genotypes of {genotypes.shape[-1]} numbers; {self.name!r} with {self.modules} modules "
-                f"reads {len(self.parameters)}: {', '.join(self.parameters[:12])}"
-            )
-        if not np.all(np.isfinite(genotypes)):
-            raise RunError("a genotype has a number that is not finite")
+        """Refuse genotypes that do not fit; see `check_genotypes`."""
+        check_genotypes(self, genotypes)
 
 
-def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> Controller:
-    """Make a controller.
+OwnController = LawController | OscillatorController
+"""A controller of this package."""
+
+
+def make_law(
+    name: str, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
+) -> OwnController:
+    """Make a law of ours for a body.
 
     Args:
-        name: "path", "reactive", "travelling", "posture" or "network".
-        modules: length of the longest body it is for.
-        config: parameters that are not evolved.
+        name: of `CONTROLLERS`.
+        organism: the body.
+        config: parameters of the controller that are not evolved.
+        num_tracks: number of track speeds in an action.
 
     Raises:
-        RunError: there is no such controller, or the body has no hinge.
+        RunError: there is no such law, or the body has neither a hinge nor a track to control.
     """
+    check_choice("controller", name, CONTROLLERS, RunError)
+    if not organism.hinges and not num_tracks:
+        raise RunError(
+            f"a body of {organism.num_modules} modules without a hinge has nothing to control; "
+            "dock modules by their fronts, or make tracks part of the action: track_control='skid'"
+        )
+    config = config or ControllerConfig()
+    body = {
+        "joints": find_joints(organism),
+        "drive": make_drive(organism, num_tracks, config.gene_bound),
+        "hinge_range": organism.scout.hinge_range,
+        "config": config,
+    }
+    return _MAKERS[name](organism, config, body)
+
+
+def make_controller(name: str, modules: int, config: ControllerConfig | None = None) -> OwnController:
+    """Make a law of ours for a snake; see `make_law`.
+
+    Raises:
+        RunError: there is no such law, or the snake has no hinge.
+    """
+    check_choice("controller", name, CONTROLLERS, RunError)
     if modules < 2:
         raise RunError(f"modules is {modules}; a body with a hinge has at least 2")
-    check_choice("controller", name, CONTROLLERS, RunError)
-    return _MAKERS[name](modules, config or ControllerConfig())
+    from symbrion_gym.robot.organism import snake
+
+    return make_law(name, snake(modules), config)
 
 
-def _make_path(modules: int, config: ControllerConfig) -> Controller:
-    return _make_knotted("path", path, "slope", (0.0,) * NUM_KNOTS, modules, config)
+def _make_path(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
+    return _make_knotted("path", path, "slope", (0.0,) * NUM_KNOTS, organism, body)
 
 
-def _make_reactive(modules: int, config: ControllerConfig) -> Controller:
-    bound = config.gene_bound
-    return Controller(
-        "reactive", modules, REACTIVE_GENES, reactive, REACTIVE_HINT, bound=bound, config=config
+def _make_reactive(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
+    return LawController(
+        name="reactive",
+        law_parameters=REACTIVE_GENES,
+        law=reactive,
+        law_initial=REACTIVE_HINT,
+        bound=config.gene_bound,
+        **body,
     )
 
 
-def _make_travelling(modules: int, config: ControllerConfig) -> Controller:
-    return _make_knotted("travelling", travelling, "angle", U_SHAPE_HINT, modules, config)
+def _make_travelling(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
+    return _make_knotted("travelling", travelling, "angle", U_SHAPE_HINT, organism, body)
 
 
 def _make_knotted(
@@ -214,50 +246,64 @@ def _make_knotted(
     law: Callable[..., Float[np.ndarray, "P H"]],
     quantity: str,
     initial: tuple[float, ...],
-    modules: int,
-    config: ControllerConfig,
-) -> Controller:
+    organism: Organism,
+    body: dict[str, Any],
+) -> LawController:
     """Make a controller whose genes are values of a quantity at knots along the course."""
+    config: ControllerConfig = body["config"]
     knots = config.knots
-    return Controller(
+    return LawController(
         name=name,
-        modules=modules,
-        parameters=tuple(f"{quantity}_at_{100 * x:+.0f}_cm" for x in knots),
-        law=partial(law, knots=knots),
-        initial=initial,
+        law_parameters=tuple(f"{quantity}_at_{100 * x:+.0f}_cm" for x in knots),
+        law=partial(law, knots=knots, spacing=organism.scout.pitch),
+        law_initial=initial,
         bound=config.gene_bound,
-        sensors=(*SENSORS, "track_odometry"),
-        config=config,
+        law_sensors=(*SENSORS, "track_odometry"),
+        **body,
     )
 
 
-def _make_posture(modules: int, config: ControllerConfig) -> Controller:
-    hinges = tuple(f"hinge_{index}" for index in range(modules - 1))
+def _make_posture(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
+    hinges = tuple(f"hinge_{index}" for index in range(len(organism.hinges)))
     initial = (0.0,) * len(hinges)
-    return Controller("posture", modules, hinges, posture, initial, bound=config.gene_bound, config=config)
+    return LawController(
+        name="posture",
+        law_parameters=hinges,
+        law=posture,
+        law_initial=initial,
+        bound=config.gene_bound,
+        **body,
+    )
 
 
-def _make_network(modules: int, config: ControllerConfig) -> Controller:
+def _make_network(organism: Organism, config: ControllerConfig, body: dict[str, Any]) -> LawController:
     units = range(config.num_hidden)
     weights = tuple(f"hidden_{unit}_{name}" for unit in units for name in NETWORK_INPUTS)
     weights += (*(f"output_{unit}" for unit in units), "output_bias")
-    return Controller(
+    return LawController(
         name="network",
-        modules=modules,
-        parameters=weights,
+        law_parameters=weights,
         law=partial(network, num_hidden=config.num_hidden),
-        initial=(0.0,) * len(weights),
+        law_initial=(0.0,) * len(weights),
         bound=config.weight_bound,
-        config=config,
+        **body,
     )
 
 
-_MAKERS: dict[str, Callable[[int, ControllerConfig], Controller]] = {
+def _make_oscillators(
+    organism: Organism, config: ControllerConfig, body: dict[str, Any]
+) -> OscillatorController:
+    body = {name: body[name] for name in ("joints", "drive", "hinge_range")}
+    return make_oscillators(config.oscillators or OscillatorConfig(), config.gene_bound, **body)
+
+
+_MAKERS: dict[str, Callable[[Organism, ControllerConfig, dict[str, Any]], OwnController]] = {
     "path": _make_path,
     "reactive": _make_reactive,
     "travelling": _make_travelling,
     "posture": _make_posture,
     "network": _make_network,
+    "oscillators": _make_oscillators,
 }
 CONTROLLERS = tuple(_MAKERS)
 """Names of the controllers."""

@@ -1,8 +1,8 @@
-"""Control laws: plain functions from sensed quantities and genotypes to hinge targets.
+"""Control laws: plain functions from sensed quantities and genotypes to hinge targets, on any tree of modules.
 
 A population steps as arrays, and the result for one genotype never depends on the others in the batch (element-wise
-arithmetic only, to the bit). Hinge i joins module i, counted from the head, to module i + 1 behind it; a positive
-angle lifts the part ahead of it.
+arithmetic only, to the bit). Each hinge joins its own module to the one ahead, docked to its front; a positive angle
+lifts what is ahead. In a snake, hinge i joins module i, counted from the head, to module i + 1 behind it.
 """
 
 from collections.abc import Callable, Mapping
@@ -10,18 +10,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from evolution.controllers.joints import Joints
 
 Sensed = Mapping[str, Float[np.ndarray, "P _"]]
-"""Quantities by name, `[P, n]` each, columns from head to tail.
+"""Quantities by name, one column for each module or hinge.
 
-In addition to the sensors of the environment, each 1 or 0: "airborne", a module without ground contact, and
-"recent_contact", one whose last contact is recent enough to keep a raised posture (`ControllerConfig`)."""
-Law = Callable[[Sensed, Float[np.ndarray, "P G"]], Float[np.ndarray, "P H"]]
+In addition to the sensors of the environment: "inclination_ahead", see `Joints`, and each 1 or 0: "airborne", a module
+without ground contact, and "recent_contact", one whose last contact is recent enough to keep a raised posture
+(`ControllerConfig`)."""
+Law = Callable[[Sensed, Float[np.ndarray, "P G"], Joints], Float[np.ndarray, "P H"]]
 """From quantities and genotypes to hinge targets [rad]."""
 
-SPACING = ScoutConfig().pitch
-"""Distance between the modules of a snake [m]."""
 NETWORK_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind")
 NETWORK_INPUTS += ("angle", "place", "head_pitch")
 """Inputs of `network` at each hinge, in the order of its weights."""
@@ -30,71 +29,95 @@ REACTIVE_GENES += ("front_air", "rear_air", "head_pitch")
 """Genes of `reactive`, in order."""
 
 
-def reactive(sensed: Sensed, genotype: Float[np.ndarray, "P G"]) -> Float[np.ndarray, "P H"]:
-    """Bend each hinge by the pitch of the modules it joins, and lift the ends of the body that are in the air.
+def reactive(sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints) -> Float[np.ndarray, "P H"]:
+    """Bend each hinge by the pitch of the modules it joins, and lift the parts of the body that are in the air.
 
-    Eight genes whatever the length of the body: a bias for all hinges and one more for the first and
-    the last, gains on the pitch ahead and behind, a posture for the modules between the head and the
-    first that touches ground and one for those behind the last that does, and a gain from the head's pitch
-    to its hinge.
+    Eight genes whatever the body: a bias for all hinges, one more for those of the head and one for those of the ends
+    of the tree, gains on the pitch ahead and behind, a posture for a hinge whose part ahead hangs in the air as a
+    whole and one where the part behind does, and a gain from the head's pitch to its hinges. In a snake, these parts
+    are the modules before the first and behind the last that touches ground.
     """
     bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genotype.T[:, :, None]
-    pitch, airborne = sensed["pitch"], sensed["airborne"]
-    front = np.multiply.accumulate(airborne, axis=1) * sensed["recent_contact"]
-    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * sensed["recent_contact"]
-    target = bias + ahead * pitch[:, :-1]
-    target += behind * pitch[:, 1:]
-    target += front_air * front[:, :-1]
-    target += rear_air * rear[:, 1:]
-    target[:, :1] += head_bias + head_pitch * pitch[:, :1]
-    target[:, -1:] += tail_bias
+    pitch, touches = sensed["pitch"], 1.0 - sensed["airborne"]
+    front = (touches @ joints.ahead_part.T == 0) * sensed["recent_contact"][:, joints.ahead]
+    rear = (touches @ joints.own_part.T == 0) * sensed["recent_contact"][:, joints.own]
+    at_head = np.where(joints.own == 0, pitch[:, :1], sensed["inclination_ahead"])[:, joints.is_head]
+    target = bias + ahead * sensed["inclination_ahead"]
+    target += behind * pitch[:, joints.own]
+    target += front_air * front
+    target += rear_air * rear
+    target[:, joints.is_head] += head_bias + head_pitch * at_head
+    target[:, joints.is_tail] += tail_bias
     return target
 
 
 def travelling(
-    sensed: Sensed, genotype: Float[np.ndarray, "P G"], knots: Float[np.ndarray, " G"]
+    sensed: Sensed,
+    genotype: Float[np.ndarray, "P G"],
+    joints: Joints,
+    knots: Float[np.ndarray, " G"],
+    spacing: float,
 ) -> Float[np.ndarray, "P H"]:
     """Keep a posture that is fixed to the ground: each hinge takes the angle of the place it passes.
 
     Whatever angle the head has at a place, every hinge behind it takes there later (follow the leader). Angles are
     joined linearly between knots along the course, 0 beyond them. The position of the head comes from the odometry
     of its tracks (dead reckoning from the start on the map), the positions of the hinges from the pitch of the modules.
+    A hinge lies where the farther of its modules from the head begins; one that bends across the course stays straight.
     """
-    places = sensed["track_odometry"] - np.cumsum(SPACING * np.cos(sensed["pitch"][:, :-1]), axis=1)
-    return _interpolate(genotype, places, knots)
+    reach = (spacing * np.cos(sensed["pitch"])).T
+    behind = np.zeros_like(reach)
+    for module in joints.order:
+        parent = joints.parents[module]
+        behind[module] = behind[parent] + joints.steps[module] * reach[parent]
+    places = sensed["track_odometry"] - behind.T[:, _find_far_modules(joints)]
+    return _interpolate(genotype, places, knots) * (np.abs(joints.along) * joints.share)
 
 
 def path(
-    sensed: Sensed, genotype: Float[np.ndarray, "P G"], knots: Float[np.ndarray, " G"]
+    sensed: Sensed,
+    genotype: Float[np.ndarray, "P G"],
+    joints: Joints,
+    knots: Float[np.ndarray, " G"],
+    spacing: float,
 ) -> Float[np.ndarray, "P H"]:
     """Follow a path over the ground: each module takes the slope that the path has at its place.
 
     Slopes are joined linearly between knots along the course, 0 beyond them; a hinge takes the difference between the
-    slopes of the modules that it joins. In contrast to the angles of `travelling`, a slope bends the body only locally
-    and does not rotate distant parts, so that genes act independently. Positions come from track odometry and pitch.
+    slopes of the modules that it joins, as far as it bends along the course. In contrast to the angles of
+    `travelling`, a slope bends the body only locally and does not rotate distant parts, so that genes act
+    independently. Positions come from track odometry and pitch.
     """
-    half = 0.5 * SPACING * np.cos(sensed["pitch"])
-    behind = np.cumsum(half[:, :-1] + half[:, 1:], axis=1)
-    places = sensed["track_odometry"] - np.pad(behind, ((0, 0), (1, 0)))
-    slopes = _interpolate(genotype, places, knots)
-    return slopes[:, :-1] - slopes[:, 1:]
+    half = (0.5 * spacing * np.cos(sensed["pitch"])).T
+    behind = np.zeros_like(half)
+    for module in joints.order:
+        parent = joints.parents[module]
+        behind[module] = behind[parent] + joints.steps[module] * (half[parent] + half[module])
+    slopes = _interpolate(genotype, sensed["track_odometry"] - behind.T, knots)
+    return (slopes[:, joints.ahead] - slopes[:, joints.own]) * (joints.along * joints.share)
 
 
-def posture(sensed: Sensed, genotype: Float[np.ndarray, "P G"]) -> Float[np.ndarray, "P H"]:
-    """Keep one constant angle per hinge, from head to tail (paper, section III-A: the U shape).
+def posture(sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints) -> Float[np.ndarray, "P H"]:
+    """Keep one constant angle per hinge, in the order of the modules (paper, section III-A: the U shape).
 
     A body shorter than the genotype's reads its first genes.
     """
-    return np.array(genotype[:, : sensed["hinge_angle"].shape[1]])
+    return np.array(genotype[:, : len(joints.own)])
 
 
-def network(sensed: Sensed, genotype: Float[np.ndarray, "P G"], num_hidden: int) -> Float[np.ndarray, "P H"]:
-    """Compute each hinge's angle by a small network with one hidden layer, with the same weights at every hinge."""
+def network(
+    sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints, num_hidden: int
+) -> Float[np.ndarray, "P H"]:
+    """Compute each hinge's angle by a small network with one hidden layer, with the same weights at every hinge.
+
+    The place of a hinge is its distance from the head in the tree: -1 for the nearest, 1 for the farthest.
+    """
     angle, pitch, airborne = sensed["hinge_angle"], sensed["pitch"], sensed["airborne"]
-    count = angle.shape[1]
     ones = np.ones_like(angle)
-    inputs = (ones, pitch[:, :-1], pitch[:, 1:], airborne[:, :-1], airborne[:, 1:], angle)
-    inputs += (ones * np.linspace(-1.0, 1.0, count), ones * pitch[:, :1])
+    farthest = int(joints.depth.max(initial=1))
+    places = np.linspace(-1.0, 1.0, farthest)[joints.depth - 1]
+    inputs = (ones, sensed["inclination_ahead"], pitch[:, joints.own])
+    inputs += (airborne[:, joints.ahead], airborne[:, joints.own], angle, ones * places, ones * pitch[:, :1])
     weights = genotype.T[:, :, None]
     target = weights[-1] * ones
     for unit in range(num_hidden):
@@ -104,6 +127,12 @@ def network(sensed: Sensed, genotype: Float[np.ndarray, "P G"], num_hidden: int)
             activation = activation + weights[first + offset] * inputs[offset]
         target = target + weights[num_hidden * len(NETWORK_INPUTS) + unit] * np.tanh(activation)
     return target
+
+
+def _find_far_modules(joints: Joints) -> np.ndarray:
+    """Return for each hinge the module of its two that is farther from the head in the tree."""
+    parents = np.array(joints.parents)
+    return np.where(parents[joints.own] == joints.ahead, joints.own, joints.ahead)
 
 
 def _interpolate(

@@ -1,69 +1,28 @@
-"""The fitness of genotypes, on any backend."""
+"""The fitness of genotypes, on any backend: once, or call after call for a search of one's own."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Float, Num
 
-from evolution.backends.batch import BatchBackend
-from evolution.backends.pool import PoolConfig
-from evolution.backends.simulation import Simulate, find_simulate
-from evolution.backends.trials import Job, Outcome, Randomization, Scoring, Trials
+from evolution.backends.making import BACKENDS as BACKENDS
+from evolution.backends.making import make_backend
+from evolution.backends.outcome import Outcome
+from evolution.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
+from evolution.backends.simulation import Simulate
+from evolution.backends.trials import Job, Trials, find_trial_controller
+from evolution.controllers.protocol import Controller, check_genotypes
 from evolution.errors import RunError
 from reconstruction.deprecation import accept_former_arguments
-from reconstruction.range_checks import check_choice
 
 if TYPE_CHECKING:
     from evolution.backends.trials import ArenaSource
+    from symbrion_gym.robot.organism import Organism
 
-BACKENDS = ("batch", "processes", "ray")
-
-
-class Backend(Protocol):
-    """Runs jobs on its workers."""
-
-    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """Return one outcome for each job, in order."""
-        ...
-
-    def close(self) -> None:
-        """Stop the workers."""
-        ...
-
-
-def make_backend(
-    name: str = "batch",
-    workers: int = 1,
-    address: str | None = None,
-    simulate: Simulate | None = None,
-    pool: PoolConfig | None = None,
-) -> Backend:
-    """Make a backend.
-
-    Args:
-        name: "batch", "processes" or "ray".
-        workers: threads, processes or actors.
-        address: address of an existing Ray cluster; None starts a local one.
-        simulate: the function that tries jobs; None means physics.
-        pool: parameters of the distribution of jobs to processes or actors, and their time limits.
-
-    Raises:
-        RunError: unknown name, workers below 1, or Ray is not installed.
-    """
-    if workers < 1:
-        raise RunError(f"workers is {workers}; at least 1 is needed")
-    check_choice("backend", name, BACKENDS, RunError)
-    simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
-    if name == "batch":
-        return BatchBackend(simulate, workers)
-    if name == "processes":
-        from evolution.backends.processes import ProcessBackend
-
-        return ProcessBackend(simulate, workers, pool)
-    from evolution.backends.cluster import RayBackend
-
-    return RayBackend(simulate, workers, address, pool)
+Genotypes: TypeAlias = Num[np.ndarray, "*P G"] | Sequence[Num[np.ndarray, " G"]]
+"""One genotype per row, a single one, or a list of them."""
 
 
 class Evaluation(NamedTuple):
@@ -78,61 +37,115 @@ class Evaluation(NamedTuple):
     outcomes: list[Outcome]
 
 
-@accept_former_arguments(randomisation="randomization")
+class Evaluator:
+    """Try genotypes call after call, on workers that keep their compiled environments: the tell of any algorithm.
+
+    Example::
+
+        with ev.Evaluator(arena="truth", modules=8, workers=2) as evaluator:
+            search = cma.CMAEvolutionStrategy(evaluator.controller.initial, 0.15)
+            while not search.stop():
+                genotypes = search.ask()
+                search.tell(genotypes, -evaluator(genotypes).fitness)
+
+    Args:
+        arena: name, folder, file, or an `Arena` (backend "batch").
+        modules: number of modules of a snake, or an `Organism`.
+        seed: seed of the conditions.
+        trials: number of trials of each genotype.
+        scoring: a `Scoring`, a function of (outcome, body), or "module:name" of one; None means a `Scoring` without
+            a penalty for modules.
+        backend: "batch", "processes" or "ray"; the results are equal.
+        workers: threads, processes or actors.
+        address: address of an existing Ray cluster; None starts a local one.
+        simulate: the function that tries jobs; None means physics.
+        options: fields of `Trials`, such as `controller`, `start`, `organism` or `randomization`; all others are
+            options of the environment.
+
+    Attributes:
+        trials: the trials of each genotype.
+        controller: the controller, with names, bounds and start of its genes.
+
+    Raises:
+        RunError: an argument is unknown or out of range, or controller and body do not fit.
+    """
+
+    @accept_former_arguments(randomisation="randomization")
+    def __init__(
+        self,
+        arena: "ArenaSource" = "truth",
+        modules: "int | Organism" = 8,
+        *,
+        seed: int = 0,
+        trials: int = 2,
+        scoring: "ScoringFunction | str | None" = None,
+        backend: str = "batch",
+        workers: int = 1,
+        address: str | None = None,
+        simulate: Simulate | None = None,
+        **options: Any,
+    ) -> None:
+        if options.get("randomization", ()) is None:
+            del options["randomization"]
+        self.trials = Trials(arena=arena, modules=modules, count=trials, seed=(seed,), **options)
+        self.controller: Controller = find_trial_controller(self.trials)
+        self._scoring = find_scoring(Scoring(module=0.0) if scoring is None else scoring)
+        self._backend = make_backend(backend, workers, address, simulate)
+        self._is_closed = False
+
+    def __enter__(self) -> "Evaluator":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop the workers."""
+        self._is_closed = True
+        self._backend.close()
+
+    def __call__(self, genotypes: Genotypes, seed: int | None = None) -> Evaluation:
+        """Try genotypes, all under the same conditions.
+
+        Args:
+            genotypes: one genotype per row, or a single one; lists of arrays as well.
+            seed: another number gives other conditions, such as the generation of a search that shall not adapt to
+                a few; None: the same ones in each call.
+
+        Raises:
+            RunError: the genotypes do not fit the controller, or the evaluator is closed.
+        """
+        if self._is_closed:
+            raise RunError("this evaluator is closed; make another one")
+        genotypes = np.atleast_2d(np.asarray(genotypes, dtype=float))
+        check_genotypes(self.controller, genotypes)
+        trials = self.trials
+        if seed is not None:
+            trials = replace(trials, seed=(*trials.seed, seed))
+        outcomes = self._backend.run([Job(genotype, trials) for genotype in genotypes])
+        body = trials.body.find_organism()
+        fitness = [compute_fitness(self._scoring, outcome, body) for outcome in outcomes]
+        return Evaluation(np.array(fitness), outcomes)
+
+
 def evaluate(
-    genotypes: Num[np.ndarray, "*P G"],
+    genotypes: Genotypes,
     arena: "ArenaSource" = "truth",
-    modules: int = 8,
+    modules: "int | Organism" = 8,
     seed: int = 0,
-    *,
-    trials: int = 2,
-    controller: str = "reactive",
-    start: str = "pit",
-    randomization: Randomization | None = None,
-    scoring: Scoring | None = None,
-    backend: str = "batch",
-    workers: int = 1,
-    simulate: Simulate | None = None,
-    **environment: Any,
+    **options: Any,
 ) -> Evaluation:
-    """Try genotypes under the same randomized conditions.
+    """Try genotypes under the same randomized conditions, once; see `Evaluator`, whose arguments these are.
 
     Args:
         genotypes: one genotype per row, or a single one.
-        arena: name, folder, or an `Arena` (backend "batch").
-        modules: number of modules.
+        arena: name, folder, file, or an `Arena` (backend "batch").
+        modules: number of modules of a snake, or an `Organism`.
         seed: seed of the conditions.
-        trials: number of trials of each genotype.
-        controller: name of the controller that reads the genotypes.
-        start: "pit" or "floor".
-        randomization: ranges of the conditions.
-        scoring: weights with which an outcome becomes a fitness.
-        backend: "batch", "processes" or "ray"; the results are equal.
-        workers: threads, processes or actors.
-        simulate: the function that tries jobs; None means physics.
-        environment: further options of `SnakePitEnv`.
+        options: as of `Evaluator`.
 
     Raises:
         RunError: the genotypes do not fit the controller, or an argument is unknown or out of range.
     """
-    from evolution.controllers.controller import make_controller
-
-    genotypes = np.atleast_2d(np.asarray(genotypes, dtype=float))
-    make_controller(controller, modules).check(genotypes)
-    conditions = Trials(
-        arena=arena,
-        modules=modules,
-        controller=controller,
-        start=start,
-        count=trials,
-        seed=(seed,),
-        randomization=randomization or Randomization(),
-        environment=tuple(sorted(environment.items())),
-    )
-    runner = make_backend(backend, workers, simulate=simulate)
-    try:
-        outcomes = runner.run([Job(genotype, conditions) for genotype in genotypes])
-    finally:
-        runner.close()
-    scoring = scoring or Scoring(module=0.0)
-    return Evaluation(np.array([scoring.score(outcome, modules) for outcome in outcomes]), outcomes)
+    with Evaluator(arena, modules, seed=seed, **options) as evaluator:
+        return evaluator(genotypes)

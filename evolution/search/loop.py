@@ -14,11 +14,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from evolution.backends.making import Backend, make_backend
+from evolution.backends.parts import BodyConfig
+from evolution.backends.prepared_arenas import prepare_arena
+from evolution.backends.rollout import warm_up
+from evolution.backends.scoring import compute_fitness
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
 from evolution.errors import RunError
 from evolution.search.config import RUNTIME_FIELDS, EvolutionConfig
-from evolution.search.evaluation import Backend, make_backend
 from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
@@ -50,6 +54,10 @@ def evolve(
     Raises:
         RunError: the folder contains a run, cannot be written or is being written by another run.
     """
+    if config.must_be_restorable:
+        config.to_json()  # refuses what no file and no other process could restore, before anything is written
+    if simulate is None and config.generations:
+        prepare(config, progress)
     if config.folder is None:
         return _run(config, Record(), None, simulate, on_generation, progress)
     folder = RunFolder(config.folder)
@@ -86,11 +94,36 @@ def resume(
         raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
         stored = run_folder.read_config()
-        config = replace(stored, folder=str(folder), **changes)
+        config = replace(stored, folder=str(folder), **changes).restore()
         record = run_folder.read_record(config)
+        if simulate is None and config.generations > record.num_generations:
+            prepare(config, progress)
         if config != stored:
             run_folder.write_config(config)
         return _run(config, record, run_folder, simulate, on_generation, progress)
+
+
+def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
+    """Build the arenas of a run, with progress, and check body, start and goal by compiling the first environment.
+
+    Raises:
+        RunError: the environment cannot be made.
+        ArenaError: there is no such arena, or it cannot be built.
+    """
+    for stage in config.all_stages:
+        prepare_arena(stage.arena, progress)
+    first = config.all_stages[0]
+    trials = Trials(
+        arena=first.arena,
+        body=BodyConfig(config.body.max_modules) if config.body_lengths else config.body,
+        episode=config.episode,
+        control=config.control,
+        trial=config.trial,
+        count=first.trials or config.trials,
+    )
+    is_here = config.backend == "batch"
+    progress("compiling the environment", 0.0)
+    warm_up(trials, config.population_size if is_here else 1, config.workers if is_here else 1)
 
 
 def load_run(folder: str | Path) -> Run:
@@ -248,7 +281,7 @@ class _Evolution:
                 index=index,
                 modules=job.trials.modules,
                 genotype=genotype,
-                fitness=self._config.scoring.score(outcome, job.trials.modules),
+                fitness=compute_fitness(self._config.scoring, outcome, job.trials.body.find_organism()),
                 outcome=outcome,
             )
             for (index, genotype), job, outcome in zip(numbered, jobs, outcomes, strict=True)
@@ -260,17 +293,17 @@ class _Evolution:
         """Return the trials of a genotype; candidates have conditions of their own in each round (`block`)."""
         config, is_validation = self._config, kind == VALIDATION
         own_seed = (index + 1, block) if is_validation else ()
+        episode = config.episode
+        if is_validation and config.validation_start != episode.find_start():
+            episode = replace(episode, start=config.validation_start)
         trials = Trials(
             arena=self._stage.arena,
-            modules=self._search.count_modules(genotype),
-            controller=config.controller,
-            start=config.validation.start if is_validation else config.start,
+            body=self._search.select_body(genotype),
+            episode=episode,
+            control=config.control,
+            trial=config.trial,
             count=count,
             seed=(config.seed, kind, self._record.num_generations, *own_seed),
-            randomization=config.randomization,
-            environment=config.environment,
-            controller_config=config.controller_config,
-            rollout=config.rollout,
         )
         return Job(self._search.select_controller_genes(genotype), trials)
 
@@ -324,15 +357,14 @@ class _Evolution:
         return Champion(
             genotype=tuple(self._search.select_controller_genes(entry.genotype).tolist()),
             names=self._search.controller.parameters,
-            controller=config.controller,
-            modules=entry.modules,
+            control=config.control,
+            body=config.body if config.body_lengths is None else BodyConfig(entry.modules),
+            episode=config.episode,
             arena=config.all_stages[stage].arena,
             generation=entry.generation,
             fitness=entry.fitness,
             successes=entry.outcome.successes if is_validated else 0,
             trials=entry.outcome.trials if is_validated else 0,
-            environment=config.environment,
-            controller_config=config.controller_config,
         )
 
     def _is_solved(self) -> bool:

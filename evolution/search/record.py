@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Shaped
 
-from evolution.backends.trials import Outcome
+from evolution.backends.descriptors import Records
+from evolution.backends.outcome import Outcome
 from evolution.errors import RunError
+from evolution.search.record_descriptors import pack, unpack
 from reconstruction.files.bounded_read import read_npz
 
 FORMAT = "symbrion run 2"
@@ -142,7 +144,7 @@ class Record:
             format=np.array(FORMAT),
             digest=np.array(digest),
             history=self.history,
-            **arrays,  # pyright: ignore[reportArgumentType]
+            **arrays | pack([entry.outcome.descriptors for entry in self.entries]),  # pyright: ignore[reportArgumentType]
         )
         return buffer.getvalue()
 
@@ -170,7 +172,8 @@ class Record:
                 for name, column in arrays.items()
                 if name.startswith("entry_")
             }
-            return cls._from_arrays(arrays["history"], columns), str(arrays["digest"])
+            descriptors = unpack(arrays, len(columns["kind"]))
+            return cls._from_arrays(arrays["history"], columns, descriptors), str(arrays["digest"])
         except RunError:
             raise
         except Exception as error:  # a damaged or foreign file can be wrong in any way
@@ -180,7 +183,12 @@ class Record:
             ) from error
 
     @classmethod
-    def _from_arrays(cls, history: np.ndarray, columns: dict[str, np.ndarray]) -> "Record":
+    def _from_arrays(
+        cls,
+        history: np.ndarray,
+        columns: dict[str, np.ndarray],
+        descriptors: list[tuple[Records, ...]],
+    ) -> "Record":
         if history.dtype != HISTORY:
             raise ValueError(f"history has columns {history.dtype.names}")
         record = cls()
@@ -198,6 +206,7 @@ class Record:
                 seconds=float(value["seconds"]),
                 diverged=int(value["diverged"]),
                 error=str(value["error"]),
+                descriptors=descriptors[row],
             )
             numbers = {name: int(value[name]) for name in ("generation", "kind", "index", "modules")}
             fitness = float(value["fitness"])

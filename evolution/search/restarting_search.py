@@ -6,7 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float
 
-from evolution.controllers.controller import Controller, make_controller
+from evolution.backends.parts import BodyConfig
+from evolution.controllers.protocol import Controller
 from evolution.search.cmaes import Space, Strategy
 from evolution.search.config import EvolutionConfig
 from evolution.search.record import SAMPLE, Entry
@@ -28,8 +29,9 @@ class RestartingSearch:
 
     def __init__(self, config: EvolutionConfig) -> None:
         self._config = config
-        self._max_modules = config.body_lengths[1] if config.body_lengths else config.modules
-        self.controller = make_controller(config.controller, self._max_modules, config.controller_config)
+        self._max_modules = config.body.max_modules
+        organism = config.body.find_organism(self._max_modules)
+        self.controller = config.control.make_controller(organism, config.episode)
         self.strategy = Strategy(
             _make_space(config, self.controller),
             config.sigma,
@@ -45,6 +47,11 @@ class RestartingSearch:
         if self._config.body_lengths is None:
             return self._config.modules
         return int(np.clip(round(genotype[-1]), self._config.body_lengths[0], self._max_modules))
+
+    def select_body(self, genotype: Float[np.ndarray, " G"]) -> BodyConfig:
+        """Return the body of a genotype."""
+        body = self._config.body
+        return body if body.body_lengths is None else BodyConfig(self.count_modules(genotype))
 
     def select_controller_genes(self, genotype: Float[np.ndarray, " G"]) -> Float[np.ndarray, " C"]:
         """Return the genes of the controller, without the length of the body."""

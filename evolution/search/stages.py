@@ -1,6 +1,8 @@
 """Stages of a run: coarse arenas first, for speed; fine ones later, for accuracy (paper, section I)."""
 
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -37,6 +39,8 @@ class Stage:
     trials: int | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.arena, PathLike):
+            object.__setattr__(self, "arena", str(Path(self.arena)))
         check_choice("promotion", self.promotion, PROMOTIONS, RunError)
         optional = {"generations": (1, MAX_GENERATIONS), "trials": (1, MAX_TRIALS)}
         coerce_integers(

@@ -11,27 +11,27 @@ References:
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Float
 
-from evolution.backends.trials import Options, Outcome
-from evolution.controllers.controller import CONTROLLERS, ControllerConfig
+from evolution.backends.nested import Nested
+from evolution.backends.outcome import Outcome
+from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
+from evolution.controllers.finding import refer_to_controller
 from evolution.errors import RunError
 from evolution.limits import (
     MAX_GENERATIONS,
     MAX_GENOTYPES,
     MAX_MAGNITUDE,
-    MAX_MODULES,
     MAX_TRIALS,
     MIN_POSITIVE,
 )
-from evolution.search.environment_options import open_options, sort_options
 from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
+from evolution.search.stored_config import SHARED_KINDS, Kinds, to_text, read_content, to_json
 from reconstruction.deprecation import accept_former_fields
-from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.range_checks import (
     as_floats,
     as_integers,
@@ -40,10 +40,25 @@ from reconstruction.range_checks import (
     coerce_floats,
     coerce_integers,
 )
-from symbrion_gym.environment.config import STARTS
+from symbrion_gym.tasks.starts import START_NAMES
 
 MAX_ROUNDS = 100
 """Largest number of rounds of validation trials of a candidate."""
+CHAMPION_KINDS: Kinds = {
+    "genotype": tuple[float, ...],
+    "names": tuple[str, ...],
+    "arena": str,
+    "generation": int,
+    "fitness": float,
+    "successes": int,
+    "trials": int,
+    **{
+        name: SHARED_KINDS[name]
+        for name in SHARED_KINDS
+        if name not in ("randomization", "rollout", "descriptors")
+    },
+}
+"""Types of the fields of `champion.json`."""
 FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
 """Former name -> present name of fields of `Validation`."""
 
@@ -92,7 +107,7 @@ class Validation:
         coerce_floats(
             self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
         )
-        check_choice("start", self.start, STARTS, RunError)
+        check_choice("start", self.start, START_NAMES, RunError)
 
     def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
@@ -102,38 +117,44 @@ class Validation:
         return mean + successful[: self.candidates]
 
 
-@dataclass(frozen=True)
-class Champion:
-    """The result of a run: its best validated genotype.
+@dataclass(frozen=True, init=False)
+class Champion(Nested):
+    """The result of a run: its best validated genotype, the body that it moves and what is to be done.
+
+    The fields of its parts count as its own: `champion.modules`, `champion.controller`.
 
     Attributes:
         genotype: values of the genes of the controller.
         names: names of the genes.
-        controller: name of the controller that reads the genotype.
-        modules: number of modules of the body.
         arena: arena in which the champion was selected.
-        environment: further options of the environment in which it was selected.
         generation: generation in which it was sampled.
         fitness: fitness in that generation, from few trials.
         successes: number of its validation trials that succeeded.
         trials: number of its validation trials; 0 if no genotype became a candidate.
-        controller_config: parameters of the controller that are not evolved.
+        body: the body.
+        episode: the task and further options of the environment in which it was selected.
+        control: the controller that reads the genotype.
 
     Raises:
         RunError: a field is out of range, or there are not as many names as genes.
     """
 
+    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control")
+    POSITIONAL: ClassVar[tuple[str, ...]] = (
+        *("genotype", "names", "controller", "modules", "arena", "generation", "fitness"),
+        *("successes", "trials", "environment", "controller_config"),
+    )
+
     genotype: tuple[float, ...]
     names: tuple[str, ...]
-    controller: str
-    modules: int
     arena: str
     generation: int
     fitness: float
     successes: int = 0
     trials: int = 0
-    environment: Options = ()
-    controller_config: ControllerConfig = field(default_factory=ControllerConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
 
     def __post_init__(self) -> None:
         genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
@@ -142,12 +163,13 @@ class Champion:
             raise RunError(
                 f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
             )
-        check_choice("controller", self.controller, CONTROLLERS, RunError)
-        counts = {"modules": (1, MAX_MODULES), "generation": (0, MAX_GENERATIONS)}
+        if isinstance(self.controller, str | dict):
+            controller = refer_to_controller(self.controller, self.body.find_organism())
+            self.set_field("controller", controller)
         trials = MAX_TRIALS * MAX_ROUNDS
-        coerce_integers(self, counts | {"trials": (0, trials), "successes": (0, self.trials)}, RunError)
+        counts = {"generation": (0, MAX_GENERATIONS), "trials": (0, trials), "successes": (0, self.trials)}
+        coerce_integers(self, counts, RunError)
         coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)}, RunError)
-        object.__setattr__(self, "environment", sort_options(self.environment))
 
     @property
     def score(self) -> float:
@@ -155,20 +177,34 @@ class Champion:
         return expect_success(self.successes, self.trials) if self.trials else 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the content of `champion.json`."""
-        return asdict(self) | {"environment": dict(self.environment)}
+        """Return the content of `champion.json`.
+
+        Raises:
+            RunError: controller or task cannot be restored.
+        """
+        found = to_json(self, CHAMPION_KINDS) | {"environment": dict(self.environment)}
+        defaults = {
+            "start": "pit" if self.task is None and self.goal is None else None,
+            **dict.fromkeys(("organism", "task", "goal")),
+        }
+        found["start"] = self.episode.find_start()
+        content = {name: found[name] for name in self.POSITIONAL}
+        content |= {name: found[name] for name, default in defaults.items() if found[name] != default}
+        to_text(content)  # refuses what no file can keep
+        return content
 
     @classmethod
     def from_dict(cls, content: object) -> "Champion":
-        """Return the champion described by `as_dict`.
+        """Return the champion described by `as_dict`; this imports nothing.
 
         Raises:
             RunError: a field is missing, unknown or of the wrong kind.
         """
-        try:
-            return as_type(open_options(content), cls)
-        except JsonError as error:
-            raise RunError(str(error)) from error
+        found = read_content(content, CHAMPION_KINDS, "")
+        missing = [name for name in cls.POSITIONAL[:7] if name not in found]
+        if missing:
+            raise RunError(f"it lacks the field {missing[0]!r}")
+        return cls(**found)
 
 
 def expect_success(successes: int, trials: int) -> float:
@@ -218,6 +254,7 @@ def _pool(first: Entry, second: Entry) -> Entry:
         succeeded=one.succeeded + two.succeeded,
         seconds=one.seconds + two.seconds,
         diverged=one.diverged + two.diverged,
+        descriptors=one.descriptors + two.descriptors,
     )
     return first._replace(outcome=outcome)
 

@@ -1,4 +1,4 @@
-"""`symbrion evolve` and `symbrion resume`: search for a controller that crosses the pit."""
+"""`symbrion evolve` and `symbrion resume`: search for a controller that does a task."""
 
 import dataclasses
 import os
@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 import evolution as ev
-from evolution.cli.arguments import check_arena, check_arena_folder, check_modules
+from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
+from evolution.backends.scoring import Scoring
+from evolution.backends.trials import TrialConfig
+from evolution.cli.arguments import check_arena, check_arena_folder
 from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
+from evolution.cli.config_options import make_config, make_options, read_environment
 from evolution.cli.console import Console
+from evolution.search.search_config import ExecutionConfig, SearchConfig
+from evolution.search.validation import Validation
 from symbrion_gym.assets import SCANNED_PITS
 
 if TYPE_CHECKING:
@@ -21,47 +27,48 @@ MODELS_OF_TRUTH = ("truth", "simple", *SCANNED_PITS)
 """Named arenas that are the true course or models of it."""
 
 
+BodyOptions, EpisodeOptions, ControlOptions, TrialOptions, SearchOptions = (
+    make_options(kind, **defaults)
+    for kind, defaults in (
+        (BodyConfig, {}),
+        (EpisodeConfig, {"start": None}),
+        (ControlConfig, {}),
+        (TrialConfig, {}),
+        (SearchConfig, {}),
+    )
+)
+ExecutionOptions = make_options(ExecutionConfig, folder="runs/latest", workers=os.cpu_count() or 1)
+_PART = tyro.conf.arg(name="")
+"""The options of a part have no prefix."""
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evolve(SeededCommand):
-    """Evolve the controller of a snake of docked robots with CMA-ES; an interrupted run can be resumed.
+    """Evolve the controller of a body of docked robots with CMA-ES; an interrupted run can be resumed.
+
+    The options are the fields of `EvolutionConfig`.
 
     Example: symbrion evolve --arena gsrm --folder runs/a
 
-    Example: symbrion evolve --stages gsrm gg --folder runs/coarse-to-fine
+    Example: symbrion evolve --arena arenas/mine --start 0 0 --goal 3 1 --folder runs/mine
+
+    Example: symbrion evolve --arena truth --organism cross --task cross_gap --controller oscillators --folder runs/b
     """
 
-    folder: Path = Path("runs/latest")
-    """Output folder: configuration, history.csv, every genotype, champion. Must not contain a run yet."""
     arena: str = "gsrm"
-    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file."""
-    modules: int = 8
-    """Number of modules in the snake."""
-    body_lengths: tuple[int, int] | None = None
-    """Let evolution select the length of the body: fewest and most modules; replaces --modules."""
-    restart_after: int | None = 10
-    """Restart the search after n generations without an increase in successes; None: never."""
-    generations: int = 50
-    """Limit on the generations; the run stops earlier when a champion is confirmed by fresh trials."""
-    workers: int = os.cpu_count() or 1
-    """Threads or processes; the results do not depend on their number."""
-    backend: Literal["batch", "processes", "ray"] = "batch"
-    """Where simulations run: threads (batch), processes, or a Ray cluster."""
-    address: str | None = None
-    """Address of an existing Ray cluster."""
-    controller: Literal["path", "reactive", "travelling", "posture", "network"] = "path"
-    """The controller, which turns a genotype into hinge angles."""
-    population: int = 12
-    """Number of genotypes in a generation."""
-    sigma: float = 0.5
-    """Initial step size of CMA-ES."""
-    origin: Literal["zero", "hint"] = "zero"
-    """Start of the search: at zero, or at a genotype set by hand (then give --sigma 0.15)."""
-    trials: int = 3
-    """Number of randomized trials of each genotype."""
-    start: Literal["pit", "floor"] = "pit"
-    """Start of a trial: just before the pit (fast), or on the floor before the first ramp."""
+    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a file that `symbrion arena` takes."""
     stages: tuple[str, ...] = ()
     """Several arenas one after the other, coarse to fine; replaces --arena."""
+    body: Annotated[BodyOptions, _PART] = dataclasses.field(default_factory=BodyOptions)  # pyright: ignore[reportInvalidTypeForm]
+    episode: Annotated[EpisodeOptions, _PART] = dataclasses.field(default_factory=EpisodeOptions)  # pyright: ignore[reportInvalidTypeForm]
+    control: Annotated[ControlOptions, _PART] = dataclasses.field(default_factory=ControlOptions)  # pyright: ignore[reportInvalidTypeForm]
+    search: Annotated[SearchOptions, _PART] = dataclasses.field(default_factory=SearchOptions)  # pyright: ignore[reportInvalidTypeForm]
+    execution: Annotated[ExecutionOptions, _PART] = dataclasses.field(default_factory=ExecutionOptions)  # pyright: ignore[reportInvalidTypeForm]
+    trial: Annotated[TrialOptions, _PART] = dataclasses.field(default_factory=TrialOptions)  # pyright: ignore[reportInvalidTypeForm]
+    fitness: str | None = None
+    """The scoring, "module:name" of a function of (outcome, body); replaces the weights of --scoring."""
+    scoring: Scoring = dataclasses.field(default_factory=Scoring)
+    validation: Validation = dataclasses.field(default_factory=Validation)
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -69,52 +76,48 @@ class Evolve(SeededCommand):
         super().__post_init__()
         for arena in self.stages or (self.arena,):
             check_arena(arena)
-        if self.body_lengths is None:
-            check_modules(self.modules)
-        elif not 2 <= self.body_lengths[0] < self.body_lengths[1]:
-            given = " ".join(map(str, self.body_lengths))
-            raise UsageError(
-                f"--body-lengths {given} is not a range; give the fewest modules, 2 or more, then the most"
-            )
-        for option in ("generations", "workers", "population", "trials"):
-            if getattr(self, option) < 1:
-                raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
-        if self.restart_after is not None and self.restart_after < 1:
-            raise UsageError(
-                f"--restart-after {self.restart_after} is too few; give 1 or more, or leave it out"
-            )
-        require_writable_folder(self.folder, "--folder")
+        if self.execution.generations < 1:
+            raise UsageError(f"--generations {self.execution.generations} is too few; give 1 or more")
+        require_writable_folder(self._folder, "--folder")
+        self.make_config()
+
+    @property
+    def _folder(self) -> Path:
+        return Path(self.execution.folder)
+
+    def make_config(self) -> "ev.EvolutionConfig":
+        """Return the configuration of the run.
+
+        Raises:
+            UsageError: a value is refused.
+        """
+        parts = (self.body, self.episode, self.control, self.trial, self.search, self.execution)
+        fields = {each.name: getattr(part, each.name) for part in parts for each in dataclasses.fields(part)}
+        fields |= {
+            "environment": read_environment(fields["environment"]),
+            "arena": self.arena,
+            "stages": tuple(ev.Stage(arena) for arena in self.stages),
+            "seed": self.seed,
+            "scoring": self.fitness or self.scoring,
+            "validation": self.validation,
+        }
+        return make_config(fields)
 
     def run(self, console: Console) -> dict[str, Any]:
         for arena in self.stages or (self.arena,):
             check_arena_folder(arena)
-        config = ev.EvolutionConfig(
-            arena=self.arena,
-            modules=self.modules,
-            body_lengths=self.body_lengths,
-            restart_after=self.restart_after,
-            seed=self.seed,
-            generations=self.generations,
-            folder=str(self.folder),
-            workers=self.workers,
-            backend=self.backend,
-            address=self.address,
-            controller=self.controller,
-            population_size=self.population,
-            sigma=self.sigma,
-            origin=self.origin,
-            trials=self.trials,
-            start=self.start,
-            stages=tuple(ev.Stage(arena) for arena in self.stages),
-        )
+        config = self.make_config()
         with (
-            console.track(
-                f"Evolution, {' to '.join(map(str, self.body_lengths or (self.modules,)))} modules"
-            ) as step,
-            _open_tensorboard(self.folder, self.tensorboard) as callback,
+            console.track(f"Evolution, {describe_body(config)}") as step,
+            _open_tensorboard(self._folder, self.tensorboard) as callback,
         ):
             run = ev.evolve(config, on_generation=callback, progress=step.progress)
         return report_run(run, console)
+
+
+def describe_body(config: "ev.EvolutionConfig") -> str:
+    """Return the size of the body of a run in words."""
+    return f"{' to '.join(map(str, config.body_lengths or (config.modules,)))} modules"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -29,8 +29,9 @@ class Replay(SeededCommand):
     """Arena of the trials: a ready-made arena by name, an arena folder, or a mesh file."""
     trials: int = 20
     """Number of trials, randomized in start, heading, friction and torque; 0 skips them."""
-    start: Literal["floor", "pit"] = "floor"
-    """Start of a trial: on the floor before the first ramp, or just before the pit."""
+    start: Literal["floor", "pit"] | tuple[float, float] | None = None
+    """Start of a trial: on the floor before the first ramp, just before the pit, or X Y [m]. Default: as in the run
+    where that had a place or a task, otherwise the floor."""
     video: Path | None = None
     """Record one trial without randomization in this file (.mp4)."""
     viewer: bool = False

@@ -3,13 +3,21 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from evolution.backends.trials import Options
 from evolution.errors import RunError
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig
+
+Options = tuple[tuple[str, Any], ...]
+"""Name and value of each option of the environment, sorted by name."""
+OWN_FIELDS = ("arena", "modules", "organism", "task", "start")
+"""Options of the environment that are fields of a configuration."""
 
 
-def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Options:
+def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]], task: object = None) -> Options:
     """Return options as sorted pairs, lists in them as tuples.
+
+    Args:
+        options: name and value of each.
+        task: whose parameters are options as well; None for the usual one.
 
     Raises:
         RunError: the environment has no such option, or not with such a value.
@@ -17,10 +25,12 @@ def sort_options(options: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Opti
     pairs = options.items() if isinstance(options, Mapping) else options
     found = tuple(sorted((str(name), _freeze(value)) for name, value in pairs))
     for name, value in found:
+        if name in OWN_FIELDS:
+            raise RunError(f"environment.{name} is {value!r}, which would be overwritten; give {name} itself")
         if not _is_hashable(value):
             raise RunError(f"environment.{name} is {value!r}; a number, text or list of these is needed")
     try:
-        SnakePitConfig.from_options(dict(found))
+        EnvironmentConfig.from_options(dict(found) | {"task": task})
     except (TypeError, ValueError) as error:
         raise RunError(f"environment: {error}") from error
     return found

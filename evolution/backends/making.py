@@ -1,0 +1,59 @@
+"""Backends by their names."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from evolution.backends.batch import BatchBackend
+from evolution.backends.pool import PoolConfig
+from evolution.backends.simulation import Simulate, find_simulate
+from evolution.backends.trials import Job, Outcome
+from evolution.errors import RunError
+from reconstruction.range_checks import check_choice
+
+BACKENDS = ("batch", "processes", "ray")
+
+
+class Backend(Protocol):
+    """Runs jobs on its workers."""
+
+    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        """Return one outcome for each job, in order."""
+        ...
+
+    def close(self) -> None:
+        """Stop the workers."""
+        ...
+
+
+def make_backend(
+    name: str = "batch",
+    workers: int = 1,
+    address: str | None = None,
+    simulate: Simulate | None = None,
+    pool: PoolConfig | None = None,
+) -> Backend:
+    """Make a backend.
+
+    Args:
+        name: "batch", "processes" or "ray".
+        workers: threads, processes or actors.
+        address: address of an existing Ray cluster; None starts a local one.
+        simulate: the function that tries jobs; None means physics.
+        pool: parameters of the distribution of jobs to processes or actors, and their time limits.
+
+    Raises:
+        RunError: unknown name, workers below 1, or Ray is not installed.
+    """
+    if workers < 1:
+        raise RunError(f"workers is {workers}; at least 1 is needed")
+    check_choice("backend", name, BACKENDS, RunError)
+    simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
+    if name == "batch":
+        return BatchBackend(simulate, workers)
+    if name == "processes":
+        from evolution.backends.processes import ProcessBackend
+
+        return ProcessBackend(simulate, workers, pool)
+    from evolution.backends.cluster import RayBackend
+
+    return RayBackend(simulate, workers, address, pool)

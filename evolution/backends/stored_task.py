@@ -1,0 +1,70 @@
+"""The task of a run: a value or a name, and as a file describes it until it is needed."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from evolution.errors import RunError
+from evolution.references import check_versions, find_versions
+from symbrion_gym.errors import TaskError
+from symbrion_gym.tasks.catalog import TASKS
+from symbrion_gym.tasks.task import Task, read_task
+
+
+@dataclass(frozen=True)
+class StoredTask:
+    """What a file says of a task; its terms are not imported yet.
+
+    Attributes:
+        text: JSON text of `Task.as_dict`, and of the versions of what a user wrote in it.
+    """
+
+    text: str
+
+    def restore(self) -> Any:
+        """Return the task.
+
+        Raises:
+            RunError: it cannot be restored, or has changed since.
+        """
+        content = json.loads(self.text)
+        try:
+            check_versions(content.pop("versions", {}), "task")
+            return read_task(content)
+        except (TaskError, AttributeError) as error:
+            raise RunError(f"task: {error}") from error
+
+
+def check_task(task: Any) -> Any:
+    """Return a task: None, a `Task`, its name, or what a file says of it.
+
+    Raises:
+        RunError: it is none of these.
+    """
+    if task is None or isinstance(task, StoredTask):
+        return task
+    if isinstance(task, dict):
+        return StoredTask(json.dumps(task, sort_keys=True))
+    if isinstance(task, str) and task in TASKS:
+        return task
+    if isinstance(task, Task):
+        return task
+    raise RunError(f"task is {task!r}; a `Task` or one of {', '.join(TASKS)} is needed")
+
+
+def task_to_json(task: Any) -> Any:
+    """Return JSON content that restores a task.
+
+    Raises:
+        RunError: it cannot be restored.
+    """
+    if task is None or isinstance(task, str):
+        return task
+    if isinstance(task, StoredTask):
+        return json.loads(task.text)
+    try:
+        content = task.as_dict()
+    except TaskError as error:
+        raise RunError(f"task: {error}") from error
+    versions = find_versions(content, "task")
+    return content | {"versions": versions} if versions else content

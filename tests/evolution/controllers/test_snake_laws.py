@@ -1,0 +1,74 @@
+"""On snakes, the laws for trees give the bits of the formulas for rows of modules."""
+
+import numpy as np
+import pytest
+from bodies import make_observations, make_structure
+
+from evolution.controllers.controller import HINGE_RANGE, ControllerConfig, make_law
+from evolution.controllers.laws import _interpolate
+from symbrion_gym.robot.organism import snake
+
+KNOTS, SPACING = ControllerConfig().knots, 0.1254
+
+
+def reactive(pitch, angle, airborne, recent, head, genes):
+    bias, head_bias, tail_bias, ahead, behind, front_air, rear_air, head_pitch = genes.T[:, :, None]
+    front = np.multiply.accumulate(airborne, axis=1) * recent
+    rear = np.multiply.accumulate(airborne[:, ::-1], axis=1)[:, ::-1] * recent
+    target = bias + ahead * pitch[:, :-1]
+    target += behind * pitch[:, 1:]
+    target += front_air * front[:, :-1]
+    target += rear_air * rear[:, 1:]
+    target[:, :1] += head_bias + head_pitch * pitch[:, :1]
+    target[:, -1:] += tail_bias
+    return target
+
+
+def travelling(pitch, angle, airborne, recent, head, genes):
+    return _interpolate(genes, head - np.cumsum(SPACING * np.cos(pitch[:, :-1]), axis=1), KNOTS)
+
+
+def path(pitch, angle, airborne, recent, head, genes):
+    half = 0.5 * SPACING * np.cos(pitch)
+    behind = np.cumsum(half[:, :-1] + half[:, 1:], axis=1)
+    slopes = _interpolate(genes, head - np.pad(behind, ((0, 0), (1, 0))), KNOTS)
+    return slopes[:, :-1] - slopes[:, 1:]
+
+
+def posture(pitch, angle, airborne, recent, head, genes):
+    return genes
+
+
+def network(pitch, angle, airborne, recent, head, genes):
+    ones = np.ones_like(angle)
+    inputs = (ones, pitch[:, :-1], pitch[:, 1:], airborne[:, :-1], airborne[:, 1:], angle)
+    inputs += (ones * np.linspace(-1.0, 1.0, angle.shape[1]), ones * pitch[:, :1])
+    weights = genes.T[:, :, None]
+    target = weights[-1] * ones
+    for unit in range(4):
+        activation = weights[8 * unit] * inputs[0]
+        for offset in range(1, 8):
+            activation = activation + weights[8 * unit + offset] * inputs[offset]
+        target = target + weights[32 + unit] * np.tanh(activation)
+    return target
+
+
+@pytest.mark.parametrize("law", [reactive, travelling, path, posture, network])
+@pytest.mark.parametrize("modules", [2, 3, 8])
+def test_snakes_act_as_rows_of_modules(law, modules):
+    organism, config, count = snake(modules), ControllerConfig(contact_timeout=2, max_airborne_ticks=5), 11
+    controller = make_law(law.__name__, organism, config)
+    structure, _ = make_structure(organism)
+    genes = np.random.default_rng(0).uniform(
+        controller.lower, controller.upper, (count, len(controller.lower))
+    )
+    state, ticks = controller.begin(count), np.zeros((count, modules))
+    for tick in range(40):
+        observation = make_observations(organism, count, tick)
+        pitch, angle, contact, head = (
+            observation[:, structure[name]] for name in ("pitch", "hinge_angle", "contact", "track_odometry")
+        )
+        ticks = (ticks + 1) * (contact <= 0)
+        expected = law(pitch, angle, (ticks > 2).astype(float), (ticks <= 5).astype(float), head, genes)
+        action, state = controller.act(observation, genes, structure, state)
+        assert np.array_equal(action, np.clip(expected / HINGE_RANGE, -1.0, 1.0))

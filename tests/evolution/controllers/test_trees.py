@@ -1,0 +1,151 @@
+"""Every law moves every tree of modules, alone as in a population; what it does on small trees is known by hand."""
+
+import numpy as np
+import pytest
+from bodies import TREES, make_observations, make_structure
+
+from evolution.controllers.controller import CONTROLLERS, make_law
+from evolution.controllers.laws import REACTIVE_GENES
+from evolution.controllers.protocol import Controller
+from evolution.errors import RunError
+from symbrion_gym.environment.config import SENSORS
+from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym.robot.scout_constants import ScoutConfig
+
+COUNT = 13
+BODIES = [(name, control) for name in TREES for control in ("constant", "skid")] + [("single", "skid")]
+
+
+def find_body(name: str, control: str) -> tuple[Organism, int]:
+    organism = TREES.get(name, snake(1))
+    return organism, 2 * organism.num_modules if control == "skid" else 0
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize(("name", "control"), BODIES)
+def test_a_population_on_a_tree_acts_as_each_alone(law, name, control):
+    organism, num_tracks = find_body(name, control)
+    controller = make_law(law, organism, None, num_tracks)
+    structure, _ = make_structure(organism)
+    genotypes = np.random.default_rng(0).uniform(
+        controller.lower, controller.upper, (COUNT, len(controller.lower))
+    )
+    together, alone = controller.begin(COUNT), [controller.begin(1) for _ in range(COUNT)]
+    for tick in range(20):
+        observation = make_observations(organism, COUNT, tick)
+        actions, together = controller.act(observation, genotypes, structure, together)
+        assert actions.shape == (COUNT, len(organism.hinges) + num_tracks)
+        assert np.abs(actions).max(initial=0.0) <= 1.0
+        for row in range(COUNT):
+            rows = slice(row, row + 1)
+            action, alone[row] = controller.act(observation[rows], genotypes[rows], structure, alone[row])
+            assert np.array_equal(action[0], actions[row])
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize(("name", "control"), BODIES)
+def test_a_search_can_begin_on_any_tree(law, name, control):
+    organism, num_tracks = find_body(name, control)
+    controller = make_law(law, organism, None, num_tracks)
+    assert isinstance(controller, Controller)
+    assert len(set(controller.parameters)) == len(controller.parameters)
+    sizes = {len(each) for each in (controller.lower, controller.upper, controller.initial)}
+    assert sizes == {len(controller.parameters)}
+    assert np.all(np.less(controller.lower, controller.upper))
+    assert np.all(np.abs(controller.initial) <= controller.upper)
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize("name", TREES)
+def test_laws_read_what_they_name_and_what_a_robot_senses(law, name):
+    controller = make_law(law, TREES[name], None, 2 * TREES[name].num_modules)
+    assert set(controller.sensors) <= {*SENSORS, "goal_direction"} - {"odometry", "goal"}
+    structure, _ = make_structure(TREES[name])
+    named = {sensor: structure[sensor] for sensor in controller.sensors}
+    observation = make_observations(TREES[name], 2, 0)
+    genotype = np.ones((2, len(controller.parameters)))
+    controller.act(observation, genotype, named, controller.begin(2))
+
+
+def make_reactive(**genes: float) -> np.ndarray:
+    return np.array([[genes.get(name, 0.0) for name in REACTIVE_GENES]])
+
+
+def act(law: str, organism: Organism, genotype, ticks: int = 1, **sensed) -> np.ndarray:
+    """Return hinge targets [rad] after equal observations."""
+    controller = make_law(law, organism)
+    structure, size = make_structure(organism)
+    observation = np.zeros((1, size))
+    for name, values in sensed.items():
+        observation[0, structure[name]] = values
+    state, action = controller.begin(1), np.zeros((1, 0))
+    for _ in range(ticks):
+        action, state = controller.act(observation, np.atleast_2d(genotype), structure, state)
+    return action[0] * organism.scout.hinge_range
+
+
+def test_reactive_follows_rolls_where_modules_are_docked_sideways():
+    pitch, roll = [0.1, 0.2, 0.3, 0.4, 0.5], [0.6, 0.0, 0.0, 0.0, 0.0]
+    ahead = act("reactive", cross(1), make_reactive(pitch_ahead=1.0), pitch=pitch, roll=roll)
+    assert ahead == pytest.approx([-0.2, -0.1, 0.1, -0.6, 0.6])
+    behind = act("reactive", cross(1), make_reactive(pitch_behind=1.0), pitch=pitch, roll=roll)
+    assert behind == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+
+
+def test_reactive_lifts_the_leg_that_hangs_in_the_air():
+    genes = make_reactive(front_air=0.8, rear_air=-0.4)
+    only_left_leg = act("reactive", cross(1), genes, ticks=20, contact=[5, 5, 5, 0, 5])
+    assert only_left_leg == pytest.approx([0, 0, 0, -0.4, 0])
+    only_right_touches = act("reactive", cross(1), genes, ticks=20, contact=[0, 0, 0, 0, 5])
+    assert only_right_touches == pytest.approx([0.8, -0.4, -0.4, -0.4, 0.8])
+
+
+def test_path_bends_a_cross_along_its_middle_line_only():
+    slopes = np.zeros(12)
+    slopes[5:7] = 0.6
+    target = act("path", cross(1), slopes, track_odometry=0.0)
+    assert target[3:] == pytest.approx([0.0, 0.0])
+    front, rear = np.interp([0.1449, -0.1254], np.linspace(-0.55, 0.55, 12), slopes)
+    assert target[2] == pytest.approx(0.6 - rear)
+    assert target[:2] == pytest.approx([0.5 * (front - 0.6)] * 2)
+
+
+def test_travelling_bends_the_spine_of_an_h_and_not_its_legs():
+    genotype = np.full(12, 0.5)
+    assert act("travelling", letter_h(3), genotype, track_odometry=0.2) == pytest.approx(
+        [0.5, 0.5, 0, 0, 0, 0]
+    )
+
+
+def test_hinges_at_the_same_distance_from_the_head_have_the_same_place():
+    weights = np.zeros((1, 37))
+    weights[0, 6], weights[0, 32] = (
+        1.0,
+        1.0,
+    )  # the place of a hinge to the first hidden unit, and this to the output
+    target = act("network", letter_h(3), weights)
+    assert target == pytest.approx(np.tanh([-1, 0, -1, -1, 1, 1]))
+
+
+def test_bodies_without_anything_to_control_are_refused():
+    with pytest.raises(RunError, match="nothing to control"):
+        make_law("reactive", snake(1))
+    pair = Organism(2, (Docking(0, "left", 1, "right"),))
+    with pytest.raises(RunError, match="dock modules by their fronts"):
+        make_law("path", pair)
+    assert make_law("path", pair, None, 2).parameters[0] == "track_speed_change"
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+def test_rotations_of_arms_stay_at_zero(law):
+    organism = cross(1, ScoutConfig(dofs=2))
+    controller = make_law(law, organism, None, 10)
+    structure, _ = make_structure(cross(1))
+    observation = make_observations(cross(1), 2, 0)
+    genotype = np.full((2, len(controller.parameters)), 0.3)
+    action, _ = controller.act(observation, genotype, structure, controller.begin(2))
+    usual = make_law(law, cross(1), None, 10)
+    expected, _ = usual.act(observation, genotype, structure, usual.begin(2))
+    assert action.shape == (2, 20)
+    assert not action[:, 5:10].any()
+    assert np.array_equal(np.delete(action, range(5, 10), axis=1), expected)

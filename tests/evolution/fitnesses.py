@@ -1,0 +1,54 @@
+"""Fitness functions and other objects of a user: importable, so that a run can keep and restore them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from evolution.backends.outcome import Outcome
+from evolution.backends.scoring import Scoring
+from evolution.backends.trials import Randomization
+
+
+def minus_effort(outcome: Outcome, body) -> float:
+    """A body of many modules that works little."""
+    return body.num_modules - outcome.effort
+
+
+minus_effort.version = "1"
+
+
+def progress_alone(outcome: Outcome, body) -> float:
+    return outcome.progress
+
+
+def one_argument(outcome: Outcome) -> float:
+    return outcome.progress
+
+
+def not_a_number(outcome: Outcome, body) -> float:
+    return float("nan")
+
+
+@dataclass(frozen=True)
+class Squared(Scoring):
+    """The square of the progress."""
+
+    factor: float = 2.0
+
+    def score(self, outcome: Outcome, modules: int) -> float:
+        return self.factor * outcome.progress**2
+
+
+class Remembering(Scoring):
+    """A scoring with a state that no field holds."""
+
+    def __init__(self, memory: float) -> None:
+        super().__init__()
+        object.__setattr__(self, "memory", memory)
+
+
+class Turned(Randomization):
+    """Always turned as far as the range allows."""
+
+    def draw(self, seed, count):
+        return super().draw(seed, count) | {"yaw": np.full(count, self.yaw[1])}
