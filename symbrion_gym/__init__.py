@@ -11,6 +11,7 @@ from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
 
 if TYPE_CHECKING:
+    from symbrion_gym.adapters.stable_baselines import make_sb3_env
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
@@ -79,6 +80,7 @@ __all__ = [
     "load_arena",
     "load_tiles",
     "make_arena",
+    "make_sb3_env",
     "make_scout",
     "snake",
     "survey",
