@@ -132,7 +132,7 @@ def main() -> None:
     for arena in options.judge:
         for name, policy in policies.items():
             successes, progress = judge(policy, arena, options.trials)
-            print(f"{arena}, {name}: {successes} of {options.trials} cross, mean progress {progress:.2f} m")  # noqa: T201
+            print(f"{arena}, {name}: {successes} of {options.trials} cross, mean progress {progress:.2f} m")
     if options.film:
         film(ppo, options.judge[-1], options.film)
 
