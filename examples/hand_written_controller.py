@@ -51,4 +51,4 @@ def main(render_mode: str | None = None, seed: int = 0) -> bool:
 
 
 if __name__ == "__main__":
-    print("crossed" if main() else "failed")  # noqa: T201
+    print("crossed" if main() else "failed")

@@ -22,4 +22,4 @@ class Wave:
 
 
 if __name__ == "__main__":
-    print(ev.evolve(ev.EvolutionConfig(controller=Wave, origin="hint", generations=4)).champion)  # noqa: T201
+    print(ev.evolve(ev.EvolutionConfig(controller=Wave, origin="hint", generations=4)).champion)

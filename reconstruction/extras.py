@@ -10,6 +10,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
     "usd": ("pxr",),
+    "rl": ("stable_baselines3",),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 

@@ -13,6 +13,7 @@ from reconstruction.lazy import export_lazily
 from symbrion_gym.registration import register
 
 if TYPE_CHECKING:
+    from symbrion_gym.adapters.stable_baselines import make_sb3_env
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
@@ -112,6 +113,7 @@ __all__ = [
     "load_tiles",
     "make_arena",
     "make_random_organism",
+    "make_sb3_env",
     "make_scout",
     "make_task",
     "organism_to_text",

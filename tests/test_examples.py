@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.backends.trials import Job
 import symbrion_gym as sg
+from evolution.backends.trials import Job
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
