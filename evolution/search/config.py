@@ -23,10 +23,10 @@ from evolution.search.stored_config import (
     SHARED_KINDS,
     Kinds,
     drop_none,
-    to_text,
     read_content,
     restore,
     to_json,
+    to_text,
 )
 from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
 from reconstruction.deprecation import accept_former_fields, rename_keys

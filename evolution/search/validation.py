@@ -30,7 +30,7 @@ from evolution.limits import (
     MIN_POSITIVE,
 )
 from evolution.search.record import SAMPLE, VALIDATION, Entry, Record
-from evolution.search.stored_config import SHARED_KINDS, Kinds, to_text, read_content, to_json
+from evolution.search.stored_config import SHARED_KINDS, Kinds, read_content, to_json, to_text
 from reconstruction.deprecation import accept_former_fields
 from reconstruction.range_checks import (
     as_floats,
