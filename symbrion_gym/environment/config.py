@@ -18,9 +18,6 @@ from symbrion_gym.assets import NAMED_ARENAS
 from symbrion_gym.environment.organism_options import check_organism_options
 from symbrion_gym.errors import OptionError, OrganismError
 from symbrion_gym.robot.sensor_names import DEFAULT_SENSORS, SENSORS
-from symbrion_gym.tasks.catalog import choose_task, find_parameters
-from symbrion_gym.tasks.recorders import Recorder, check_recorders
-from symbrion_gym.tasks.starts import START_NAMES
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
@@ -28,10 +25,11 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.sensor_noise import SensorNoise
     from symbrion_gym.tasks.criteria import SuccessCriteria
     from symbrion_gym.tasks.features.gap import GapSearch
+    from symbrion_gym.tasks.recorders import Recorder
     from symbrion_gym.tasks.route import Point, RouteMargins, StartName
     from symbrion_gym.tasks.task import Task
 
-STARTS = START_NAMES
+STARTS = ("floor", "pit")
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
@@ -192,13 +190,16 @@ class EnvironmentConfig:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
-            check_choice("start", self.start, START_NAMES, OptionError)
+            check_choice("start", self.start, STARTS, OptionError)
         if isinstance(self.sensors, str) or not isinstance(self.sensors, Iterable):
             raise OptionError(f"sensors must be a sequence of names, got {self.sensors!r}")
         for name in self.sensors:
             check_choice("sensors", name, SENSORS, OptionError)
         object.__setattr__(self, "sensors", tuple(dict.fromkeys(self.sensors)))
-        object.__setattr__(self, "recorders", check_recorders(self.recorders))
+        if self.recorders:
+            from symbrion_gym.tasks.recorders import check_recorders
+
+            object.__setattr__(self, "recorders", check_recorders(self.recorders))
         for name in self.randomize:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 
@@ -222,8 +223,7 @@ class EnvironmentConfig:
         if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
             given["organism"] = usual_body
         names = [entry.name for entry in fields(cls)]
-        chosen = given.get("task") or given.get("default_task", cls.default_task)
-        own = find_parameters(chosen) if isinstance(chosen, str) else ()
+        own = () if given.keys() <= set(names) else cls._find_parameters(given)
         parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
         for name in given:
             check_choice("option", name, [*names, *(each for each in own if each not in names)], OptionError)
@@ -231,6 +231,14 @@ class EnvironmentConfig:
         if parameters:
             given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}
         return cls(**given)
+
+    @classmethod
+    def _find_parameters(cls, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """Return the names of the parameters of the task that options name; none for a ready `Task`."""
+        from symbrion_gym.tasks.catalog import find_parameters
+
+        chosen = given.get("task") or given.get("default_task", cls.default_task)
+        return find_parameters(chosen) if isinstance(chosen, str) else ()
 
     def _find_given(self, *names: str) -> list[str]:
         """Return those of some options that are not None."""
@@ -251,6 +259,8 @@ class EnvironmentConfig:
             TaskError: there is no such task.
             OptionError: it has no such parameter.
         """
+        from symbrion_gym.tasks.catalog import choose_task
+
         start, goal = self.find_ends()
         given = {name: getattr(self, name) for name in TASK_OPTIONS} | {"start": start, "goal": goal}
         given = {name: value for name, value in given.items() if value is not None}

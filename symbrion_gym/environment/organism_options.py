@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
+
+if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
 
 SCOUT_OPTIONS = ("hinge_torque", "track_speed", "tracks", "friction")
 """Options that are constants of the modules too."""
@@ -27,7 +29,7 @@ def check_organism_options(given: Mapping[str, Any]) -> None:
     if given.get("modules") is not None and given.get("organism") is not None:
         raise OptionError("the options 'modules' and 'organism' both name the body; give one of them")
     for body in (given.get("modules"), given.get("organism")):
-        if isinstance(body, Organism):
+        if hasattr(body, "scout"):  # an `Organism`, whose module takes long to load
             wanted = {name: given[name] for name in SCOUT_OPTIONS if given.get(name) is not None}
             apply_options(body, wanted)
 

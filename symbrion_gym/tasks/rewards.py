@@ -20,9 +20,9 @@ def gain_potential(state: TaskState) -> Float[np.ndarray, " N"]:
     So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
     no discount and the potential of the start in every failed state).
     """
-    now = (
-        np.where(state.failed, state.start_progress, state.progress) if state.failed.any() else state.progress
-    )
+    now = state.progress
+    if np.count_nonzero(state.failed):
+        now = np.where(state.failed, state.start_progress, now)
     return now - state.previous_progress
 
 

@@ -53,7 +53,7 @@ class Watch:
         self._widest[_TICK] = self._last_tick - 0.5
         self._own: list[dict[int, np.ndarray]] = [{} for _ in self._all]
         self._watched = [frozenset[int]() for _ in self._all]
-        self._is_always = [not hasattr(term, "limits") for term in self._all]
+        self._is_always = [getattr(term, "limits", None) is None for term in self._all]
         self._has_always = any(self._is_always)
         self._is_eventful = False
 
