@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import pi
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose
 from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.scout import add_arm, add_chassis, add_joints
 from symbrion_gym.robot.scout_constants import ScoutConfig
+
+if TYPE_CHECKING:
+    import mujoco
 
 Part = tuple[str, int]
 """("chassis" or "arm", module)."""
@@ -126,6 +128,8 @@ class Organism:
         Site `module_i` marks the center of module i, joint and actuator `hinge_i` its hinge; with two rotational
         degrees of freedom also `twist_i`.
         """
+        import mujoco
+
         spec = mujoco.MjSpec()
         spec.modelname = f"organism of {self.num_modules}"
         spec.compiler.degree = False
@@ -153,6 +157,8 @@ class Organism:
         done: set[RigidGroup],
     ) -> None:
         """Add every part of one rigid group to its body, then the groups that hang from it."""
+        from symbrion_gym.robot.scout import add_arm, add_chassis, add_joints  # loads MuJoCo
+
         group = groups[part]
         origin = poses[min(group, key=_sort_key)[1]]
         done.add(group)
