@@ -29,7 +29,7 @@ def check_organism_options(given: Mapping[str, Any]) -> None:
     if given.get("modules") is not None and given.get("organism") is not None:
         raise OptionError("the options 'modules' and 'organism' both name the body; give one of them")
     for body in (given.get("modules"), given.get("organism")):
-        if hasattr(body, "scout"):  # an `Organism`, whose module takes long to load
+        if body is not None and hasattr(body, "scout"):  # an `Organism`, whose module takes long to load
             wanted = {name: given[name] for name in SCOUT_OPTIONS if given.get(name) is not None}
             apply_options(body, wanted)
 

@@ -71,8 +71,10 @@ def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
         raise TaskError(f"task must be a Task or one of {', '.join(TASKS)}, got {task!r}")
     changes = dict(parameters)
     start: Any = changes.pop("start", "floor")
-    if not (isinstance(start, str) and start == "floor"):
+    if not isinstance(start, str):
         changes["start"] = Start(start, task.start.roll)
+    elif start == "pit":
+        changes["start"] = Start("pit", task.start.roll)
     for name in changes:
         if name not in ("start", "duration"):
             raise OptionError(
