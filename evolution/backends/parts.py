@@ -17,10 +17,9 @@ from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
 from evolution.limits import MAX_MAGNITUDE, MAX_MODULES
 from reconstruction.range_checks import as_floats, as_integers, check_choice, coerce_integers
+from symbrion_gym.environment.config import STARTS
 from symbrion_gym.errors import OrganismError
 from symbrion_gym.robot.organism import Organism, snake
-from symbrion_gym.tasks.catalog import find_parameters
-from symbrion_gym.tasks.starts import START_NAMES
 
 ORIGINS = ("hint", "zero")
 """Where a search may begin."""
@@ -107,7 +106,7 @@ class EpisodeConfig:
         known = None if isinstance(self.task, StoredTask) else self.task
         set_field(self, "environment", sort_options(self.environment, known))
         if isinstance(self.start, str):
-            check_choice("start", self.start, START_NAMES, RunError)
+            check_choice("start", self.start, STARTS, RunError)
         elif self.start is not None:
             set_field(self, "start", _as_point("start", self.start))
         if self.goal is not None:
@@ -124,6 +123,8 @@ class EpisodeConfig:
         """Return whether a parameter of the task can be given as an option of the environment."""
         if self.task is None:
             return True
+        from symbrion_gym.tasks.catalog import find_parameters  # loads MuJoCo
+
         return isinstance(self.task, str) and name in find_parameters(self.task)
 
     def find_start(self) -> str | Point | None:

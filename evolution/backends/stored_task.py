@@ -7,8 +7,6 @@ from typing import Any
 from evolution.errors import RunError
 from evolution.references import check_versions, find_versions
 from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.catalog import TASKS
-from symbrion_gym.tasks.task import Task, read_task
 
 
 @dataclass(frozen=True)
@@ -27,6 +25,8 @@ class StoredTask:
         Raises:
             RunError: it cannot be restored, or has changed since.
         """
+        from symbrion_gym.tasks.task import read_task  # loads MuJoCo
+
         content = json.loads(self.text)
         try:
             check_versions(content.pop("versions", {}), "task")
@@ -45,6 +45,9 @@ def check_task(task: Any) -> Any:
         return task
     if isinstance(task, dict):
         return StoredTask(json.dumps(task, sort_keys=True))
+    from symbrion_gym.tasks.catalog import TASKS
+    from symbrion_gym.tasks.task import Task
+
     if isinstance(task, str) and task in TASKS:
         return task
     if isinstance(task, Task):

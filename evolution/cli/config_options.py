@@ -14,14 +14,14 @@ from evolution.backends.parts import ORIGINS
 from evolution.cli.command import UsageError
 from evolution.errors import RunError
 from evolution.search.config import EvolutionConfig
-from symbrion_gym.tasks.starts import START_NAMES
+from symbrion_gym.environment.config import STARTS
 
 Place = tuple[float, float]
 """x and y [m]."""
 CLI_TYPES: Mapping[str, Any] = {
     "organism": str | None,
     "task": str | None,
-    "start": Literal[START_NAMES] | Place | None,
+    "start": Literal[STARTS] | Place | None,
     "goal": Place | None,
     "environment": tuple[tuple[str, str], ...],
     "controller": str,

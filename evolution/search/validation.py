@@ -40,7 +40,7 @@ from reconstruction.range_checks import (
     coerce_floats,
     coerce_integers,
 )
-from symbrion_gym.tasks.starts import START_NAMES
+from symbrion_gym.environment.config import STARTS
 
 MAX_ROUNDS = 100
 """Largest number of rounds of validation trials of a candidate."""
@@ -107,7 +107,7 @@ class Validation:
         coerce_floats(
             self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
         )
-        check_choice("start", self.start, START_NAMES, RunError)
+        check_choice("start", self.start, STARTS, RunError)
 
     def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
         """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from reconstruction.range_checks import check_choice
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.features import Way, find_ramp, find_stairs, find_step
 from symbrion_gym.tasks.goals import PassFinish
@@ -16,10 +17,6 @@ from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import make_terminations
 from symbrion_gym.tasks.ways import make_route
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 OBSTACLES = ("stairs", "step", "ramp")
 

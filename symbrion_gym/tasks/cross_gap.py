@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.features import GapSearch, find_gap
 from symbrion_gym.tasks.goals import PassFinish
@@ -15,10 +16,6 @@ from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import TouchedPit, make_terminations
 from symbrion_gym.tasks.terms import Termination
 from symbrion_gym.tasks.ways import make_route
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 
 @dataclass(frozen=True)

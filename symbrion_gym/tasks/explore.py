@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError, TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import find_ground_map, find_path
 from symbrion_gym.tasks.rewards import make_rewards
@@ -20,10 +22,6 @@ from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import make_terminations
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _SIGHT = 4.0
 """Modules see as far as this many of their lengths."""

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.gap import GapSearch
 from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route
 from symbrion_gym.tasks.standing import find_honest_along, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 
 @dataclass(frozen=True)

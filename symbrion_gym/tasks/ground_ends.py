@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.traversability.drivable import TraversabilityMap
 from symbrion_gym.traversability.footprint import Footprint
 from symbrion_gym.traversability.routes import Place
@@ -17,10 +19,6 @@ from symbrion_gym.traversability.straight import (
     find_straight_way,
     find_straight_way_from,
 )
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _STOREY = 0.25
 """A given z is that of ground no farther above or below than this [m]."""

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.route import Point, Route, RouteMargins
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.traversability.drivable import TraversabilityMap
 from symbrion_gym.traversability.footprint import Footprint
 from symbrion_gym.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
 from symbrion_gym.traversability.straight import find_straight_way
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 MAX_CORNERS = 64
 """Most corners of a path."""

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from jaxtyping import Float
 
 from reconstruction.geometry.pose import make_rotation, to_rotation
-
-if TYPE_CHECKING:
-    from symbrion_gym.robot.organism import Organism
+from symbrion_gym.robot.organism import Organism
 
 
 def place_tree(

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
 from symbrion_gym.tasks.rewards import make_rewards
@@ -20,10 +22,6 @@ from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import make_terminations
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _PASSING = 2.5
 """A corner of the path is passed within this many lengths of a module."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool
 
 from reconstruction.range_checks import check_counts
 from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.state import TaskState
+
+if TYPE_CHECKING:
+    from symbrion_gym.tasks.state import TaskState
 
 
 @runtime_checkable

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import find_path
 from symbrion_gym.tasks.rewards import make_rewards
@@ -18,10 +19,6 @@ from symbrion_gym.tasks.state import TaskState, add_up
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import FellOff, Stuck
 from symbrion_gym.tasks.terms import Termination
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _RIGHTING = 0.05
 """Change of the mean uprightness that counts as progress."""

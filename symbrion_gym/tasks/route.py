@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from reconstruction.range_checks import check_not_negative
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.errors import ArenaError, OptionError, TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.gap import Gap, GapSearch, find_gap
 from symbrion_gym.tasks.features.way import place_along
 from symbrion_gym.tasks.ground_ends import Ends, find_ends
 from symbrion_gym.traversability.routes import read_place
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 Point = Sequence[float] | np.ndarray
 """(x, y) in the world, or (x, y, z) where there are several storeys [m]."""

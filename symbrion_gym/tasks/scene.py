@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.route import Route
 
 if TYPE_CHECKING:
     import trimesh
-
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _STRIP = 0.05
 """Width of the strips across x whose greatest heights are known [m]; it changes the time alone."""

@@ -7,12 +7,12 @@ it works out by itself (`symbrion_gym.tasks.placing`), and it looks for the trac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.audit import (
     Audit,
     AuditLimits,
@@ -31,9 +31,6 @@ from symbrion_gym.tasks.reach import ReachPlaces
 from symbrion_gym.tasks.recover import StandUp
 from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.tasks.task import Task
-
-if TYPE_CHECKING:
-    from symbrion_gym.robot.organism import Organism
 
 _CELL = 0.75
 """A body that looks at the ground from the middle of cells may be this many cells off."""

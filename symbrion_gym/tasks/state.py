@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 UPPER_MEASURES = ("progress", "tick", "rear")
 LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")

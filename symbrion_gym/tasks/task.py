@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.goals import PassFinish
 from symbrion_gym.tasks.rewards import make_rewards
@@ -16,10 +18,6 @@ from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.storage import describe, restore
 from symbrion_gym.tasks.terminations import make_terminations
 from symbrion_gym.tasks.terms import Goal, Reward, Termination
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 
 @dataclass(frozen=True)

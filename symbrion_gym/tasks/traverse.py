@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.goals import PassFinish
 from symbrion_gym.tasks.rewards import make_rewards
@@ -15,10 +16,6 @@ from symbrion_gym.tasks.route import Point, Route, StartName, find_route
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import make_terminations
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _SAMPLES = 0.02
 """Spacing of the heights along the way [m]."""

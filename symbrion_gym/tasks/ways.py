@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.way import Way
 from symbrion_gym.tasks.route import Route, RouteMargins
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.traversability.routes import read_place
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _NOSE = 0.02
 """Room behind the tail at the start of a way, beside half a module [m]."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from reconstruction.range_checks import check_counts, check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.edges import (
     LEAST_LANES,
     Edge,
@@ -23,10 +25,6 @@ from symbrion_gym.tasks.features.edges import (
 )
 from symbrion_gym.tasks.features.ramp import RampSearch, find_ramps
 from symbrion_gym.tasks.features.way import Line, Profile, Way, WaySearch, read_profile
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _STRAIGHT = float(np.tan(np.deg2rad(1.0)))
 """A way whose edges are skewed by less is perpendicular to them."""

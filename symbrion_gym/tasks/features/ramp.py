@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.way import Line, Profile, Way, read_profile
 from symbrion_gym.traversability.footprint import Footprint
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 
 @dataclass(frozen=True)

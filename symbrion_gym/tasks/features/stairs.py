@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from reconstruction.range_checks import check_counts, check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.edges import Jump, find_crossings, find_jumps, find_lanes, fit_edge
 from symbrion_gym.tasks.features.way import Line, Profile, Way, WaySearch, read_profile
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.robot.organism import Organism
 
 _ALIKE = 0.5
 """Steps of one staircase differ in rise and run by no more than this share of their mean."""

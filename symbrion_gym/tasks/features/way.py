@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import trimesh
 from jaxtyping import Bool, Float
 
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.rectangles import find_smallest_rectangle
 from reconstruction.range_checks import check_positive
+from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import OptionError, TaskError
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
 
 Line = tuple[tuple[float, float], tuple[float, float]]
 """A line across the way: (x, y) of its right and of its left end [m]."""
@@ -241,8 +240,6 @@ def _refuse_covered(
 ) -> None:
     """Refuse a way on top of something: what looks up lies below it."""
     up = np.flatnonzero(arena.surface.face_normals[:, 2] > _LOOKS_UP)
-    import trimesh
-
     ground = Elevation(trimesh.Trimesh(arena.surface.vertices, arena.surface.faces[up], process=False))
     every = max(1, round(search.lane / search.step))
     x, y = x[::every], y[::every]
