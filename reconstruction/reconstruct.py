@@ -279,8 +279,7 @@ class Reconstruction:
 
         from reconstruction.geometry.orientation import orient_outwards, orient_to_viewpoints
 
-        used, flat = np.unique(self.state.faces, return_inverse=True)
-        vertices, faces = self.state.units.reshape(-1, 3)[used], flat.reshape(-1, 3)
+        vertices, faces = self._cut_far_faces()
         if self.viewpoints is None:
             faces = orient_outwards(vertices, faces)
             note = (
@@ -294,6 +293,24 @@ class Reconstruction:
         self.notes["orientation"] = note
         logger.info("orientation: %s", note)
         return trimesh.Trimesh(vertices, faces, process=False)
+
+    def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
+        """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
+        from reconstruction.surfaces.far_faces import cut_far_faces
+
+        used, flat = np.unique(self.state.faces, return_inverse=True)
+        vertices, faces = self.state.units.reshape(-1, 3)[used], flat.reshape(-1, 3)
+        cut = cut_far_faces(vertices, faces, self.points, self.viewpoints, self.seen_from)
+        if cut.num_faces:
+            note = (
+                f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "
+                "every reading and were cut off"
+            )
+            self.notes["cut"] = note
+            logger.info("cut: %s", note)
+        else:
+            self.notes.pop("cut", None)
+        return cut.vertices, cut.faces
 
 
 def _check_seed(seed: int) -> int:

@@ -10,7 +10,7 @@ from evolution.controllers.controller import CONTROLLERS, make_controller
 from evolution.search.evaluation import BACKENDS
 from reconstruction.scans.point_files import READABLE
 from symbrion_gym.assets import NAMED_ARENAS
-from symbrion_gym.contact.kinds import CONTACT_KINDS
+from symbrion_gym.contact.kinds import CONTACT_CHOICES
 from symbrion_gym.registration import ENVIRONMENTS
 from symbrion_gym.tasks.success_check import SuccessCriteria
 
@@ -38,7 +38,7 @@ def read_names(page: str, head: str) -> set[str]:
         ("docs/getting-started.md", "extra", set(EXTRAS) - DEVELOPERS),
         ("README.md", "extra", set(EXTRAS) - DEVELOPERS - {"all"}),
         ("docs/packages/evolution.md", "controller", set(CONTROLLERS)),
-        ("docs/packages/symbrion-gym.md", "`kind`", set(CONTACT_KINDS)),
+        ("docs/packages/symbrion-gym.md", "`kind`", set(CONTACT_CHOICES)),
         ("docs/cluster.md", "`--backend`", set(BACKENDS)),
     ],
 )

@@ -52,7 +52,7 @@ def turn_reversed_parts(
     is_reversed = _find_reversed(vertices, faces, shares, cut_cost)
     if not is_reversed.any():
         return TurnedMesh(vertices, faces)
-    return _split(vertices, np.where(is_reversed[:, None], faces[:, ::-1], faces))
+    return split_fans(vertices, np.where(is_reversed[:, None], faces[:, ::-1], faces))
 
 
 def _find_reversed(
@@ -85,8 +85,8 @@ def _find_reversed(
     return is_reversed[: len(faces)]
 
 
-def _split(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> TurnedMesh:
-    """Give the faces on either side of edges where the winding changes vertices of their own."""
+def split_fans(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> TurnedMesh:
+    """Give every fan of faces vertices of its own; where the winding changes across an edge, a fan ends."""
     hinges = find_hinges(faces, group_sides(faces, len(vertices)))
     linked, sides = hinges.faces[hinges.is_consistent], hinges.sides[hinges.is_consistent]
     starts, ends = 3 * linked + sides, 3 * linked + (sides + 1) % 3

@@ -39,8 +39,8 @@ def make_arena(
     surface: Reconstruction | trimesh.Trimesh | str | Path,
     *,
     accuracy: float | None = None,
-    max_pieces: int = 1500,
-    kind: str = "convex",
+    max_pieces: int = 2200,
+    kind: str = "auto",
     viewpoints: ArrayLike | None = None,
     unit: str | None = None,
     up: str | None = None,
@@ -57,9 +57,10 @@ def make_arena(
 ) -> Arena:
     """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
 
-    A terrain of few planes becomes slabs, any other surface convex patches of its own, thickened away from free
-    space; coacd decomposes what is a solid where that gives as good a result. `Arena.quality` says what was reached,
-    `Arena.provenance` how: `passes`, `accuracy`, `is_reached`, `worst`, `warnings`.
+    A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
+    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
+    `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
 
     Args:
         surface: a reconstruction, whose viewpoints tell where free space is; a mesh; or a file of either; meters,
@@ -68,7 +69,8 @@ def make_arena(
         accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
             spacing of the scan, 3 mm or more.
         max_pieces: no more convex pieces than these.
-        kind: contact geometry, one of "convex", "primitives", "hfield", "prisms".
+        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
+            "prisms".
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
         unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
         up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
@@ -118,6 +120,7 @@ def make_arena(
         "versions": find_versions(),
         **contact.notes,
         "warnings": warnings,
+        **({"cut": scanned.cut} if scanned.cut else {}),
         "viewpoints": choose_positions(scanned.viewpoints),
     }
     return Arena(
@@ -127,7 +130,7 @@ def make_arena(
         quality,
         friction,
         course,
-        kind,
+        ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
         contact.height_field,
         about,
         scanned.offset,

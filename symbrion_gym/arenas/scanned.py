@@ -20,6 +20,7 @@ from reconstruction.scans.frames import describe_odd_size, find_offset, make_fra
 from reconstruction.scans.raw_points import RawPoints
 from symbrion_gym.arenas.exact_readings import simulate_readings
 from symbrion_gym.arenas.surface_file import check_has_surface, load_surface
+from symbrion_gym.contact.ray_mesh import RayMesh
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
@@ -32,6 +33,10 @@ _FARTHEST = 1e8
 
 _ONE_SIDED = 0.6
 """A face was seen from behind, too, where more than a fifth of its readings say so: this is ahead minus behind."""
+_LOOKS_DOWN = -0.2
+"""Faces whose normal rises less look down, by 12 degrees or more: no noisy walls."""
+_BEHIND = 1e-5
+"""Rays start this far behind a face, in extents of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class ScannedSurface:
         seen_from: viewpoint of every reading.
         dropped: share of the readings that pre-processing dropped.
         offset: what was subtracted from the coordinates of the scan [m].
+        cut: what was cut off as far from every reading, in words; nothing where nothing was.
     """
 
     mesh: trimesh.Trimesh
@@ -57,6 +63,7 @@ class ScannedSurface:
     seen_from: Int[np.ndarray, " N"] | None = None
     dropped: float | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    cut: str = ""
 
 
 class MeshFrame(NamedTuple):
@@ -107,12 +114,27 @@ def repair_surface(scanned: ScannedSurface, config: RepairConfig) -> trimesh.Tri
 
 
 def find_two_sided(scanned: ScannedSurface, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"] | None:
-    """Return which faces of the repaired mesh were seen from behind, too; None where readings are unknown."""
-    if scanned.points is None or scanned.viewpoints is None:
+    """Return which faces of the repaired mesh were seen from behind, too; None where nothing tells.
+
+    Readings vote where their viewpoints are known. Without viewpoints an open surface is taken to look up: faces that
+    look down and have the open sky behind them, such as the far side of a tree, were seen from there.
+    """
+    if scanned.viewpoints is None:
+        return None if mesh.is_watertight else _find_backs_below_sky(mesh)
+    if scanned.points is None:
         return None
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     votes, weights = count_votes(vertices, faces, scanned.points, scanned.viewpoints, scanned.seen_from)
     return np.asarray((weights > 0) & (votes < _ONE_SIDED * weights))
+
+
+def _find_backs_below_sky(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " F"]:
+    """Return which faces look down with nothing above their backs."""
+    found = mesh.face_normals[:, 2] < _LOOKS_DOWN
+    starts = mesh.triangles_center[found] - _BEHIND * mesh.extents.max() * mesh.face_normals[found]
+    ranges = RayMesh([mesh]).cast(starts, np.tile([0.0, 0.0, 1.0], (len(starts), 1)))
+    found[found] = np.isinf(ranges)
+    return found
 
 
 def find_doubts(scanned: ScannedSurface) -> list[str]:
@@ -199,6 +221,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         readings.seen_from,
         None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
+        str(made.notes.get("cut", "")),
     )
 
 

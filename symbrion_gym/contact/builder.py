@@ -18,6 +18,7 @@ from symbrion_gym.contact.kinds import make_height_field
 from symbrion_gym.contact.options import ContactOptions
 from symbrion_gym.contact.passes.coacd import NoCandidate, decompose_body, decompose_united_slabs
 from symbrion_gym.contact.passes.finish import close_seams, fit_boxes, stop_clock
+from symbrion_gym.contact.passes.heights import fit_height_field, measure_heights
 from symbrion_gym.contact.passes.patches import fit_flat_patches, fit_patches, make_prisms
 from symbrion_gym.contact.passes.slabs import fit_slabs
 from symbrion_gym.contact.problem import ContactProblem
@@ -26,20 +27,15 @@ from symbrion_gym.errors import ArenaError
 Pass = Callable[[ContactProblem, Contact | None], Contact | None]
 """From the problem and the best so far to a candidate; None where the pass does not apply."""
 
+_SURFACE_PASSES = (fit_slabs, fit_flat_patches, fit_patches)
+_LATER_PASSES = (decompose_united_slabs, decompose_body, close_seams, fit_boxes)
 PASSES: dict[str, tuple[Pass, ...]] = {
-    "convex": (
-        fit_slabs,
-        fit_flat_patches,
-        fit_patches,
-        decompose_united_slabs,
-        decompose_body,
-        close_seams,
-        fit_boxes,
-    ),
-    "primitives": (fit_slabs, fit_flat_patches, fit_patches),
+    "auto": (*_SURFACE_PASSES, fit_height_field, *_LATER_PASSES),
+    "convex": (*_SURFACE_PASSES, *_LATER_PASSES),
+    "primitives": _SURFACE_PASSES,
     "prisms": (make_prisms,),
 }
-"""Passes of each kind of contact geometry that has pieces, in order."""
+"""Passes of each choice of contact geometry that has pieces, in order."""
 
 
 def make_contact(
@@ -105,10 +101,7 @@ def _run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
 def _make_height_field(problem: ContactProblem) -> Contact:
     """Return the heights of a terrain on a grid."""
     heights = make_height_field(problem.surface, problem.ground)
-    mesh = heights.as_mesh()
-    gaps = problem.distance.find_gaps_of_sheet(mesh)
-    quality = problem.distance.summarize(gaps, 0, problem.deadline.elapsed)
-    return Contact([], quality, heights, {"way": "height field"})
+    return measure_heights(problem, heights, {"way": "height field"})
 
 
 def _add_notes(problem: ContactProblem, contact: Contact) -> Contact:

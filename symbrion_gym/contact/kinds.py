@@ -1,8 +1,9 @@
-"""Four kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
+"""The kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
 
 | kind | what it is | for |
 |---|---|---|
-| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | everything |
+| `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
+| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
 | `primitives` | the paper's mixed model: planes of a terrain become boxes, the rest convex pieces | few large planes |
 | `hfield` | MuJoCo's height field | rough, unbroken ground |
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
@@ -10,6 +11,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +22,39 @@ from reconstruction.geometry.elevation import Elevation
 from symbrion_gym.errors import ArenaError
 
 CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms")
+"""What an arena can be made of."""
+CONTACT_CHOICES = ("auto", *CONTACT_KINDS)
+"""What can be asked for."""
 
 _INSIDE = 1e-6
 """The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """When a terrain of many patches becomes a height field.
+
+    A step of a simulator costs what a robot has beneath it. The cost of a height field hardly depends on its cells,
+    that of pieces grows with their number: measured with a snake of eight Scouts, it is higher from about 50 a square
+    meter on.
+
+    Attributes:
+        least_density: pieces over the area in plan, from which on a height field is looked for [1/m²].
+        known: share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
+            ground.
+        share: the mean distance is at most this share of the accuracy, the 95th percentile this share of what is
+            good enough: a beam that grazes the ground feels a few millimeters.
+        coarsest: spacing of the grid that is tried first [m]: half a Scout.
+        finest: finer grids are not tried [m].
+        shrink: factor between the spacings that are tried.
+    """
+
+    least_density: float = 50.0
+    known: float = 0.98
+    share: float = 0.3
+    coarsest: float = 0.06
+    finest: float = 0.02
+    shrink: float = 0.8
 
 
 class HeightField(NamedTuple):

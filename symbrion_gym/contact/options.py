@@ -12,7 +12,7 @@ from symbrion_gym.contact.boxing import BoxConfig
 from symbrion_gym.contact.default_accuracy import AccuracyConfig
 from symbrion_gym.contact.distances import DistanceConfig
 from symbrion_gym.contact.hidden_edges import EdgeConfig
-from symbrion_gym.contact.kinds import CONTACT_KINDS
+from symbrion_gym.contact.kinds import CONTACT_CHOICES, FieldConfig
 from symbrion_gym.contact.patches import PatchConfig
 from symbrion_gym.contact.plane_snapping import SnapConfig
 from symbrion_gym.contact.planes import PlaneConfig
@@ -76,6 +76,7 @@ class ContactConfig:
         boxes: how pieces are turned into boxes.
         edges: how far hidden ends of pieces stop short of crests.
         primitives: which planes become boxes, for the kind "primitives".
+        heights: which terrains become height fields.
         union: how slabs are united for coacd.
         search: how coacd decomposes a solid.
     """
@@ -91,7 +92,7 @@ class ContactConfig:
     simplification: SimplificationConfig = field(default_factory=SimplificationConfig)
     patches: PatchConfig = field(default_factory=PatchConfig)
     joining: float = 0.8
-    aim: float = 0.5
+    aim: float = 0.4
     thickness: ThicknessConfig = field(default_factory=ThicknessConfig)
     slab_pass: SlabPassConfig = field(default_factory=SlabPassConfig)
     slabs: SlabConfig = field(default_factory=SlabConfig)
@@ -99,6 +100,7 @@ class ContactConfig:
     boxes: BoxConfig = field(default_factory=BoxConfig)
     edges: EdgeConfig = field(default_factory=EdgeConfig)
     primitives: PrimitiveConfig = field(default_factory=PrimitiveConfig)
+    heights: FieldConfig = field(default_factory=FieldConfig)
     union: UnionConfig = field(default_factory=UnionConfig)
     search: SearchConfig = field(default_factory=SearchConfig)
 
@@ -110,7 +112,7 @@ class ContactOptions:
     Attributes:
         accuracy: mean distance between contact and surface that is good enough [m]; None: as fine as the scan.
         max_pieces: no more convex pieces than these.
-        kind: one of `CONTACT_KINDS`.
+        kind: one of `CONTACT_CHOICES`.
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
         time_limit: emergency stop: building ends then with the best so far [s].
@@ -121,16 +123,18 @@ class ContactOptions:
     """
 
     accuracy: float | None = None
-    max_pieces: int = 1500
-    kind: str = "convex"
+    max_pieces: int = 2200
+    kind: str = "auto"
     thickness: float = 0.2
     seed: int = 0
     time_limit: float = 300.0
     config: ContactConfig = field(default_factory=ContactConfig)
 
     def __post_init__(self) -> None:
-        if self.kind not in CONTACT_KINDS:
-            raise ArenaError(f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if self.kind not in CONTACT_CHOICES:
+            raise ArenaError(
+                f"unknown kind of contact {self.kind!r}; there are: {', '.join(CONTACT_CHOICES)}"
+            )
         for name in ("accuracy", "thickness", "time_limit"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < float("inf"):

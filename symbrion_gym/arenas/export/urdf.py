@@ -29,7 +29,7 @@ def format_urdf(content: Content) -> dict[str, bytes]:
     if content.height_field is not None:
         raise ArenaError(
             f"arena {content.name!r} is a height field, which URDF does not have; "
-            "export it to mjcf, usd or obj, or make it again with kind 'convex'"
+            "export it to mjcf, usd or obj, or make it again with kind='convex'"
         )
     files = {_name_file(solid.name): format_mesh(solid.mesh) for solid in content.solids if solid.box is None}
     model = ("\n".join(_format_model(content)) + "\n").encode()

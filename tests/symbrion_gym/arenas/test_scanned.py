@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
+import reconstruction as rc
 from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.arenas.scanned import MeshFrame, find_doubts, take_surface
+from symbrion_gym.arenas.scanned import MeshFrame, find_doubts, find_two_sided, take_surface
 from symbrion_gym.errors import ArenaError
 
 
@@ -27,6 +28,41 @@ def test_a_room_seen_from_inside_is_hollow():
         assert np.abs(piece.vertices / [2.0, 1.5, 1.25]).max(axis=1).min() > 0.99
     assert arena.quality.free_space == 0.0
     assert arena.quality.beams_contact == 1.0
+
+
+def join(meshes: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    joined = trimesh.util.concatenate(meshes)
+    assert isinstance(joined, trimesh.Trimesh)
+    return joined
+
+
+def test_without_viewpoints_backs_below_the_sky_were_seen():
+    ground = trimesh.Trimesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], [[0, 1, 2], [0, 2, 3]])
+    leaning = trimesh.Trimesh([[0, 0, 0.5], [1, 0, 0.5], [0, 1, 1.0]], [[0, 2, 1]])
+    assert leaning.face_normals[0, 2] < -0.5
+    mesh = join([ground, leaning])
+    found = find_two_sided(take_surface(mesh), mesh)
+    assert found is not None
+    assert found.tolist() == [False, False, True]
+    roof = ground.copy().apply_translation([0, 0, 2])
+    covered = join([ground, leaning, roof])
+    found = find_two_sided(take_surface(covered), covered)
+    assert found is not None
+    assert not found[:3].any()
+
+
+def test_a_closed_body_without_viewpoints_has_no_backs():
+    box = trimesh.creation.box()
+    assert find_two_sided(take_surface(box), box) is None
+
+
+def test_an_arena_says_what_of_the_surface_was_cut():
+    side = np.linspace(0, 3, 61)
+    floor = np.stack([*np.meshgrid(side, side), np.zeros((61, 61))], axis=-1).reshape(-1, 3)
+    made = rc.reconstruct(floor, units=200)
+    assert "cut" not in make_arena(made, cache=False).provenance
+    made.notes["cut"] = "3 m² of the surface"
+    assert make_arena(made, cache=False).provenance["cut"] == "3 m² of the surface"
 
 
 def make_box(low: list[float], high: list[float]) -> trimesh.Trimesh:
