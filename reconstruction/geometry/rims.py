@@ -16,7 +16,7 @@ class RimConfig:
     """What at the rim of a surface is a sliver.
 
     Attributes:
-        longest: its edge at the rim is longer than this many median edges of the surface ...
+        longest: its edge at the rim is longer than this many median edges of the surface: a network leaves none ...
         min_angle_deg: ... and its corner off the rim has an angle above this [degrees]: it is low ...
         min_bend_deg: ... and it is bent against its neighbors by more than this [degrees]: a low triangle of flat
             ground is part of the ground.
@@ -26,7 +26,7 @@ class RimConfig:
         ReconstructionError: a value is out of range.
     """
 
-    longest: float = 3.0
+    longest: float = 5.0
     min_angle_deg: float = 120.0
     min_bend_deg: float = 10.0
     rounds: int = 20
