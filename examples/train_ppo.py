@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("runs/ppo"), help="folder of the policy")
     parser.add_argument("--load", type=Path, help="folder of a policy: train nothing")
-    parser.add_argument("--judge", nargs="*", default=["gsrm", "truth"], help="arenas in which it is judged")
+    parser.add_argument("--judge", nargs="+", default=["gsrm", "truth"], help="arenas in which it is judged")
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--film", type=Path, help="video file")
     options = parser.parse_args()
