@@ -21,7 +21,7 @@ from evolution.controllers.controller import REACTIVE_HINT
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve, load_run, resume
 from evolution.search.run import format_history
-from symbrion_gym.environment import vector
+from symbrion_gym.environment import organism_vector_env as vector
 
 BASE_TRIALS = EvolutionConfig().trials
 _ENDLESS = (("duration", 10.0), ("stuck_time", 20.0))
