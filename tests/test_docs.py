@@ -109,4 +109,4 @@ def test_site_builds_without_warnings(tmp_path: Path) -> None:
         [sys.executable, *words], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    assert "SnakePitEnv" in (tmp_path / "site/reference/symbrion-gym.html").read_text()
+    assert "OrganismEnv" in (tmp_path / "site/reference/symbrion-gym.html").read_text()
