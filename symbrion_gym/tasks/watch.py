@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,6 +12,8 @@ from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 
 _TICK = MEASURES.index("tick")
+_NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
+_find_any = np.logical_or.reduce
 
 
 class Watch:
@@ -51,8 +52,8 @@ class Watch:
         self._quiet = self._is_quiet.tobytes()
         self._widest = np.where(is_lower, -np.inf, np.inf)[:, None] * np.ones(num)
         self._widest[_TICK] = self._last_tick - 0.5
-        self._own: list[dict[int, np.ndarray]] = [{} for _ in self._all]
-        self._watched = [frozenset[int]() for _ in self._all]
+        self._own: list[dict[int, np.ndarray | float]] = [{} for _ in self._all]
+        self._called_for: dict[bytes, tuple[int, ...]] = {}
         self._is_always = [getattr(term, "limits", None) is None for term in self._all]
         self._has_always = any(self._is_always)
         self._is_eventful = False
@@ -63,30 +64,34 @@ class Watch:
         self._held[rows] = 0.0
         for index in range(len(self._all)):
             self._read_limits(index)
+        self._called_for.clear()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
 
     def _read_limits(self, index: int) -> None:
         """Ask a term for its limits."""
-        limits = getattr(self._all[index], "limits", None)
-        if limits is not None:
-            found = {MEASURES.index(name): np.asarray(value) for name, value in limits(self._state).items()}
-            self._own[index], self._watched[index] = found, frozenset(found)
+        if not self._is_always[index]:
+            limits = self._all[index].limits(self._state)
+            self._own[index] = {_NUMBER_OF[name]: value for name, value in limits.items()}
 
     def _join_limits(self, measure: int) -> None:
         """Find the narrowest limit of a measure."""
-        is_lower = MEASURES[measure] in LOWER_MEASURES
-        given = [own[measure] for own in self._own if measure in own]
-        if measure == _TICK or not given:
-            given.append(self._widest[measure])
-        np.copyto(self._limits[measure], functools.reduce(np.maximum if is_lower else np.minimum, given))
+        narrowest = self._limits[measure]
+        narrowest[...] = self._widest[measure]
+        join = np.maximum if measure >= len(UPPER_MEASURES) else np.minimum
+        for own in self._own:
+            if measure in own:
+                join(narrowest, own[measure], out=narrowest)
 
     def _refresh(self, called: Sequence[int]) -> None:
         """Ask terms that have just been called for their limits, which may have moved."""
         for index in called:
+            before = self._own[index]
             self._read_limits(index)
-        for measure in frozenset().union(*(self._watched[index] for index in called)):
-            self._join_limits(measure)
+            if before.keys() != self._own[index].keys():
+                self._called_for.clear()
+            for measure in before | self._own[index]:
+                self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
         """Find what happened in a tick; return whether any episode ended.
@@ -136,13 +141,16 @@ class Watch:
         if self._is_eventful:
             return range(len(self._all))
         seen = self._seen != self._is_quiet
-        hit = np.logical_or.reduce(seen if active is None else seen & active, axis=1).tolist()
-        hits = [measure for measure, is_hit in enumerate(hit) if is_hit]
-        return [
-            index
-            for index, watched in enumerate(self._watched)
-            if self._is_always[index] or not watched.isdisjoint(hits)
-        ]
+        hit = _find_any(seen if active is None else seen & active, 1)
+        key = hit.tobytes()
+        if key not in self._called_for:
+            hits = np.flatnonzero(hit).tolist()
+            self._called_for[key] = tuple(
+                index
+                for index, own in enumerate(self._own)
+                if self._is_always[index] or not own.keys().isdisjoint(hits)
+            )
+        return self._called_for[key]
 
     def _join_ends(
         self, found: Sequence[tuple[int, np.ndarray]], active: Bool[np.ndarray, " N"]
