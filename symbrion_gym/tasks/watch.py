@@ -53,7 +53,7 @@ class Watch:
         self._widest = np.where(is_lower, -np.inf, np.inf)[:, None] * np.ones(num)
         self._widest[_TICK] = self._last_tick - 0.5
         self._own: list[dict[int, np.ndarray | float]] = [{} for _ in self._all]
-        self._called_for: dict[bytes, tuple[int, ...]] = {}
+        self._called_for: dict[bytes, tuple[tuple[int, ...], bool]] = {}
         self._is_always = [getattr(term, "limits", None) is None for term in self._all]
         self._has_always = any(self._is_always)
         self._is_eventful = False
@@ -62,9 +62,11 @@ class Watch:
         """Start episodes in some simulations whose state has just begun."""
         self.flags[:, rows] = False
         self._held[rows] = 0.0
+        before = [own.keys() for own in self._own]
         for index in range(len(self._all)):
             self._read_limits(index)
-        self._called_for.clear()
+        if before != [own.keys() for own in self._own]:
+            self._called_for.clear()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
 
@@ -90,7 +92,7 @@ class Watch:
             self._read_limits(index)
             if before.keys() != self._own[index].keys():
                 self._called_for.clear()
-            for measure in before | self._own[index]:
+            for measure in before.keys() | self._own[index].keys():
                 self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
@@ -104,10 +106,10 @@ class Watch:
         is_quiet = is_sound and self._seen.tobytes() == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
-        called = self._find_called(active)
+        called, is_late = self._find_called(active)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
         if is_sound and not self._is_eventful and self._goal_index not in called:
-            is_late = np.count_nonzero(self._state.tick >= self._last_tick)
+            is_late = is_late and np.count_nonzero(self._state.tick >= self._last_tick)
             if not is_late and not any(np.count_nonzero(each) for _, each in found):
                 self._refresh(called)
                 return False
@@ -136,20 +138,21 @@ class Watch:
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
 
-    def _find_called(self, active: Bool[np.ndarray, " N"] | None) -> Sequence[int]:
-        """Return the terms for which something may have happened."""
+    def _find_called(self, active: Bool[np.ndarray, " N"] | None) -> tuple[Sequence[int], bool]:
+        """Return the terms for which something may have happened, and whether a limit of the time is reached."""
         if self._is_eventful:
-            return range(len(self._all))
+            return range(len(self._all)), True
         seen = self._seen != self._is_quiet
         hit = _find_any(seen if active is None else seen & active, 1)
         key = hit.tobytes()
         if key not in self._called_for:
             hits = np.flatnonzero(hit).tolist()
-            self._called_for[key] = tuple(
+            called = tuple(
                 index
                 for index, own in enumerate(self._own)
                 if self._is_always[index] or not own.keys().isdisjoint(hits)
             )
+            self._called_for[key] = called, _TICK in hits
         return self._called_for[key]
 
     def _join_ends(
