@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
+from symbrion_gym.environment.array_copies import link_views
 from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.episodes import Episodes, Start
 from symbrion_gym.environment.observation import add_noise
@@ -309,6 +310,9 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         twin = object.__new__(type(self))
         memo[id(self)] = twin
         shared = {"world", "config", "_renderer", "_physics", "_control"}
+        for part in (self.world, self.world.scene):
+            memo[id(part)] = part
+        link_views(self._episodes, memo)
         for name, value in self.__dict__.items():
             twin.__dict__[name] = value if name in shared else copy.deepcopy(value, memo)
         twin._renderer = None

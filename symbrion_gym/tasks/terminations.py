@@ -137,8 +137,13 @@ class Stuck:
         """Return whether the time is up; remember those that moved on."""
         progress, tick = self._recall(state)
         has_moved = state.progress > progress
-        np.copyto(progress, state.progress + self._find_least(state), where=has_moved)
-        np.copyto(tick, state.tick + self._wait(state), where=has_moved)
+        count = np.count_nonzero(has_moved)
+        if count == state.num:
+            np.add(state.progress, self._find_least(state), progress)
+            np.add(state.tick, self._wait(state), tick)
+        elif count:
+            np.copyto(progress, state.progress + self._find_least(state), where=has_moved)
+            np.copyto(tick, state.tick + self._wait(state), where=has_moved)
         return state.tick > tick
 
 

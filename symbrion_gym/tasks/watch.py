@@ -13,6 +13,8 @@ from symbrion_gym.tasks.terms import BASE_FLAGS
 
 _TICK = MEASURES.index("tick")
 _NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
+_MOST_KEPT = 128
+"""What is called is kept for this many combinations of limits that were reached."""
 _find_any = np.logical_or.reduce
 
 
@@ -79,11 +81,10 @@ class Watch:
     def _join_limits(self, measure: int) -> None:
         """Find the narrowest limit of a measure."""
         narrowest = self._limits[measure]
-        narrowest[...] = self._widest[measure]
-        join = np.maximum if measure >= len(UPPER_MEASURES) else np.minimum
-        for own in self._own:
-            if measure in own:
-                join(narrowest, own[measure], out=narrowest)
+        given = [own[measure] for own in self._own if measure in own]
+        narrowest[...] = given.pop() if given and measure != _TICK else self._widest[measure]
+        for each in given:
+            (np.maximum if measure >= len(UPPER_MEASURES) else np.minimum)(narrowest, each, out=narrowest)
 
     def _refresh(self, called: Sequence[int]) -> None:
         """Ask terms that have just been called for their limits, which may have moved."""
@@ -103,10 +104,11 @@ class Watch:
             is_sound: whether all simulations are certainly numerically stable.
         """
         np.greater_equal(self._state.measures, self._limits, out=self._seen)
-        is_quiet = is_sound and self._seen.tobytes() == self._quiet
+        seen = self._seen.tobytes()
+        is_quiet = is_sound and seen == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
-        called, is_late = self._find_called(active)
+        called, is_late = self._find_called(active, seen)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
         if is_sound and not self._is_eventful and self._goal_index not in called:
             is_late = is_late and np.count_nonzero(self._state.tick >= self._last_tick)
@@ -138,22 +140,24 @@ class Watch:
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
 
-    def _find_called(self, active: Bool[np.ndarray, " N"] | None) -> tuple[Sequence[int], bool]:
+    def _find_called(
+        self, active: Bool[np.ndarray, " N"] | None, seen: bytes
+    ) -> tuple[Sequence[int], bool]:
         """Return the terms for which something may have happened, and whether a limit of the time is reached."""
         if self._is_eventful:
             return range(len(self._all)), True
-        seen = self._seen != self._is_quiet
-        hit = _find_any(seen if active is None else seen & active, 1)
-        key = hit.tobytes()
-        if key not in self._called_for:
-            hits = np.flatnonzero(hit).tolist()
-            called = tuple(
-                index
-                for index, own in enumerate(self._own)
-                if self._is_always[index] or not own.keys().isdisjoint(hits)
-            )
-            self._called_for[key] = called, _TICK in hits
-        return self._called_for[key]
+        if active is None and seen in self._called_for:
+            return self._called_for[seen]
+        hit = self._seen != self._is_quiet
+        hits = np.flatnonzero(_find_any(hit if active is None else hit & active, 1)).tolist()
+        called = tuple(
+            index
+            for index, own in enumerate(self._own)
+            if self._is_always[index] or not own.keys().isdisjoint(hits)
+        )
+        if active is None and len(self._called_for) < _MOST_KEPT:
+            self._called_for[seen] = called, _TICK in hits
+        return called, _TICK in hits
 
     def _join_ends(
         self, found: Sequence[tuple[int, np.ndarray]], active: Bool[np.ndarray, " N"]
