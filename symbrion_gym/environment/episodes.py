@@ -118,6 +118,7 @@ class Episodes:
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
         self._viewed: Physics | None = None
+        self._rates: np.ndarray | None = None
         self._ends = self.state.measures[_LOWEST : _LOWEST + 2]
         self._tables = self._split(self.numbers), self._split(self._scratch)
         self._columns = list(zip(self.numbers.T, self.flags.T, strict=True))
@@ -129,12 +130,14 @@ class Episodes:
         head, gained, time = table[:3]
         rewards = [*table[3 : self._last_reward]]
         given = [rewards[index] for index in self._given]
-        return table, head, gained, time, rewards, given, table[self._last_reward :]
+        terms = [(*term, row) for term, row in zip(self._rewards, given, strict=True)]
+        return table, head, gained, time, rewards, given, terms, table[self._last_reward :]
 
     def _view(self, physics: Physics) -> None:
         """Let the state read from the physics; once, where its views stay valid while it goes on."""
         if physics is not self._viewed or not self._is_live:
             self._viewed = physics
+            self._rates = physics.qvel.reshape(-1) if physics.qvel.flags.c_contiguous else None
             qvel, force = physics.qvel, physics.actuator_force
             views = Views(
                 physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos]
@@ -218,12 +221,14 @@ class Episodes:
             physics: state of all simulations.
             active: whether a simulation is one of those that were stepped; None for all.
         """
-        self._view(physics)
-        rates = self.state.qvel
-        if np.vdot(rates, rates) < self._largest_squares:
-            return self._finish(active, is_sound=True)
+        if physics is not self._viewed or not self._is_live:
+            self._view(physics)
+        rates, qvel = self._rates, physics.qvel
+        squares = np.vdot(qvel, qvel) if rates is None else rates.dot(rates)
+        if squares < self._largest_squares:
+            return self._finish(active, True)
         with np.errstate(all="ignore"):
-            return self._finish(active, is_sound=False)
+            return self._finish(active, False)
 
     def _finish(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> Ticks:
         state = self.state
@@ -231,12 +236,12 @@ class Episodes:
         has_ended = self._watch.look(active, is_sound)
         if self._recorders:
             self._record(~self._never if active is None else active)
-        table, head, gained, time, rewards, given, ends = self._tables[active is not None]
+        table, head, gained, time, rewards, given, terms, ends = self._tables[active is not None]
         head[...] = self._head
         np.subtract(state.progress, state.start_progress, gained)
         np.multiply(state.tick, self._tick_length, time)
         ends[...] = self._ends
-        for (function, factor), row in zip(self._rewards, given, strict=False):
+        for function, factor, row in terms:
             np.multiply(function(state), factor, row)
         if has_ended or self._has_final:
             self._give_final_rewards(rewards, has_ended)

@@ -252,11 +252,11 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         if episodes.num_tracks:
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()
-        physics = self.physics
-        ticks = episodes.finish_tick(physics)
-        reward, terminated, truncated = ticks.reward.item(), False, False
-        if ticks.has_ended:
-            terminated, truncated = ticks.terminated.item(), ticks.truncated.item()
+        physics = self._physics if world.is_sliced else self.physics
+        gains, has_terminated, is_cut, has_ended = episodes.finish_tick(physics)
+        reward, terminated, truncated = gains.item(), False, False
+        if has_ended:
+            terminated, truncated = has_terminated.item(), is_cut.item()
         info = episodes.describe(0)
         observation = episodes.observe(physics)
         if self.config.noise:
