@@ -46,7 +46,9 @@ def _copy_array(array: np.ndarray, memo: dict[int, Any]) -> None:
     if id(array) in memo or array.dtype.hasobject or not root.flags.owndata or not root.flags.c_contiguous:
         return
     whole = memo.setdefault(id(root), root.copy())
-    memo.setdefault(id(memo), []).extend([root, array])  # as deepcopy does: ids stay taken while the memo lives
+    memo.setdefault(id(memo), []).extend(
+        [root, array]
+    )  # as deepcopy does: ids stay taken while the memo lives
     if array is not root:
         offset = array.__array_interface__["data"][0] - root.__array_interface__["data"][0]
         memo[id(array)] = np.ndarray(array.shape, array.dtype, whole, offset, array.strides)

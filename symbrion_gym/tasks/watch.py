@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from symbrion_gym.tasks.state import LOWER_MEASURES, MEASURES, UPPER_MEASURES, TaskState
+from symbrion_gym.tasks.state import MEASURES, UPPER_MEASURES, TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 
@@ -140,9 +140,7 @@ class Watch:
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
 
-    def _find_called(
-        self, active: Bool[np.ndarray, " N"] | None, seen: bytes
-    ) -> tuple[Sequence[int], bool]:
+    def _find_called(self, active: Bool[np.ndarray, " N"] | None, seen: bytes) -> tuple[Sequence[int], bool]:
         """Return the terms for which something may have happened, and whether a limit of the time is reached."""
         if self._is_eventful:
             return range(len(self._all)), True
