@@ -45,18 +45,21 @@ def test_the_own_controller_is_evaluated_and_short() -> None:
 
 
 @pytest.mark.slow
-def test_ppo_trains() -> None:
+def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
     example = load("train_ppo")
-    model, envs = example.train(steps=2048, num_envs=4, verbose=0)
-    policies = (
-        lambda observation: np.zeros((len(observation), *model.action_space.shape)),
-        lambda observation: model.predict(envs.normalize_obs(observation), deterministic=True)[0],
-    )
-    for policy in policies:
-        progress, successes = example.evaluate(policy, trials=4)
-        assert progress > 0
-        assert 0 <= successes <= 1
+    model, envs = example.train("gsrm", steps=2048, num_envs=4, verbose=0)
+    example.save(tmp_path, model, envs)
+    policy = example.load(tmp_path)
+    observation = envs.observation_space.sample()[None]
+    wanted = model.predict(envs.normalize_obs(observation), deterministic=True)[0]
+    np.testing.assert_allclose(policy(observation), wanted, atol=1e-6)
+    successes, progress = example.judge(policy, "truth", trials=4)
+    assert 0 <= successes <= 4
+    assert progress > 0
+    example.OPTIONS["duration"] = 1.0
+    example.film(policy, "truth", tmp_path / "film.mp4")
+    assert (tmp_path / "film.mp4").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])

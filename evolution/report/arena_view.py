@@ -172,6 +172,7 @@ def _make_legend(
         handles += [Patch(color=color, label=name) for name, color in GROUND_COLORS.items()]
     if "route" in layers and route is not None:
         for marker, size, color, name in reversed(ENDS):
-            look = {"color": color, "markeredgecolor": ROUTE_COLOR, "linestyle": "none"}
-            handles.append(Line2D([], [], marker=marker, markersize=size, label=name, **look))
+            line = Line2D([], [], marker=marker, markersize=size, label=name, color=color, linestyle="none")
+            line.set_markeredgecolor(ROUTE_COLOR)
+            handles.append(line)
     return handles

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.decimation import drop_flat_faces, merge_vertices, simplify
+from reconstruction.geometry.rims import RimConfig, drop_rim_slivers
 from reconstruction.geometry.rows import find_areas
 
 LARGEST_COORDINATE = 1e6
@@ -33,11 +34,13 @@ class RepairConfig:
             shares lose furniture.
         keeps_winding: the winding tells where free space is: each part stays wound as most of its area is. Else closed
             parts are turned outwards, open ones up.
+        rims: which faces at the rim of an open surface are slivers, which are dropped; None: all stay.
     """
 
     max_faces: int = 30_000
     min_part: float = 3e-4
     keeps_winding: bool = False
+    rims: RimConfig | None = None
 
 
 REPAIR_DEFAULTS = RepairConfig()
@@ -46,8 +49,8 @@ REPAIR_DEFAULTS = RepairConfig()
 def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -> trimesh.Trimesh:
     """Return a copy without useless parts, wound one way, open terrain with its normals up.
 
-    Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts;
-    vertices at one place become one, but for those where two fans of faces only touch.
+    Dropped are faces with a vertex that is not finite, flat faces, faces given twice and small loose parts, and
+    slivers at the rim if asked for; vertices at one place become one, but for those where two fans of faces only touch.
 
     Raises:
         ReconstructionError: nothing usable is left, or its size is not that of a place for robots.
@@ -68,6 +71,10 @@ def repair_mesh(mesh: trimesh.Trimesh, config: RepairConfig = REPAIR_DEFAULTS) -
     vertices, faces = merge_vertices(vertices, faces)
     faces = drop_flat_faces(vertices, faces)
     faces = _drop_small_parts(vertices, faces, config.min_part)
+    if config.rims is not None:
+        count = len(faces)
+        faces = drop_rim_slivers(vertices, faces, config.rims)
+        _logger.info("dropped %d slivers at the rim", count - len(faces))
     if len(faces) > config.max_faces:
         vertices, faces = simplify(vertices, faces, config.max_faces)
     faces = _wind(vertices, faces, config.keeps_winding)

@@ -34,7 +34,8 @@ class StableBaselinesEnv(VecEnv):
     def reset(self) -> np.ndarray:
         """Reset all environments with the seeds given last, and return observations `[N, O]`."""
         has_seeds = any(seed is not None for seed in self._seeds)
-        observation, _ = self.envs.reset(seed=list(self._seeds) if has_seeds else None)
+        seeds: Any = list(self._seeds) if has_seeds else None
+        observation, _ = self.envs.reset(seed=seeds)
         self._reset_seeds()
         return observation
 
@@ -79,5 +80,5 @@ class StableBaselinesEnv(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """Return one image per environment; None without a render mode."""
-        frames = self.envs.render()
+        frames: Any = self.envs.render()
         return [None] * self.num_envs if frames is None else list(frames)

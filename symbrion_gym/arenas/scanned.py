@@ -158,7 +158,7 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:
     if isinstance(surface, trimesh.Trimesh):
-        return ScannedSurface(_place(surface, frame))
+        return ScannedSurface(_place(surface, frame, "mesh"))
     if isinstance(surface, str | Path):
         name = make_printable(Path(surface).name)
         check_has_surface(Path(surface))
@@ -172,7 +172,7 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
                 raise ArenaError(str(error)) from error
         if Path(surface).suffix.lower() in _WITH_FRAME:
             return _take_file(Path(surface), name, frame)
-        return ScannedSurface(_place(load_surface(surface), frame), name)
+        return ScannedSurface(_place(load_surface(surface), frame, name), name)
     _check_no_frame(frame, "a reconstruction")
     return _take_reconstruction(surface, "reconstruction")
 
@@ -185,9 +185,11 @@ def _check_no_frame(frame: MeshFrame, name: str) -> None:
         )
 
 
-def _place(mesh: trimesh.Trimesh, frame: MeshFrame) -> trimesh.Trimesh:
+def _place(mesh: trimesh.Trimesh, frame: MeshFrame, name: str) -> trimesh.Trimesh:
     """Return a mesh in meters, z up; itself where it is."""
     vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    if vertices.shape[1:] != (3,):
+        raise ArenaError(f"{name}: vertices have three coordinates, not {vertices.shape[-1]}")
     try:
         placed = make_frame(RawPoints(vertices), *frame).place(vertices)
     except ScanError as error:

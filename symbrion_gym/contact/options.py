@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from reconstruction.geometry.mesh_repair import RepairConfig
+from reconstruction.geometry.rims import RimConfig
 from symbrion_gym.contact.acceptance import AcceptanceConfig
 from symbrion_gym.contact.boxing import BoxConfig
 from symbrion_gym.contact.default_accuracy import AccuracyConfig
@@ -80,7 +81,7 @@ class ContactConfig:
         search: how coacd decomposes a solid.
     """
 
-    repair: RepairConfig = field(default_factory=RepairConfig)
+    repair: RepairConfig = field(default_factory=lambda: RepairConfig(rims=RimConfig()))
     accuracy: AccuracyConfig = field(default_factory=AccuracyConfig)
     acceptance: AcceptanceConfig = field(default_factory=AcceptanceConfig)
     distance: DistanceConfig = field(default_factory=DistanceConfig)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.scout_constants import ScoutConfig
@@ -31,7 +31,7 @@ def check_organism_options(given: Mapping[str, Any]) -> None:
     for body in (given.get("modules"), given.get("organism")):
         if body is not None and hasattr(body, "scout"):  # an `Organism`, whose module takes long to load
             wanted = {name: given[name] for name in SCOUT_OPTIONS if given.get(name) is not None}
-            apply_options(body, wanted)
+            apply_options(cast("Organism", body), wanted)
 
 
 def apply_options(organism: Organism, wanted: Mapping[str, Any]) -> Organism:

@@ -133,12 +133,13 @@ class SceneRenderer:
         self._option.sitegroup[:] = 0
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         self._middle: np.ndarray | None = None
+        self._position: np.ndarray | None = None
         self._time = 0.0
         self._has_warned = False
 
     def follow(self, position: Float[np.ndarray, "n 3"], at_once: bool = False) -> None:
         """Move the camera towards the middle of the modules [m]."""
-        middle = np.mean(position, axis=0)
+        middle, self._position = np.mean(position, axis=0), np.array(position)
         passed = self._data.time - self._time
         self._time = self._data.time
         if self._middle is None or at_once or passed < 0.0:
@@ -149,7 +150,7 @@ class SceneRenderer:
     def _find_free_camera(self) -> mujoco.MjvCamera:
         """Return the camera, turned to the nearest direction from which nothing hides the organism."""
         wanted = View(self.camera.azimuth, self.camera.elevation, self.camera.distance)
-        self._view = self._sight.find_view(self.camera.lookat, wanted, self._view)
+        self._view = self._sight.find_view(self.camera.lookat, wanted, self._view, self._position)
         camera = copy.copy(self.camera)
         camera.azimuth, camera.elevation, camera.distance = self._view
         return camera

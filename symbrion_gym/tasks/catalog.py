@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 from symbrion_gym.errors import OptionError, TaskError
 from symbrion_gym.tasks.climb import make_climb
@@ -70,11 +70,11 @@ def choose_task(task: Task | str, parameters: Mapping[str, Any]) -> Task:
     if not isinstance(task, Task):
         raise TaskError(f"task must be a Task or one of {', '.join(TASKS)}, got {task!r}")
     changes = dict(parameters)
-    start: Any = changes.pop("start", "floor")
+    start = changes.pop("start", "floor")
     if not isinstance(start, str):
-        changes["start"] = Start(start, task.start.roll)
+        changes["start"] = Start(cast(Any, start), task.start.roll)
     elif start == "pit":
-        changes["start"] = Start("pit", task.start.roll)
+        changes["start"] = Start("pit", roll=task.start.roll)
     for name in changes:
         if name not in ("start", "duration"):
             raise OptionError(

@@ -18,6 +18,7 @@ from symbrion_gym.contact.problem import ContactProblem
 from symbrion_gym.contact.simplification import (
     SimplificationConfig,
     find_simple,
+    is_drawn,
     list_counts,
     simplify_surface,
 )
@@ -58,7 +59,14 @@ def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Cont
     """
     config, options = problem.config, problem.options
     counts = list_counts(len(surface.faces), config.simplification)
-    start = find_simple(surface, problem.distance, problem.aim, config.acceptance, config.simplification)
+    start = find_simple(
+        surface,
+        problem.distance,
+        problem.aim,
+        config.acceptance,
+        config.simplification,
+        is_drawn(problem.surface, config.simplification),
+    )
     best: Contact | None = None
     index, step = start, 0
     while index < len(counts) and not (best is not None and problem.deadline.is_over()):

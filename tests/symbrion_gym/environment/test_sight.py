@@ -65,3 +65,11 @@ def test_a_ceiling_seen_from_above_hides_nothing():
 def test_where_nothing_is_free_the_camera_comes_nearer():
     found = make_sight(make_box([1.6, 1.6, 1.4], [0.0, 0.0, 0.1])).find_view(TARGET, WANTED)
     assert 0.3 <= found.distance < 1.1
+
+
+def test_a_body_bent_over_an_edge_is_seen_though_its_middle_lies_in_the_ground():
+    sight = make_sight(make_box([1.0, 2.0, 0.25], [-0.5, 0.0, 0.125]))
+    body = np.array([[-0.3, 0.0, 0.30], [-0.1, 0.0, 0.30], [0.06, 0.0, 0.15], [0.06, 0.0, 0.05]])
+    middle = body.mean(axis=0)
+    assert sight.find_view(middle, WANTED, None, body) == WANTED
+    assert sight.find_view(middle, WANTED) != WANTED, "the middle alone is hidden"

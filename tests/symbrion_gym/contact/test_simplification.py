@@ -1,0 +1,49 @@
+"""Simplification of surfaces: drawn ones are known to the last step, scanned ones within their noise."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from reconstruction.geometry.elevation import Elevation
+from symbrion_gym.arenas.making import make_arena
+from symbrion_gym.contact.acceptance import AcceptanceConfig
+from symbrion_gym.contact.distances import SurfaceDistance
+from symbrion_gym.contact.simplification import find_simple, is_drawn, list_counts, simplify_surface
+
+RISE, RUN, STEPS = 0.17, 0.28, 6
+
+
+@pytest.fixture(scope="module")
+def stairs():
+    """Return a floor and six closed boxes on it, each reaching 2 cm into the next."""
+    boxes = [[[-1.0, -1.0, -0.1], [3.0, 1.0, 0.0]]]
+    boxes += [[[i * RUN, -0.6, 0.0], [(i + 1) * RUN + 0.02, 0.6, (i + 1) * RISE]] for i in range(STEPS)]
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=box) for box in boxes])
+    mesh.merge_vertices()
+    return mesh
+
+
+def test_every_tread_of_overlapping_boxes_keeps_its_height(stairs):
+    ground = Elevation(*make_arena(stairs, cache=False).pieces)
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(0.01, 0.27, 20), np.linspace(-0.59, 0.59, 60)))
+    for step in range(STEPS):
+        assert ground.height(x + step * RUN, y) == pytest.approx((step + 1) * RISE, abs=0.003)
+
+
+def test_no_place_of_a_drawn_surface_is_far_off(stairs):
+    distance, counts = SurfaceDistance(stairs), list_counts(len(stairs.faces))
+    worst = {}
+    for is_exact in (False, True):
+        index = find_simple(stairs, distance, 0.003, AcceptanceConfig(), is_exact=is_exact)
+        simple = simplify_surface(stairs, counts[index])
+        worst[is_exact] = distance.measure_mesh(np.asarray(simple.vertices), np.asarray(simple.faces)).max()
+    assert worst[True] <= 0.009 < worst[False]
+
+
+def test_boxes_are_drawn_and_noisy_ones_are_not(stairs):
+    assert is_drawn(stairs)
+    fine = trimesh.creation.box().subdivide().subdivide().subdivide()
+    assert is_drawn(fine)
+    rng = np.random.default_rng(0)
+    noisy = trimesh.Trimesh(fine.vertices + rng.normal(scale=0.003, size=fine.vertices.shape), fine.faces)
+    assert not is_drawn(noisy)
