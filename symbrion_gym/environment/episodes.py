@@ -104,8 +104,9 @@ class Episodes:
         coefficients = [term.weight * (self._dt if term.per_second else 1.0) for term in task.rewards]
         factors = [np.full(num, each) for each in coefficients]
         terms = list(enumerate(zip(task.rewards, factors, strict=True)))
+        self._given = [index for index, (term, _) in terms if not term.at_end]
         self._tick_length = np.full(num, self._dt)
-        self._rewards = [(index, term.function, factor) for index, (term, factor) in terms if not term.at_end]
+        self._rewards = [(term.function, factor) for _, (term, factor) in terms if not term.at_end]
         self._final_rewards = [
             (index, term.function, factor) for index, (term, factor) in terms if term.at_end
         ]
@@ -117,20 +118,26 @@ class Episodes:
         self._servos, self._dofs = make_slice(servos), make_slice(dofs)
         self._is_live = world.is_sliced and isinstance(self._servos, slice) and isinstance(self._dofs, slice)
         self._viewed: Physics | None = None
+        self._rates: np.ndarray | None = None
         self._ends = self.state.measures[_LOWEST : _LOWEST + 2]
         self._tables = self._split(self.numbers), self._split(self._scratch)
+        self._columns = list(zip(self.numbers.T, self.flags.T, strict=True))
         self._never = np.zeros(num, dtype=bool)
         self._recorders = world.config.recorders
 
     def _split(self, table: np.ndarray) -> tuple[Any, ...]:
         """Return a table and the rows of it that each tick writes."""
         head, gained, time = table[:3]
-        return table, head, gained, time, [*table[3 : self._last_reward]], table[self._last_reward :]
+        rewards = [*table[3 : self._last_reward]]
+        given = [rewards[index] for index in self._given]
+        terms = [(*term, row) for term, row in zip(self._rewards, given, strict=True)]
+        return table, head, gained, time, rewards, given, terms, table[self._last_reward :]
 
     def _view(self, physics: Physics) -> None:
         """Let the state read from the physics; once, where its views stay valid while it goes on."""
         if physics is not self._viewed or not self._is_live:
             self._viewed = physics
+            self._rates = physics.qvel.reshape(-1) if physics.qvel.flags.c_contiguous else None
             qvel, force = physics.qvel, physics.actuator_force
             views = Views(
                 physics.position, physics.rotation, qvel, qvel[:, self._dofs], force[:, self._servos]
@@ -214,12 +221,14 @@ class Episodes:
             physics: state of all simulations.
             active: whether a simulation is one of those that were stepped; None for all.
         """
-        self._view(physics)
-        rates = self.state.qvel
-        if np.vdot(rates, rates) < self._largest_squares:
-            return self._finish(active, is_sound=True)
+        if physics is not self._viewed or not self._is_live:
+            self._view(physics)
+        rates, qvel = self._rates, physics.qvel
+        squares = np.vdot(qvel, qvel) if rates is None else rates.dot(rates)
+        if squares < self._largest_squares:
+            return self._finish(active, True)
         with np.errstate(all="ignore"):
-            return self._finish(active, is_sound=False)
+            return self._finish(active, False)
 
     def _finish(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> Ticks:
         state = self.state
@@ -227,20 +236,17 @@ class Episodes:
         has_ended = self._watch.look(active, is_sound)
         if self._recorders:
             self._record(~self._never if active is None else active)
-        table, head, gained, time, rewards, ends = self._tables[active is not None]
-        np.copyto(head, self._head)
-        np.subtract(state.progress, state.start_progress, out=gained)
-        np.multiply(state.tick, self._tick_length, out=time)
-        np.copyto(ends, self._ends)
-        for index, function, factor in self._rewards:
-            np.multiply(function(state), factor, out=rewards[index])
+        table, head, gained, time, rewards, given, terms, ends = self._tables[active is not None]
+        head[...] = self._head
+        np.subtract(state.progress, state.start_progress, gained)
+        np.multiply(state.tick, self._tick_length, time)
+        ends[...] = self._ends
+        for function, factor, row in terms:
+            np.multiply(function(state), factor, row)
         if has_ended or self._has_final:
             self._give_final_rewards(rewards, has_ended)
-            reward = add_rewards(rewards)
-        else:
-            reward = add_rewards([rewards[index] for index, _, _ in self._rewards])
-        if not self._rewards:
-            reward = np.zeros(state.num) + reward
+            given = rewards
+        reward = add_rewards(given) if given else np.zeros(state.num)
         if not is_sound:
             np.copyto(head, state.start_mean, where=~state.is_sound)
         if active is not None:
@@ -260,14 +266,15 @@ class Episodes:
 
     def describe(self, row: int) -> dict[str, float | bool]:
         """Return the `info` of one simulation."""
-        values = self.numbers[:, row].tolist() + self.flags[:, row].tolist()
-        return dict(zip(self.info_names, values, strict=True))
+        numbers, flags = self._columns[row]
+        return dict(zip(self.info_names, numbers.tolist() + flags.tolist(), strict=False))
 
 
 def add_rewards(rewards: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the sum of rewards, added in their order."""
-    return (
-        sum(rewards[2:], rewards[0] + rewards[1])
-        if len(rewards) > 1
-        else np.array(rewards[0] if rewards else 0.0)
-    )
+    """Return the sum of rewards, of at least one, added in their order."""
+    if len(rewards) == 1:
+        return rewards[0].copy()
+    total = np.add(rewards[0], rewards[1])
+    for reward in rewards[2:]:
+        np.add(total, reward, total)
+    return total

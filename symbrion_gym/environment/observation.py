@@ -151,7 +151,7 @@ class Observer:
         np.minimum(raw, self._high, out=raw)
         for pitch in self._pitches:
             np.arcsin(pitch, pitch)
-        return flat.reshape(self._raw_low.shape).copy()
+        return self._rows.copy()
 
     def _bind(self, physics: Physics) -> None:
         """Look up what parts are read from and written to, as views that stay while the physics goes on.
@@ -162,7 +162,7 @@ class Observer:
         self._physics = physics
         self._low, self._high = self._raw_low[rows], self._raw_high[rows]
         self._raw = np.empty_like(self._low)
-        self._flat = self._raw.reshape(-1)
+        self._flat, self._rows = self._raw.reshape(-1), self._raw.reshape(self._raw_low.shape)
         self._parts = [self._find_source(physics, name, ids)[rows] for name, ids in self._sources]
         up = physics.rotation[rows, :, 7], physics.rotation[rows, :, 8]
         names = [name for name, _ in self._sources]

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
+from symbrion_gym.environment.array_copies import link_views
 from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.episodes import Episodes, Start
 from symbrion_gym.environment.observation import add_noise
@@ -251,11 +252,11 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         if episodes.num_tracks:
             world.write_track_speed(self.model.geom_surfacevel[None], speed)
         measured = self._advance()
-        physics = self.physics
-        ticks = episodes.finish_tick(physics)
-        reward, terminated, truncated = ticks.reward.item(), False, False
-        if ticks.has_ended:
-            terminated, truncated = ticks.terminated.item(), ticks.truncated.item()
+        physics = self._physics if world.is_sliced else self.physics
+        gains, has_terminated, is_cut, has_ended = episodes.finish_tick(physics)
+        reward, terminated, truncated = gains.item(), False, False
+        if has_ended:
+            terminated, truncated = has_terminated.item(), is_cut.item()
         info = episodes.describe(0)
         observation = episodes.observe(physics)
         if self.config.noise:
@@ -309,6 +310,9 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         twin = object.__new__(type(self))
         memo[id(self)] = twin
         shared = {"world", "config", "_renderer", "_physics", "_control"}
+        for part in (self.world, self.world.scene):
+            memo[id(part)] = part
+        link_views(self._episodes, memo)
         for name, value in self.__dict__.items():
             twin.__dict__[name] = value if name in shared else copy.deepcopy(value, memo)
         twin._renderer = None

@@ -21,6 +21,8 @@ MEASURES = UPPER_MEASURES + LOWER_MEASURES
 least far along the way, least far to the left of its middle, the lowest height [m], the least z of an up axis, and the
 position least far to the right [m]. A term may name limits: upper ones of the first three, lower ones of the others."""
 _REAR = MEASURES.index("rear")
+_find_least = np.minimum.reduceat
+_add_up = np.add.accumulate
 Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
 
 
@@ -82,6 +84,7 @@ class TaskState:
         deepest: `[N]` height below which a module has fallen off [m].
         criteria: limits of standing, rolling over and so on.
         power: `[N]` sum over the hinges of the absolute power [W].
+        mean_to_finish: `[N]` mean position of the modules along the way, each counted up to the finish [m].
         memory: what terms remember, name -> `[N, ...]`; see `remember`.
         scenes: arena and way of each simulation.
     """
@@ -101,19 +104,19 @@ class TaskState:
         self.measures = np.zeros((len(MEASURES), num))
         self.progress, self.tick, self.rear = self.measures[: _REAR + 1]
         self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
-        self._least = self.measures[_REAR:].T
-        self._places = np.zeros((num, 5, count))
-        self._coordinates, (self._up, self._right) = (
-            self._places[:, :3].transpose(0, 2, 1),
-            self._places[:, 3:].transpose(1, 0, 2),
-        )
-        self._share = 1.0 / count
+        self._least = self.measures[_REAR:]
+        places = np.zeros((5, count, num))
+        self._places, self._firsts = places.reshape(5 * count, num), np.arange(0, 5 * count, count)
+        self._coordinates = places[:3].transpose(2, 1, 0)
+        self._ahead, self._beside, _, up, self._right = places
+        self._up = up.T
+        self._share = np.full(num, 1.0 / count)
+        self.mean_to_finish = np.zeros(num)
         self.previous_progress, self.start_progress, self.track_speed = np.zeros((3, num))
         self.start_position = np.zeros((num, count, 3))
         self.start_mean = np.zeros(num)
         self.finish, self.half_width, self.deepest = np.zeros((3, num))
-        self._finish_of_each, self._clipped, self._sums = np.zeros((3, num, count))
-        self._to_finish = self._sums[:, -1]
+        self._finish_of_each = np.zeros((count, num))
         self._ones = np.ones(num)
         self.is_sound = np.ones(num, dtype=bool)
         self.success, self.failed = np.zeros((2, num), dtype=bool)
@@ -128,11 +131,11 @@ class TaskState:
         """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
         self.position, self.rotation, self.qvel, self.hinge_rate, self.torque = views
         self.up = self.rotation[:, :, 8]
-        shape = self.torque.shape
-        self._powers, self._power_sums = np.zeros((2, shape[0], max(shape[1], 1)))
-        self.power = self._power_sums[:, -1]
-        if not shape[1]:
-            self._powers = self._powers[:, :0]
+        hinges, modules = self.torque.shape[1], self.position.shape[1]
+        self._torques, self._hinge_rates = self.torque.T, self.hinge_rate.T
+        self._addends, self._sums = np.zeros((2, 2, max(hinges, modules), self.num))
+        self._clipped, self._powers = self._addends[0, :modules], self._addends[1, :hinges]
+        self._to_finish, self.power = self._sums[0, modules - 1], self._sums[1, -1]
         self._find_local()
 
     def _find_local(self) -> None:
@@ -156,7 +159,7 @@ class TaskState:
                 route.lowest,
             )
             self._direction[:, row, 0] = *route.direction, route.lateral
-        self._finish_of_each[:] = self.finish[:, None]
+        self._finish_of_each[:] = self.finish
         self._is_along_x = all(scene.is_along_x for scene in self.scenes)
         self._find_local()
         rows = list(rows)
@@ -185,8 +188,9 @@ class TaskState:
             active: whether each simulation was stepped; None for all.
             is_sound: whether all of them are certainly numerically stable.
         """
-        np.copyto(self.previous_progress, self.progress)
-        np.copyto(self.tick, self.tick + (self._ones if active is None else active))
+        self.previous_progress[...] = self.progress
+        tick = self.tick
+        np.add(tick, self._ones if active is None else active, tick)
         self.measure()
         if not (is_sound and self._was_sound):
             self._distrust()
@@ -203,19 +207,21 @@ class TaskState:
 
     def measure(self) -> None:
         """Measure the modules; what was computed of the last tick is forgotten."""
-        self._cache.clear()
+        if self._cache:
+            self._cache.clear()
         if not self._is_along_x:
             self._turn()
-        np.copyto(self._coordinates, self.local)
-        np.copyto(self._up, self.up)
-        np.negative(self._left, out=self._right)
-        np.minimum.reduce(self._places, axis=2, out=self._least)
-        np.minimum(self._places[:, 0], self._finish_of_each, out=self._clipped)
-        np.add.accumulate(self._clipped, axis=1, out=self._sums)  # one after the other, whatever N is
-        np.multiply(self.torque, self.hinge_rate, out=self._powers)
-        np.abs(self._powers, out=self._powers)
-        np.add.accumulate(self._powers, axis=1, out=self._power_sums[:, : self._powers.shape[1]])
-        np.copyto(self.progress, self._goal.progress(self))
+        self._coordinates[...] = self.local
+        self._up[...] = self.up
+        np.negative(self._beside, self._right)
+        _find_least(self._places, self._firsts, 0, None, self._least)
+        np.minimum(self._ahead, self._finish_of_each, out=self._clipped)
+        powers = self._powers
+        np.multiply(self._torques, self._hinge_rates, powers)
+        np.absolute(powers, powers)
+        _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
+        np.multiply(self._to_finish, self._share, self.mean_to_finish)
+        self.progress[...] = self._goal.progress(self)
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
@@ -257,11 +263,6 @@ class TaskState:
     def time(self) -> Float[np.ndarray, " N"]:
         """Time since the start [s]."""
         return self.tick * self.dt
-
-    @property
-    def mean_to_finish(self) -> Float[np.ndarray, " N"]:
-        """Mean position of the modules along the way, each counted up to the finish [m]."""
-        return self._to_finish * self._share
 
     @property
     def height(self) -> Float[np.ndarray, "N n"]:

@@ -116,28 +116,35 @@ class Stuck:
             check_not_negative(self, ("progress",), TaskError)
 
     def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray]:
-        """Return the progress at which each body last moved on, and the tick at which that was."""
-        return state.remember("stuck_best", _start_progress), state.remember("stuck_tick", 0.0)
+        """Return the progress beyond which each body has moved on, and the tick before which its time is not up."""
+        return state.remember("stuck_progress", self._start), state.remember("stuck_tick", self._wait(state))
 
     def _find_least(self, state: TaskState) -> float:
         return _LEAST_PROGRESS * state.organism.scout.size[0] if self.progress is None else self.progress
 
+    def _wait(self, state: TaskState) -> float:
+        return round(self.after / state.dt) - 0.5
+
+    def _start(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        return state.start_progress + self._find_least(state)
+
     def limits(self, state: TaskState) -> Limits:
         """Return the limits within which nothing has happened and nothing is to be remembered."""
-        best, tick = self._recall(state)
-        return {"progress": best + self._find_least(state), "tick": tick + round(self.after / state.dt) - 0.5}
+        progress, tick = self._recall(state)
+        return {"progress": progress, "tick": tick}
 
     def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
         """Return whether the time is up; remember those that moved on."""
-        best, tick = self._recall(state)
-        has_moved = state.progress > best + self._find_least(state)
-        np.copyto(best, state.progress, where=has_moved)
-        np.copyto(tick, state.tick, where=has_moved)
-        return state.tick - tick >= round(self.after / state.dt)
-
-
-def _start_progress(state: TaskState) -> np.ndarray:
-    return state.start_progress
+        progress, tick = self._recall(state)
+        has_moved = state.progress > progress
+        count = np.count_nonzero(has_moved)
+        if count == state.num:
+            np.add(state.progress, self._find_least(state), progress)
+            np.add(state.tick, self._wait(state), tick)
+        elif count:
+            np.copyto(progress, state.progress + self._find_least(state), where=has_moved)
+            np.copyto(tick, state.tick + self._wait(state), where=has_moved)
+        return state.tick > tick
 
 
 def make_terminations(

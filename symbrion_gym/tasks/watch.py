@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool
 
-from symbrion_gym.tasks.state import LOWER_MEASURES, MEASURES, UPPER_MEASURES, TaskState
+from symbrion_gym.tasks.state import MEASURES, UPPER_MEASURES, TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 
 _TICK = MEASURES.index("tick")
+_NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
+_MOST_KEPT = 128
+"""What is called is kept for this many combinations of limits that were reached."""
+_find_any = np.logical_or.reduce
 
 
 class Watch:
@@ -51,8 +54,8 @@ class Watch:
         self._quiet = self._is_quiet.tobytes()
         self._widest = np.where(is_lower, -np.inf, np.inf)[:, None] * np.ones(num)
         self._widest[_TICK] = self._last_tick - 0.5
-        self._own: list[dict[int, np.ndarray]] = [{} for _ in self._all]
-        self._watched = [frozenset[int]() for _ in self._all]
+        self._own: list[dict[int, np.ndarray | float]] = [{} for _ in self._all]
+        self._called_for: dict[bytes, tuple[tuple[int, ...], bool]] = {}
         self._is_always = [getattr(term, "limits", None) is None for term in self._all]
         self._has_always = any(self._is_always)
         self._is_eventful = False
@@ -61,32 +64,37 @@ class Watch:
         """Start episodes in some simulations whose state has just begun."""
         self.flags[:, rows] = False
         self._held[rows] = 0.0
+        before = [own.keys() for own in self._own]
         for index in range(len(self._all)):
             self._read_limits(index)
+        if before != [own.keys() for own in self._own]:
+            self._called_for.clear()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
 
     def _read_limits(self, index: int) -> None:
         """Ask a term for its limits."""
-        limits = getattr(self._all[index], "limits", None)
-        if limits is not None:
-            found = {MEASURES.index(name): np.asarray(value) for name, value in limits(self._state).items()}
-            self._own[index], self._watched[index] = found, frozenset(found)
+        if not self._is_always[index]:
+            limits = self._all[index].limits(self._state)
+            self._own[index] = {_NUMBER_OF[name]: value for name, value in limits.items()}
 
     def _join_limits(self, measure: int) -> None:
         """Find the narrowest limit of a measure."""
-        is_lower = MEASURES[measure] in LOWER_MEASURES
+        narrowest = self._limits[measure]
         given = [own[measure] for own in self._own if measure in own]
-        if measure == _TICK or not given:
-            given.append(self._widest[measure])
-        np.copyto(self._limits[measure], functools.reduce(np.maximum if is_lower else np.minimum, given))
+        narrowest[...] = given.pop() if given and measure != _TICK else self._widest[measure]
+        for each in given:
+            (np.maximum if measure >= len(UPPER_MEASURES) else np.minimum)(narrowest, each, out=narrowest)
 
     def _refresh(self, called: Sequence[int]) -> None:
         """Ask terms that have just been called for their limits, which may have moved."""
         for index in called:
+            before = self._own[index]
             self._read_limits(index)
-        for measure in frozenset().union(*(self._watched[index] for index in called)):
-            self._join_limits(measure)
+            if before.keys() != self._own[index].keys():
+                self._called_for.clear()
+            for measure in before.keys() | self._own[index].keys():
+                self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
         """Find what happened in a tick; return whether any episode ended.
@@ -96,13 +104,14 @@ class Watch:
             is_sound: whether all simulations are certainly numerically stable.
         """
         np.greater_equal(self._state.measures, self._limits, out=self._seen)
-        is_quiet = is_sound and self._seen.tobytes() == self._quiet
+        seen = self._seen.tobytes()
+        is_quiet = is_sound and seen == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
-        called = self._find_called(active)
+        called, is_late = self._find_called(active, seen)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
         if is_sound and not self._is_eventful and self._goal_index not in called:
-            is_late = np.count_nonzero(self._state.tick >= self._last_tick)
+            is_late = is_late and np.count_nonzero(self._state.tick >= self._last_tick)
             if not is_late and not any(np.count_nonzero(each) for _, each in found):
                 self._refresh(called)
                 return False
@@ -131,18 +140,22 @@ class Watch:
         self._is_eventful = bool((flags.any(axis=0) & active).any() or (self._held > 0.0).any())
         return bool((self.terminated | self.truncated).any())
 
-    def _find_called(self, active: Bool[np.ndarray, " N"] | None) -> Sequence[int]:
-        """Return the terms for which something may have happened."""
+    def _find_called(self, active: Bool[np.ndarray, " N"] | None, seen: bytes) -> tuple[Sequence[int], bool]:
+        """Return the terms for which something may have happened, and whether a limit of the time is reached."""
         if self._is_eventful:
-            return range(len(self._all))
-        seen = self._seen != self._is_quiet
-        hit = np.logical_or.reduce(seen if active is None else seen & active, axis=1).tolist()
-        hits = [measure for measure, is_hit in enumerate(hit) if is_hit]
-        return [
+            return range(len(self._all)), True
+        if active is None and seen in self._called_for:
+            return self._called_for[seen]
+        hit = self._seen != self._is_quiet
+        hits = np.flatnonzero(_find_any(hit if active is None else hit & active, 1)).tolist()
+        called = tuple(
             index
-            for index, watched in enumerate(self._watched)
-            if self._is_always[index] or not watched.isdisjoint(hits)
-        ]
+            for index, own in enumerate(self._own)
+            if self._is_always[index] or not own.keys().isdisjoint(hits)
+        )
+        if active is None and len(self._called_for) < _MOST_KEPT:
+            self._called_for[seen] = called, _TICK in hits
+        return called, _TICK in hits
 
     def _join_ends(
         self, found: Sequence[tuple[int, np.ndarray]], active: Bool[np.ndarray, " N"]
