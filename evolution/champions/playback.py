@@ -12,9 +12,12 @@ from evolution.backends.making import make_backend
 from evolution.backends.rollout import make_environment_options
 from evolution.backends.trials import Job, Outcome, Randomization, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller
+from evolution.errors import RunError
+from evolution.limits import MAX_TRIALS
 from evolution.search.stored_config import restore
 from evolution.search.validation import Champion
 from reconstruction.deprecation import accept_former_arguments
+from reconstruction.range_checks import as_integers
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 
 if TYPE_CHECKING:
@@ -78,8 +81,10 @@ def judge(
         The outcome; `successes` of its `trials` succeeded.
 
     Raises:
-        RunError: the environment cannot be made.
+        RunError: the environment cannot be made, or trials or seed is out of range.
     """
+    (trials,) = as_integers("trials", [trials], 1, MAX_TRIALS, RunError)
+    (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
     conditions = make_champion_trials(
         champion, arena, start, count=trials, seed=(seed, _JUDGE_SEED), randomization=randomization
     )

@@ -135,7 +135,8 @@ def _flatten(report: str) -> str:
     text = " ".join(lines)
     text = re.sub(r"For full helptext, (?:run|see):? ", "See ", text)
     text = re.sub(r"Argument helptext:.*?(?=See )", "", text)
-    return re.sub(r"\s+", " ", text).strip()
+    text = re.sub(r"\s+", " ", re.sub(r"\[/?bold\]", "", text)).strip()
+    return re.sub(r"(?<![.:;]) See (?=symbrion\b)", "; see ", text)
 
 
 def _fail(error: object, code: int) -> int:

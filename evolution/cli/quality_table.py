@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def make_quality_rows(arena: sg.Arena, report: AccuracyReport) -> list[list[object]]:
     """Return measure and value of what is known about the contact geometry of an arena."""
     quality, wanted_pieces = arena.quality, arena.provenance.get("options", {}).get("max_pieces")
+    pieces = f"{quality.num_pieces}" + (f" of at most {wanted_pieces}" if wanted_pieces else "")
     rows: list[tuple[str, str | None]] = [
         ("accuracy wanted", _distance(report.wanted)),
         ("accuracy reached", f"{_distance(report.reached)}{'' if report.is_reached else ' (missed)'}"),
@@ -29,7 +30,7 @@ def make_quality_rows(arena: sg.Arena, report: AccuracyReport) -> list[list[obje
         ("beams that end at their reading: surface", _share(quality.beams_surface)),
         ("free space seen that is solid", _share(quality.free_space)),
         ("readings dropped by pre-processing", _share(quality.dropped)),
-        ("pieces", f"{quality.num_pieces}" + (f" of at most {wanted_pieces}" if wanted_pieces else "")),
+        ("pieces", pieces if arena.height_field is None else "none: a height field"),
         ("time to build", f"{quality.seconds:.1f} s"),
     ]
     return [[name, value] for name, value in rows if value is not None]

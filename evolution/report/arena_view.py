@@ -76,7 +76,8 @@ def draw_arena(
         dpi=DPI,
         layout="constrained",
     )
-    figure.suptitle(f"{arena.name}: {arena.quality.num_pieces} contact pieces", fontsize=10)
+    contact = f"{arena.quality.num_pieces} contact pieces" if arena.height_field is None else "a height field"
+    figure.suptitle(f"{arena.name}: {contact}", fontsize=10)
     for axes, view in zip(figure.subplots(1, 2), views, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = np.ones((*pixels.face.shape, 3))

@@ -96,8 +96,9 @@ def _find_limit(values: Sequence[np.ndarray]) -> float:
 
 def describe_quality(quality: ArenaQuality) -> str:
     """Return the figures that go with an error map, in one or two lines."""
+    pieces = f"{quality.num_pieces} pieces; " if quality.num_pieces else ""  # none with a height field
     lines = [
-        f"{quality.num_pieces} pieces; surface to contact: mean {format_distance(quality.mean)}, "
+        f"{pieces}surface to contact: mean {format_distance(quality.mean)}, "
         f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "
         f"{quality.uncovered:.1%} without contact"
     ]

@@ -194,6 +194,8 @@ class Strategy:
             "verb_log": 0,
             "verb_disp": 0,
         }
+        if len(self.space.names) == 1:
+            options["maxstd"] = np.inf  # pycma 4.5 raises where it lowers the step size of a single gene
         self._strategy = _load_pycma().CMAEvolutionStrategy(start, sigma, options)
 
     @contextmanager

@@ -136,7 +136,7 @@ class EvolutionConfig(Nested):
         self.set_field("controller", controller)
         if not (organism.hinges or num_tracks):
             raise RunError(
-                f"modules is {organism.num_modules}: a body without a hinge; give more modules, or drive the tracks, "
+                f"the body has {organism.num_modules} module and no hinge; give more modules, or drive the tracks, "
                 "for example by track_control='skid'"
             )
 

@@ -15,7 +15,9 @@ from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller, check_genotypes
 from evolution.errors import RunError
+from evolution.limits import MAX_TRIALS
 from reconstruction.deprecation import accept_former_arguments
+from reconstruction.range_checks import as_integers
 
 if TYPE_CHECKING:
     from evolution.backends.trials import ArenaSource
@@ -87,6 +89,8 @@ class Evaluator:
     ) -> None:
         if options.get("randomization", ()) is None:
             del options["randomization"]
+        (trials,) = as_integers("trials", [trials], 1, MAX_TRIALS, RunError)
+        (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
         self.trials = Trials(arena=arena, modules=modules, count=trials, seed=(seed,), **options)
         self.controller: Controller = find_trial_controller(self.trials)
         self._scoring = find_scoring(Scoring(module=0.0) if scoring is None else scoring)
@@ -121,6 +125,7 @@ class Evaluator:
         check_genotypes(self.controller, genotypes)
         trials = self.trials
         if seed is not None:
+            (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
             trials = replace(trials, seed=(*trials.seed, seed))
         outcomes = self._backend.run([Job(genotype, trials) for genotype in genotypes])
         body = trials.body.find_organism()

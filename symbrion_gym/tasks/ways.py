@@ -39,7 +39,7 @@ def make_route(
         margins: distances from foot, pit and rim; None for the defaults.
 
     Raises:
-        ArenaError: there is no room at the start, or the start lies off the surface.
+        ArenaError: there is no room at the start, or the start lies off the surface or beyond the finish.
     """
     margins = margins or RouteMargins()
     reach, place = organism.scout.arm_reach, start.place
@@ -55,6 +55,11 @@ def make_route(
         c, n = way.direction
         x, y = read_place("start", place)[:2]
         begin, lateral = c * x + n * y, c * y - n * x
+        if begin >= finish:
+            raise ArenaError(
+                f"the start ({x:.2f}, {y:.2f}) lies beyond the finish in arena {arena.name!r}, which is "
+                f"{begin - finish:.2f} m behind it; the way leads to ({c:.2f}, {n:.2f})"
+            )
     at = way.place(begin, lateral - way.lateral)
     if not np.isfinite(arena.height(*at)):
         raise ArenaError(f"the start ({at[0]:.2f}, {at[1]:.2f}) lies off the surface of arena {arena.name!r}")

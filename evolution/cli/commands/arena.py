@@ -124,7 +124,8 @@ class Arena(SeededCommand):
         if self.picture is not None:
             with console.track(f"Picture {self.picture.name}"):
                 self._draw(arena)
-        console.print_line(f"{len(arena.pieces)} pieces in {self.out}; to view it: symbrion view {self.out}")
+        contact = f"{len(arena.pieces)} pieces" if arena.height_field is None else "a height field"
+        console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
         console.show_table(
             "Quality of the contact geometry",
             ["measure", "value"],

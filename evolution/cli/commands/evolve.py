@@ -188,12 +188,12 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
     if run.champion and run.champion.trials:
         rate = f"{run.champion.successes} of {run.champion.trials}"
         body = f"{run.champion.modules} modules"
-        console.print_line(f"champion, {body}: crosses in {rate} fresh trials in {run.champion.arena}")
+        console.print_line(f"champion, {body}: succeeds in {rate} fresh trials in {run.champion.arena}")
         arena = find_replay_arena(run.champion.arena)
         console.print_line(f"next: symbrion replay {run.folder} --arena {arena} --video champion.mp4")
     else:
         console.print_line(
-            "no genotype has crossed in all of its trials yet; try `symbrion resume` with more --generations"
+            "no genotype has succeeded in all of its trials yet; try `symbrion resume` with more --generations"
         )
     return summary
 

@@ -73,7 +73,7 @@ class Replay(SeededCommand):
                     workers=os.cpu_count() or 1,
                 )
             console.print_line(
-                f"the champion crosses in {outcome.successes} of {outcome.trials} trials in {self.arena}"
+                f"the champion succeeds in {outcome.successes} of {outcome.trials} trials in {self.arena}"
             )
             summary["successes"] = outcome.successes
         if self.video is not None:
@@ -84,7 +84,7 @@ class Replay(SeededCommand):
 
     def _show(self, champion: "ev.Champion", console: Console) -> None:
         recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)
-        verdict = "crosses" if recording.success else "does not cross"
+        verdict = "succeeds" if recording.success else "does not succeed"
         console.print_line(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
 
     def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
@@ -101,6 +101,6 @@ class Replay(SeededCommand):
         self.video.parent.mkdir(parents=True, exist_ok=True)
         with write_atomically(self.video) as beside:
             beside.write_bytes(encode_video(recording.frames, recording.fps))
-        verdict = "crosses" if recording.success else "does not cross"
+        verdict = "succeeds" if recording.success else "does not succeed"
         console.print_line(f"{self.video}: {recording.seconds:.1f} s of robot time, the champion {verdict}")
         return self.video

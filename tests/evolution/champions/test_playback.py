@@ -6,6 +6,7 @@ import toys
 
 from evolution.champions.playback import judge, play
 from evolution.controllers.controller import make_controller
+from evolution.errors import RunError
 from evolution.search.config import EvolutionConfig
 from evolution.search.evaluation import make_backend
 from evolution.search.loop import evolve
@@ -34,6 +35,12 @@ def test_equal_seeds_give_equal_judgements(champion: Champion) -> None:
     assert first == second
     assert first.trials == 3
     assert judge(champion, trials=3, seed=5) != first
+
+
+@pytest.mark.parametrize("wrong", [{"trials": 0}, {"trials": -1}, {"seed": -1}])
+def test_a_judgement_refuses_wrong_numbers(champion: Champion, wrong: dict[str, int]) -> None:
+    with pytest.raises(RunError, match=f"{next(iter(wrong))} must be a whole number"):
+        judge(champion, **wrong)
 
 
 def test_a_judgement_repeats_no_conditions_of_a_run_with_the_same_seed(

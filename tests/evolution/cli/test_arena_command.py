@@ -44,6 +44,16 @@ def test_quality_is_told_and_kept(sheet: Path, capsys: pytest.CaptureFixture[str
     assert kept["free_space"] < 0.01
 
 
+def test_a_height_field_is_not_called_pieces(sheet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = make(sheet)
+    words[words.index("prisms")] = "hfield"
+    assert run(words) == 0
+    text = capsys.readouterr().out
+    assert "a height field in" in text
+    assert "none: a height field" in text
+    assert "0 pieces" not in text
+
+
 def test_a_missed_accuracy_is_a_warning_and_with_strict_an_exit_code(
     sheet: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:

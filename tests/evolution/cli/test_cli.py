@@ -86,6 +86,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--restart-after", "0"], "--restart-after 0"),
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
+        (["evolve", "--goal", "1"], "`FLOAT FLOAT`; see symbrion"),
+        (["evolve", "--organism", "SF0F0000"], "the body has 1 module and no hinge"),
         (["evolve", "--workers", "0"], "--workers 0"),
         (["resume", "absent"], "contains no run"),
         (["resume", "absent", "--seed", "1"], "--seed"),

@@ -53,6 +53,14 @@ def test_equal_seeds_give_equal_genotypes_whatever_else_is_drawn(handle_noise):
     assert not np.array_equal(first[0], other[0])
 
 
+def test_a_single_gene_is_searched_also_where_the_step_is_large():
+    space = Space(("gene",), (0.0,), (1.0,), (0.0,), (1.0,))
+    asked = climb(Strategy(space, sigma=0.5, population_size=6, seed=1), generations=20)
+    assert np.min(asked) >= 0.0
+    assert np.max(asked) <= 1.0
+    assert abs(asked[-1].mean() - 0.4) < 0.05
+
+
 def test_the_global_random_state_is_left_alone():
     np.random.seed(5)  # noqa: NPY002
     expected = np.random.uniform(size=3)  # noqa: NPY002

@@ -73,6 +73,11 @@ def test_a_closed_evaluator_refuses():
         evaluator(np.zeros(8))
 
 
+def test_a_call_refuses_a_wrong_seed():
+    with Evaluator(simulate=toys.bowl) as evaluator, pytest.raises(RunError, match="seed must be"):
+        evaluator(np.zeros(8), seed=-1)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -80,6 +85,8 @@ def test_a_closed_evaluator_refuses():
         ({"controller": "psychic"}, "there are: path"),
         ({"modules": cross(1), "organism": cross(1)}, "leave out one"),
         ({"scoring": 7}, "scoring"),
+        ({"trials": 0}, "trials must be a whole number from 1"),
+        ({"seed": -1}, "seed must be a whole number from 0"),
     ],
 )
 def test_evaluators_refuse(options, message):

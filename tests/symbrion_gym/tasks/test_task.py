@@ -9,7 +9,7 @@ import own_terms
 import pytest
 
 from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.errors import ArenaError, OptionError, TaskError
 from symbrion_gym.tasks.catalog import TASKS, make_task
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task, read_task
@@ -103,6 +103,13 @@ def test_beside_a_ready_task_only_start_and_duration_are_given():
     assert env.world.task == task.replace(start=Start((-2.5, 0.2)), duration=3.0)
     with pytest.raises(OptionError, match="ready Task, so 'stuck_time'"):
         OrganismEnv(task=task, stuck_time=3.0)
+
+
+@pytest.mark.parametrize(("name", "arena", "start"), [("cross_gap", "truth", 1.0), ("climb", "stairs", 3.0)])
+def test_a_start_beyond_the_finish_is_refused(name, arena, start):
+    """It would be a success at once."""
+    with pytest.raises(ArenaError, match="lies beyond the finish"):
+        OrganismEnv(task=name, arena=arena, modules=3, start=(start, 0.0))
 
 
 def test_a_failure_keeps_none_of_its_progress_and_costs():
