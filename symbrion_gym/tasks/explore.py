@@ -125,12 +125,14 @@ class SeeGround:
 
     def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
         """Return the area that was seen [m²]."""
-        route = _read_area(state)
-        cells = route.cells
-        seen = state.remember("explore_seen", np.zeros(len(cells.is_ground), dtype=bool))
         area = state.remember("explore_area", 0.0)
-        rows = np.flatnonzero(state.tick % _LOOKS == 0)
-        if len(rows):
+        looks = np.flatnonzero(state.tick % _LOOKS == 0)
+        routes = _read_areas(state)
+        for route in {id(routes[row]): routes[row] for row in looks}.values():
+            cells = route.cells
+            count = len(cells.is_ground)
+            seen = state.remember(f"explore_seen_{count}", np.zeros(count, dtype=bool))
+            rows = np.array([row for row in looks if routes[row] is route])
             index = np.round((state.position[rows, 0, :2] - cells.origin) / route.edge)
             index = np.clip(np.nan_to_num(index), cells.pad, np.array(cells.shape) - cells.pad - 1).astype(
                 np.int64
@@ -144,10 +146,10 @@ class SeeGround:
         """Return the area that is still to be seen [m²]."""
         return np.maximum(self._find_least(state) - state.progress, 0.0)
 
-    def _find_least(self, state: TaskState) -> float:
-        return self.share * _read_area(state).area
+    def _find_least(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        return self.share * np.array([route.area for route in _read_areas(state)])
 
-    def limits(self, state: TaskState) -> dict[str, float]:
+    def limits(self, state: TaskState) -> dict[str, np.ndarray]:
         """Return the limits within which no body has arrived."""
         return {"progress": self._find_least(state)}
 
@@ -160,12 +162,13 @@ class SeeGround:
         return has_arrived
 
 
-def _read_area(state: TaskState) -> AreaRoute:
-    """Return the ground; that of the first simulation stands for all, which differ in their lengths at most."""
-    route = state.route
-    if not isinstance(route, AreaRoute):
+def _read_areas(state: TaskState) -> list[AreaRoute]:
+    """Return the ground of each simulation; arenas of different lengths have different ground."""
+    routes = [scene.route for scene in state.scenes]
+    areas = [route for route in routes if isinstance(route, AreaRoute)]
+    if len(areas) < len(routes):
         raise TaskError("this goal needs a route with an area, as `SeeGround.find` makes it")
-    return route
+    return areas
 
 
 def make_explore(
