@@ -127,6 +127,18 @@ def find_object(name: str, what: str) -> Any:
     Raises:
         RunError: there is none, or it is no Python code.
     """
+    found = find_value(name, what)
+    if not isinstance(found, FunctionType | type):
+        raise RunError(f"{what} {name} is no function or class of that module")
+    return found
+
+
+def find_value(name: str, what: str) -> Any:
+    """Import what "module:name" names; None where the module has no such name.
+
+    Raises:
+        RunError: the module cannot be imported.
+    """
     module, _, qualname = name.partition(":")
     if not module or not qualname:
         raise RunError(f"{what} is {name!r}; give 'module:name'")
@@ -134,10 +146,7 @@ def find_object(name: str, what: str) -> Any:
         importlib.import_module(module)
     except Exception as error:  # importing runs code of the user
         raise RunError(f"{what} {name} cannot be imported: {error}; is its folder on PYTHONPATH?") from error
-    found = _look_up(name)
-    if not isinstance(found, FunctionType | type):
-        raise RunError(f"{what} {name} is no function or class of that module")
-    return found
+    return _look_up(name)
 
 
 def _look_up(name: str) -> object:

@@ -1,8 +1,11 @@
 """The outcome of the trials of a genotype."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
+from evolution.errors import RunError
 
 FAILED_PROGRESS = -1.0
 """Progress [m] of a trial that could not be finished: below any that a finished trial can have."""
@@ -39,3 +42,14 @@ class Outcome:
     def successes(self) -> int:
         """Number of successful trials."""
         return sum(self.succeeded)
+
+
+def check_tried(outcomes: Sequence[Outcome]) -> None:
+    """Refuse outcomes of which every one is the same error: no genotype is to blame.
+
+    Raises:
+        RunError: it repeats the error.
+    """
+    errors = {"" if outcome.diverged else outcome.error for outcome in outcomes}
+    if len(errors) == 1 and "" not in errors:
+        raise RunError(f"none of {len(outcomes)} genotypes could be tried: {errors.pop()}")

@@ -2,10 +2,11 @@
 
 import json
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 from evolution.errors import RunError
-from evolution.references import check_versions, find_versions
+from evolution.references import check_versions, find_value, find_versions
 from symbrion_gym.errors import TaskError
 
 
@@ -36,7 +37,7 @@ class StoredTask:
 
 
 def check_task(task: Any) -> Any:
-    """Return a task: None, a `Task`, its name, or what a file says of it.
+    """Return a task: None, a `Task`, its name, "module:name" of one or of its maker, or what a file says of it.
 
     Raises:
         RunError: it is none of these.
@@ -50,9 +51,23 @@ def check_task(task: Any) -> Any:
 
     if isinstance(task, str) and task in TASKS:
         return task
-    if isinstance(task, Task):
-        return task
-    raise RunError(f"task is {task!r}; a `Task` or one of {', '.join(TASKS)} is needed")
+    found = _find_named(task) if isinstance(task, str) and ":" in task else task
+    if isinstance(found, Task):
+        return found
+    raise RunError(
+        f"task is {task!r}; a `Task`, 'module:name' of one, or one of {', '.join(TASKS)} is needed"
+    )
+
+
+def _find_named(name: str) -> Any:
+    """Return what "module:name" names, or what it returns if it is a function."""
+    found = find_value(name, "task")
+    if not isinstance(found, FunctionType):
+        return found
+    try:
+        return found()
+    except Exception as error:  # code of the user
+        raise RunError(f"task {name} cannot be made: {error}") from error
 
 
 def task_to_json(task: Any) -> Any:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Num
 
 from evolution.backends.making import BACKENDS as BACKENDS
 from evolution.backends.making import make_backend
-from evolution.backends.outcome import Outcome
+from evolution.backends.outcome import Outcome, check_tried
 from evolution.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials, find_trial_controller
@@ -117,7 +117,7 @@ class Evaluator:
                 a few; None: the same ones in each call.
 
         Raises:
-            RunError: the genotypes do not fit the controller, or the evaluator is closed.
+            RunError: the genotypes do not fit the controller, none of them could be tried, or the evaluator is closed.
         """
         if self._is_closed:
             raise RunError("this evaluator is closed; make another one")
@@ -128,6 +128,7 @@ class Evaluator:
             (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
             trials = replace(trials, seed=(*trials.seed, seed))
         outcomes = self._backend.run([Job(genotype, trials) for genotype in genotypes])
+        check_tried(outcomes)
         body = trials.body.find_organism()
         fitness = [compute_fitness(self._scoring, outcome, body) for outcome in outcomes]
         return Evaluation(np.array(fitness), outcomes)

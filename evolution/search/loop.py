@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution.backends.making import Backend, make_backend
+from evolution.backends.outcome import check_tried
 from evolution.backends.parts import BodyConfig
 from evolution.backends.prepared_arenas import prepare_arena
 from evolution.backends.rollout import warm_up
@@ -274,6 +275,8 @@ class _Evolution:
             raise RuntimeError("a run that is only read has no backend")
         jobs = [self._make_job(kind, index, genotype, count, block) for index, genotype in numbered]
         outcomes = self._backend.run(jobs)
+        if kind == SAMPLE and not self._record.num_generations:  # later on, the genotypes may be to blame
+            check_tried(outcomes)
         return [
             Entry(
                 generation=self._record.num_generations,

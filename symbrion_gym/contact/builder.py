@@ -11,6 +11,7 @@ import trimesh
 from jaxtyping import Bool
 
 from reconstruction.progress import Progress, silent
+from reconstruction.quantities import format_distance
 from symbrion_gym.contact.acceptance import find_fault, find_miss
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.deadline import Deadline
@@ -143,9 +144,11 @@ def _describe_miss(problem: ContactProblem, contact: Contact, place: list[float]
     elif problem.shape == "terrain":
         remedy += ", or take kind 'hfield'"
     where = ", ".join(f"{x:.2f}" for x in place)
-    mean, p95 = 1e3 * quality.mean, 1e3 * quality.p95
+    missed = f"accuracy {format_distance(problem.accuracy)} was missed"
+    if count > problem.options.max_pieces:
+        missed = f"max_pieces {problem.options.max_pieces} is exceeded"
     return (
-        f"accuracy {1e3 * problem.accuracy:.3g} mm was missed: {count} pieces are {mean:.3g} mm off in the mean, "
-        f"{p95:.3g} mm at the 95th percentile, {quality.uncovered:.1%} of the surface has no contact within 5 cm; "
-        f"worst {distance:.3g} m at ({where}); {remedy}"
+        f"{missed}: {count} pieces are {format_distance(quality.mean)} off in the mean, "
+        f"{format_distance(quality.p95)} at the 95th percentile, {quality.uncovered:.1%} of the surface has no contact "
+        f"within 5 cm; worst {format_distance(distance)} at ({where}); {remedy}"
     )

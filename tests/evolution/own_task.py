@@ -12,3 +12,8 @@ def is_high(state) -> np.ndarray:
 
 
 TASK = sg.Task("stay_low", terminations=(Termination("too_high", is_high),), duration=1.0)
+
+
+def make_task() -> sg.Task:
+    """Return the task."""
+    return TASK

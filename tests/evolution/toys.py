@@ -57,6 +57,11 @@ def fragile(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     return bowl(jobs, threads)
 
 
+def broken(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Raise for every genotype, as a term of a task with an error does."""
+    raise AttributeError("no such field")
+
+
 def nonsense(jobs: Sequence[Job], threads: int) -> list[Outcome]:
     """Return a progress that is no number for a first gene above 0.3."""
     return [

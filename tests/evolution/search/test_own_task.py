@@ -40,6 +40,19 @@ def test_a_task_is_not_imported_until_it_is_needed():
     assert stored.restore() == config
 
 
+def test_a_task_is_found_by_module_and_name():
+    assert EvolutionConfig(task="own_task:TASK") == EvolutionConfig(task=own_task.TASK)
+    assert EvolutionConfig(task="own_task:make_task") == EvolutionConfig(task=own_task.TASK)
+
+
+@pytest.mark.parametrize("simulate", [toys.broken])
+def test_an_error_that_every_genotype_meets_ends_the_run(simulate, tmp_path):
+    config = replace(CONFIG, folder=str(tmp_path / "run"))
+    with pytest.raises(RunError, match="none of 4 genotypes could be tried: AttributeError: no such field"):
+        evolve(config, simulate=simulate)
+    assert not len(load_run(tmp_path / "run").history)
+
+
 def test_a_changed_task_is_refused_by_name(tmp_path, monkeypatch):
     config = replace(CONFIG, task=own_task.TASK, folder=str(tmp_path / "run"))
     evolve(config, simulate=toys.bowl)
@@ -60,8 +73,10 @@ def test_a_file_makes_nothing_but_tasks(content):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"task": "fly"}, "task is 'fly'; a `Task` or one of snake_pit, cross_gap"),
+        ({"task": "fly"}, "task is 'fly'; a `Task`, 'module:name' of one, or one of snake_pit, cross_gap"),
         ({"task": 7}, "task is 7"),
+        ({"task": "own_task:nothing"}, "task is 'own_task:nothing'"),
+        ({"task": "no_such_module:task"}, "task no_such_module:task cannot be imported"),
         ({"start": (1.0,)}, r"start is \(1.0,\)"),
         ({"start": "sky"}, "sky"),
         ({"goal": "far"}, "goal is 'far'"),
