@@ -1,7 +1,9 @@
-"""Draw the pictures of the pages: `python docs/pictures.py [results | course]`, from the repository's root.
+"""Draw the pictures of the pages: `python docs/pictures.py [results | course | rover]`, from the repository's root.
+Without a display, films need the environment variable `MUJOCO_GL=egl`.
 
 "results" draws only what comes from `benchmarks/results`: the success of zero actions by the width of the pit, and the
-crossing of the first champion. "course" draws only the course and its success check.
+crossing of the first champion. "course" draws only the course and its success check,
+"rover" only the rover of the examples.
 """
 
 import io
@@ -113,6 +115,29 @@ def draw_crossing(results: dict[str, Any]) -> None:
     )
     picture.quantize(256).save(FOLDER / "crossing.png", optimize=True)
     _write_film(film.frames[int(np.argmax(heads > FILM_FROM)) :: FILM_STEP], "crossing.gif")
+
+
+def draw_rover() -> None:
+    """Draw four moments of the example's rover on its way up the ramp of the scanned course."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "examples"))
+    from tracked_rover import drive  # pyright: ignore[reportMissingImports]
+
+    camera, frames, renderers = mujoco.MjvCamera(), [], []
+    camera.lookat, camera.distance, camera.azimuth, camera.elevation = (-1.6, 0.0, 0.1), 2.6, 60.0, -28.0
+
+    def watch(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if not renderers:
+            renderers.append(mujoco.Renderer(model, 300, 440))
+        if int(data.time / model.opt.timestep) % 100 == 0:
+            renderers[0].update_scene(data, camera)
+            frames.append(renderers[0].render())
+
+    drive(watch=watch)
+    moments = [frames[int(share * (len(frames) - 1))] for share in (0.02, 0.35, 0.7, 1.0)]
+    gap = np.full((moments[0].shape[0], GAP, 3), 255, dtype=np.uint8)
+    rows = [np.hstack([left, gap, right]) for left, right in (moments[:2], moments[2:])]
+    sheet = np.vstack([rows[0], np.full((GAP, rows[0].shape[1], 3), 255, dtype=np.uint8), rows[1]])
+    Image.fromarray(sheet).quantize(256).save(FOLDER / "rover.png", optimize=True)
 
 
 def draw_course() -> None:
@@ -268,6 +293,10 @@ def _write_film(frames: list[np.ndarray], name: str) -> None:
 
 def main() -> None:
     """Survey, reconstruct, decompose, draw."""
+    if sys.argv[1:] in ([], ["rover"]):
+        draw_rover()
+    if sys.argv[1:] == ["rover"]:
+        return
     draw_course()
     if sys.argv[1:] == ["course"]:
         return

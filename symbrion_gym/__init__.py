@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         SymbrionGymError,
         TaskError,
     )
+    from symbrion_gym.robot.belts import Tracks, TracksConfig, add_tracks
     from symbrion_gym.robot.body_plans import load_organism, organism_to_text
     from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
     from symbrion_gym.robot.random_organism import make_random_organism
@@ -101,9 +102,12 @@ __all__ = [
     "TaskState",
     "Termination",
     "Timing",
+    "Tracks",
+    "TracksConfig",
     "Trajectory",
     "TraversabilityConfig",
     "TraversabilityMap",
+    "add_tracks",
     "audit",
     "cross",
     "draw_traversability",

@@ -97,3 +97,10 @@ def test_a_fitness_of_ones_own_is_kept_and_resumed(tmp_path: Path, monkeypatch: 
 def bowl(jobs: Sequence[Job], threads: int) -> list[ev.Outcome]:
     """Stand-in for physics: progress is highest where every gene is 0."""
     return [ev.Outcome(-float((job.genotype**2).sum()), 0.0, (False,) * job.trials.count) for job in jobs]
+
+
+def test_a_tracked_rover_drives_up_the_ramp_of_a_scan() -> None:
+    lines = (EXAMPLES / "tracked_rover.py").read_text().splitlines()
+    assert sum(bool(line.strip()) for line in lines) <= 32  # with its docstrings
+    place, goal = load("tracked_rover").drive()
+    assert np.linalg.norm(place - goal) < 0.15

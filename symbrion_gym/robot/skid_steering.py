@@ -1,0 +1,45 @@
+"""How fast a robot on two tracks turns, by the balance of Coulomb friction under them."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import least_squares
+
+_LEAST_SLIP = 1e-5
+"""Slip below which friction grows in proportion to it [m/s]: keeps the balance smooth."""
+
+
+def find_turning_rate(
+    left: float, right: float, stations: Float[np.ndarray, " S"], gauge: float, width: float
+) -> float:
+    """Return the rate at which a robot on two tracks turns to the left, on level ground [rad/s].
+
+    Without slip it would be (right - left) / gauge; but where a robot turns, its belts slip sideways. At rest in its
+    own motion the forces of friction, all of the same size where the load is even and against the slip of each place,
+    have no sum and no moment. Neither the load nor the friction is in the result.
+
+    Args:
+        left: speed of the left belt [m/s].
+        right: speed of the right belt [m/s].
+        stations: places along a belt that carry equal loads, on both its edges, from the middle of the robot [m].
+        gauge: distance between the middles of both belts [m].
+        width: of a belt [m].
+
+    References:
+        Wong and Chiang (2001), A general theory for skid steering of tracked vehicles on firm ground,
+        Proc. IMechE D 215, with isotropic Coulomb friction and no centrifugal force.
+    """
+    edges = np.array([gauge - width, gauge + width, width - gauge, -gauge - width]) / 2
+    x, y = (grid.ravel() for grid in np.meshgrid(stations, edges, indexing="ij"))
+    belt = np.where(y > 0, left, right)
+    scale = max(abs(left), abs(right), _LEAST_SLIP)
+
+    def sum_forces(motion: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+        ahead, aside, turn = motion[0] * scale, motion[1] * scale, motion[2] * scale / gauge
+        slip = np.stack([ahead - turn * y - belt, aside + turn * x])
+        force = slip / np.hypot(np.linalg.norm(slip, axis=0), _LEAST_SLIP)
+        return np.array([force[0].sum(), force[1].sum(), (x * force[1] - y * force[0]).sum() / gauge])
+
+    guess = np.array([(left + right) / 2, 0.0, right - left]) / scale
+    return float(least_squares(sum_forces, guess, xtol=1e-12, ftol=1e-12).x[2]) * scale / gauge

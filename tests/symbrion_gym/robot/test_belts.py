@@ -1,0 +1,153 @@
+"""Tracks on any spec: they drive, turn and climb as stated."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import symbrion_gym as sg
+from symbrion_gym.robot.belts import BELT_MODELS
+from symbrion_gym.robot.skid_steering import find_turning_rate
+
+STEPS = 1000
+
+
+def make_rover(friction: float = 0.7, slope: float = 0.0, **sizes: Any) -> tuple[mujoco.MjSpec, sg.Tracks]:
+    """Return a rover of 4 kg on a plane that rises ahead by a slope [rad]."""
+    spec = mujoco.MjSpec()
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.gravity = [-9.81 * np.sin(slope), 0.0, -9.81 * np.cos(slope)]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 1], friction=[0.01, 0.005, 0.0001])
+    body = spec.worldbody.add_body(name="rover", pos=[0, 0, 0.052])
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.17, 0.1, 0.03], mass=3)
+    return spec, sg.add_tracks(spec, "rover", friction=friction, **sizes)
+
+
+def drive(
+    model: mujoco.MjModel, tracks: sg.Tracks, left: float, right: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean velocity of the body [m/s] and its mean rates [rad/s], after it has settled."""
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 200)
+    tracks.drive(model, data, left, right)
+    mujoco.mj_step(model, data, 300)
+    start, rates = data.qpos[:3].copy(), []
+    for _ in range(STEPS):
+        mujoco.mj_step(model, data)
+        rates.append(data.qvel[3:6].copy())
+    return (data.qpos[:3] - start) / (STEPS * model.opt.timestep), np.mean(rates, axis=0)
+
+
+@pytest.mark.parametrize("model", BELT_MODELS)
+@pytest.mark.parametrize("speed", [0.2, -0.1])
+def test_it_drives_straight_at_the_commanded_speed(model: str, speed: float) -> None:
+    spec, tracks = make_rover(model=model)
+    velocity, rates = drive(spec.compile(), tracks, speed, speed)
+    np.testing.assert_allclose(velocity, [speed, 0.0, 0.0], atol=0.02 * abs(speed))
+    assert np.abs(rates).max() < 0.01
+
+
+def test_it_stands_still_until_it_is_driven_and_on_its_back_drives_the_other_way() -> None:
+    spec, tracks = make_rover()
+    velocity, _ = drive(spec.compile(), tracks, 0.0, 0.0)
+    assert np.abs(velocity).max() < 1e-4
+    spec.body("rover").quat = [0, 1, 0, 0]
+    velocity, _ = drive(spec.compile(), tracks, 0.2, 0.2)
+    np.testing.assert_allclose(velocity, [-0.2, 0.0, 0.0], atol=4e-3)
+
+
+@pytest.mark.parametrize("model", BELT_MODELS)
+@pytest.mark.parametrize(("left", "right"), [(-0.2, 0.2), (0.2, -0.2), (0.1, 0.2)])
+def test_it_turns_as_stated_and_on_the_spot(model: str, left: float, right: float) -> None:
+    spec, tracks = make_rover(model=model)
+    velocity, rates = drive(spec.compile(), tracks, left, right)
+    stated = tracks.turning_rate(left, right)
+    assert rates[2] == pytest.approx(stated, rel=0.1 if model == "belts" else 0.3)
+    if left == -right:
+        assert np.linalg.norm(velocity[:2]) < 0.01
+
+
+def test_the_turning_rate_of_points_at_the_corners_is_that_of_the_formula() -> None:
+    half, reach, speed = 0.15, 0.1, 0.2
+    rate = find_turning_rate(-speed, speed, np.array([-reach, reach]), 2 * half, 1e-6)
+    assert rate == pytest.approx(speed * half / (half**2 + reach**2), rel=1e-3)
+    assert find_turning_rate(-speed, speed, np.array([0.0]), 2 * half, 1e-6) == pytest.approx(speed / half)
+    assert find_turning_rate(speed, speed, np.array([-reach, reach]), 2 * half, 0.05) == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("model", BELT_MODELS)
+@pytest.mark.parametrize("friction", [0.3, 0.9])
+def test_it_climbs_up_to_the_angle_of_friction(model: str, friction: float) -> None:
+    for margin, climbs in ((-1.0, True), (1.0, False)):
+        slope = np.arctan(friction) + np.radians(margin)
+        spec, tracks = make_rover(friction, slope, model=model, position=(0.0, 0.0, 0.0))
+        velocity, _ = drive(spec.compile(), tracks, 0.1, 0.1)
+        assert (velocity[0] > 0.09) == climbs
+        assert (velocity[0] < -0.1) == (not climbs)
+
+
+def test_four_tracks_are_driven_by_two_handles() -> None:
+    spec, front = make_rover(length=0.25, position=(0.2, 0.0, 0.0))
+    rear = sg.add_tracks(spec, "rover", length=0.25, position=(-0.2, 0.0, 0.0), prefix="rear_")
+    model = spec.compile()
+    names = [model.geom(i).name for i in range(model.ngeom) if model.geom(i).name]
+    assert len(names) == len(set(names)) == 12
+    data = mujoco.MjData(model)
+    for tracks in (front, rear):
+        tracks.drive(model, data, 0.2, 0.2)
+    mujoco.mj_step(model, data, STEPS)
+    assert data.qvel[0] == pytest.approx(0.2, rel=0.02)
+
+
+@pytest.mark.parametrize("model", BELT_MODELS)
+def test_it_survives_xml_and_attaching(model: str) -> None:
+    spec, tracks = make_rover(model=model)
+    wanted, _ = drive(spec.compile(), tracks, 0.1, 0.2)
+    again, _ = drive(mujoco.MjModel.from_xml_string(spec.to_xml()), tracks, 0.1, 0.2)
+    np.testing.assert_allclose(again, wanted, atol=2e-3)
+    robot = mujoco.MjSpec()
+    body = robot.worldbody.add_body(name="rover", pos=[0, 0, 0.052])
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.17, 0.1, 0.03], mass=3)
+    tracks = sg.add_tracks(robot, body, model=model)
+    world = mujoco.MjSpec()
+    world.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    world.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    world.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 1])
+    world.attach(robot, prefix="r/", frame=world.worldbody.add_frame())
+    velocity, _ = drive(world.compile(), tracks.renamed("r/"), 0.2, 0.2)
+    np.testing.assert_allclose(velocity, [0.2, 0.0, 0.0], atol=4e-3)
+    with pytest.raises(sg.OrganismError, match=r"no 'belt_left.*renamed"):
+        tracks.drive(world.compile(), mujoco.MjData(world.compile()), 0.1, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "message"),
+    [
+        ({"length": 0.0}, "length must be above 0"),
+        ({"length": 0.1}, "raise length"),
+        ({"gauge": 0.05}, "raise gauge"),
+        ({"friction": float("nan")}, "friction"),
+        ({"mass": -1.0}, "mass"),
+        ({"model": "chain"}, "there are: belts, wheels"),
+        ({"num_wheels": 1}, "2 or more"),
+        ({"position": (0.0, float("inf"), 0.0)}, "position"),
+        ({"size": 1.0}, "tracks have no 'size'; there are: length"),
+        ({"prefix": ""}, "give another prefix"),
+    ],
+)
+def test_bad_values_are_refused_by_name(sizes: dict[str, Any], message: str) -> None:
+    spec, _ = make_rover()
+    with pytest.raises(sg.OrganismError, match=message):
+        sg.add_tracks(spec, "rover", None, **{"prefix": "b_"} | sizes)
+
+
+def test_other_bodies_and_speeds_are_refused() -> None:
+    spec, tracks = make_rover()
+    with pytest.raises(sg.OrganismError, match=r"no body 'robot'; there are: .*'rover'"):
+        sg.add_tracks(spec, "robot", prefix="b_")
+    model = spec.compile()
+    with pytest.raises(sg.OrganismError, match="left belt is nan"):
+        tracks.drive(model, mujoco.MjData(model), float("nan"), 0.0)
