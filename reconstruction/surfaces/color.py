@@ -109,6 +109,13 @@ def find_vertex_colors(mesh: trimesh.Trimesh) -> UInt8[np.ndarray, "V 3"] | None
     return np.ascontiguousarray(np.asarray(visual.vertex_colors)[:, :3], dtype=np.uint8)
 
 
+def copy_vertex_colors(source: trimesh.Trimesh, target: trimesh.Trimesh) -> None:
+    """Give a mesh the vertex colors of one with the same vertices, where it has any."""
+    colors = find_vertex_colors(source)
+    if colors is not None:
+        target.visual = trimesh.visual.ColorVisuals(target, vertex_colors=add_alpha(colors))
+
+
 def add_alpha(colors: UInt8[np.ndarray, "V 3"]) -> UInt8[np.ndarray, "V 4"]:
     """Return opaque colors."""
     return np.concatenate([colors, np.full((len(colors), 1), WHITE, np.uint8)], axis=1)

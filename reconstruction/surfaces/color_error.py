@@ -97,5 +97,3 @@ def _make_lookup(mesh: trimesh.Trimesh) -> Paint:
         return interpolate_colors(mesh, colors, places) / WHITE
 
     return ask
-
-

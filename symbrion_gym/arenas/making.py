@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from reconstruction.files.printable import make_printable
 from reconstruction.progress import Progress, silent
+from reconstruction.surfaces.color import paint_mesh
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.course import Course, StairsCourse
@@ -24,6 +25,7 @@ from symbrion_gym.arenas.scanned import (
     take_surface,
 )
 from symbrion_gym.arenas.seen_places import choose_positions
+from symbrion_gym.arenas.texture import make_texture
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -117,6 +119,11 @@ def make_arena(
     contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
+    texture = None
+    if scanned.colored is not None:
+        progress("coloring the surface", 0.95)
+        paint_mesh(mesh, scanned.colored)
+        texture = make_texture(mesh, scanned.colored)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
     for warning in warnings:
         logger.warning("%s", warning)
@@ -146,4 +153,5 @@ def make_arena(
         about,
         scanned.offset,
         source,
+        texture,
     )
