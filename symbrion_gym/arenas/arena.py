@@ -22,6 +22,7 @@ from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
+from symbrion_gym.arenas.surface_colors import find_surface_colors, paint_course
 from symbrion_gym.arenas.texture import SurfaceTexture, check_texture
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
@@ -94,16 +95,17 @@ class Arena:
     @classmethod
     def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
         """Make the exact arena of a course: contact and surface agree to the last digit."""
-        pieces = course.pieces()
+        pieces, surface = course.pieces(), course.surface()
         return cls(
             name=name,
             pieces=pieces,
-            surface=course.surface(),
+            surface=surface,
             quality=ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces)),
             friction=course.friction,
             course=course,
             provenance={"course": course.as_dict()},
             friction_source="exact",
+            texture=paint_course(surface, course.color_pattern) if course.color_pattern else None,
         )
 
     @cached_property
@@ -114,6 +116,16 @@ class Arena:
     def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
         """Return the height of the exact surface at each (x, y) [m]; NaN outside of it."""
         return self.elevation.height(x, y)
+
+    def find_colors(self, positions: ArrayLike) -> Float[np.ndarray, "N 3"]:
+        """Return red, green and blue (0 to 1) of the surface at the places nearest to positions `[N, 3]` [m].
+
+        Raises:
+            ArenaError: the arena has no colors.
+        """
+        return find_surface_colors(
+            self.surface, self.texture, self.course, np.asarray(positions, dtype=np.float64)
+        )
 
     @property
     def geometry(self) -> ArenaGeometry:

@@ -67,7 +67,7 @@ def make_texture(mesh: trimesh.Trimesh, cloud: Cloud, config: AtlasConfig | None
     texel = config.texel or _find_spacing(cloud)
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
     atlas, source = make_atlas(triangles, texel, config), ColorSource(cloud)
-    image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
+    image = _make_blank(atlas, np.asarray(cloud.colors).mean(axis=0))
     normals = np.asarray(mesh.face_normals)
     for at, face, places in iterate_texels(atlas, triangles):
         image[at[:, 1], at[:, 0]] = source.find_colors(places, normals[face])
@@ -83,12 +83,17 @@ def paint_texture(mesh: trimesh.Trimesh, paint: Paint, texel: float = 0.01) -> S
         texel: edge of a texel [m].
     """
     triangles = np.asarray(mesh.triangles, dtype=np.float64)
-    atlas: Atlas = make_atlas(triangles, texel, AtlasConfig())
-    image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
+    atlas = make_atlas(triangles, texel, AtlasConfig())
+    image = _make_blank(atlas, _WHITE * np.asarray(paint(np.asarray(mesh.vertices))).mean(axis=0))
     for at, _, places in iterate_texels(atlas, triangles):
         colors = np.clip(np.asarray(paint(places), dtype=np.float64), 0.0, 1.0)
         image[at[:, 1], at[:, 0]] = np.round(_WHITE * colors).astype(np.uint8)
     return SurfaceTexture(image, atlas.find_uv())
+
+
+def _make_blank(atlas: Atlas, color: Float[np.ndarray, " 3"]) -> UInt8[np.ndarray, "H W 3"]:
+    """Return a picture of one color: coarse versions of a texture mix in what no triangle covers."""
+    return np.tile(np.round(color).astype(np.uint8), (atlas.height, atlas.width, 1))
 
 
 def check_texture(texture: SurfaceTexture, mesh: trimesh.Trimesh, what: object) -> None:
