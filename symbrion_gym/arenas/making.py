@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from reconstruction.files.printable import make_printable
 from reconstruction.progress import Progress, silent
-from reconstruction.surfaces.color import paint_mesh
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
+from symbrion_gym.arenas.coloring import color_arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import (
@@ -25,7 +25,6 @@ from symbrion_gym.arenas.scanned import (
     take_surface,
 )
 from symbrion_gym.arenas.seen_places import choose_positions
-from symbrion_gym.arenas.texture import make_texture
 from symbrion_gym.contact.builder import make_contact
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
@@ -92,6 +91,8 @@ def make_arena(
         config: everything else that shapes the pieces.
         progress: called with what is being done and the share done.
 
+    A surface with colors (a reconstruction of colored points, a mesh with colors) gives an arena with a texture.
+
     Raises:
         ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
     """
@@ -119,11 +120,6 @@ def make_arena(
     contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
-    texture = None
-    if scanned.colored is not None:
-        progress("coloring the surface", 0.95)
-        paint_mesh(mesh, scanned.colored)
-        texture = make_texture(mesh, scanned.colored)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
     for warning in warnings:
         logger.warning("%s", warning)
@@ -141,7 +137,7 @@ def make_arena(
         **({"cut": scanned.cut} if scanned.cut else {}),
         "viewpoints": choose_positions(scanned.viewpoints),
     }
-    return Arena(
+    arena = Arena(
         name or "arena",
         contact.pieces,
         mesh,
@@ -153,5 +149,5 @@ def make_arena(
         about,
         scanned.offset,
         source,
-        texture,
     )
+    return arena if scanned.colored is None else color_arena(arena, scanned.colored)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from reconstruction.surfaces.color import WHITE, add_alpha
 from symbrion_gym.arenas.color_patterns import PATTERNS
@@ -49,12 +49,28 @@ def find_surface_colors(
         raise ArenaError(
             "the arena has no colors; make it of a colored scan or mesh, or of a Course with a color_pattern"
         )
+    _, face, nearest = _find_nearest(surface, positions)
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(surface.triangles)[face], nearest)
+    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
+    return texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+
+
+def find_distances(positions: Float[np.ndarray, "N 3"], surface: trimesh.Trimesh) -> Float[np.ndarray, " N"]:
+    """Return the distances of positions from a surface [m]."""
+    return np.sqrt(_find_nearest(surface, positions)[0])
+
+
+def _find_nearest(
+    surface: trimesh.Trimesh, positions: Float[np.ndarray, "N 3"]
+) -> tuple[Float[np.ndarray, " N"], Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+    """Return squared distance, face and place of the nearest points of a surface."""
     import igl
 
     vertices = np.ascontiguousarray(surface.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(surface.faces, dtype=np.int64)
-    _, face, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(positions), vertices, faces)
-    face = np.atleast_1d(np.asarray(face, dtype=np.int64))
-    weights = trimesh.triangles.points_to_barycentric(vertices[faces[face]], np.reshape(nearest, (-1, 3)))
-    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
-    return texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+    square, face, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(positions), vertices, faces)
+    return (
+        np.atleast_1d(np.asarray(square)),
+        np.atleast_1d(np.asarray(face, dtype=np.int64)),
+        np.reshape(np.asarray(nearest), (-1, 3)),
+    )

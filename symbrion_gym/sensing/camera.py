@@ -71,7 +71,7 @@ def look_at(
     """
     center = pose[:3, 3] + pose[:3, :3] @ np.asarray(config.offset)
     ways = (positions - center) @ pose[:3, :3]
-    directions = _round_to_pixels(ways, config.pixel)
+    directions = round_to_pixels(ways, config.pixel)
     distance = cast(center, directions @ pose[:3, :3].T)
     is_seen = np.isfinite(distance) & (
         np.arccos(np.clip(directions[:, 0], -1, 1)) <= config.field_of_view / 2
@@ -89,7 +89,7 @@ def expose(
     return np.round(_WHITE * np.clip(measured, 0.0, 1.0)).astype(np.uint8)
 
 
-def _round_to_pixels(ways: Float[np.ndarray, "N 3"], pixel: float) -> Float[np.ndarray, "N 3"]:
+def round_to_pixels(ways: Float[np.ndarray, "N 3"], pixel: float) -> Float[np.ndarray, "N 3"]:
     """Return the directions of the middles of the pixels that ways fall on, as unit vectors."""
     aside = np.hypot(ways[:, 1], ways[:, 2])
     angle = np.arctan2(aside, ways[:, 0])
