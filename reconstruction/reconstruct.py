@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from reconstruction.methods import NetworkConfig, State
     from reconstruction.scans.dropped import Dropped
+    from reconstruction.surfaces.color_error import ColorError, Paint
     from reconstruction.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
@@ -117,7 +118,7 @@ class Reconstruction:
         cloud: the points that it was grown over, with their colors and viewpoints.
         readings: all points of the scan, also those that pre-processing dropped; `cloud` where they were not given.
         mesh: the surface; consistently wound, each component looks to where it was seen from; without viewpoints up,
-            or outwards where it is closed.
+            or outwards where it is closed. Of colored points it has vertex colors.
         notes: what a reader of the result should know, by subject; texts and numbers.
     """
 
@@ -181,6 +182,18 @@ class Reconstruction:
         return self.cloud.colors
 
     @property
+    def vertex_colors(self) -> UInt8[np.ndarray, "V 3"] | None:
+        """Red, green and blue of every vertex of the mesh, or None where the points have no colors."""
+        from reconstruction.surfaces.color import find_vertex_colors
+
+        return find_vertex_colors(self.mesh)
+
+    @property
+    def colored_readings(self) -> Cloud | None:
+        """All readings with colors, else the points that it was grown over with theirs; None where neither has any."""
+        return next((cloud for cloud in (self.readings, self.cloud) if cloud.colors is not None), None)
+
+    @property
     def offset(self) -> Float[np.ndarray, " 3"]:
         """What was subtracted from the coordinates given [m]."""
         return self.cloud.offset
@@ -203,6 +216,23 @@ class Reconstruction:
             truth = truth.copy().apply_translation(-self.offset)
         return measure_quality(self.mesh, self.readings.points, truth)
 
+    def color_error(self, truth: Paint | trimesh.Trimesh, edge: float = 0.05, seed: int = 0) -> ColorError:
+        """Compare the vertex colors with the true ones, at samples of the mesh.
+
+        Args:
+            truth: returns the true colors (0 to 1) of positions `[N, 3]` in the frame of the points given [m]; or a
+                mesh there with vertex colors.
+            edge: samples nearer than this to a change of the true colors are told apart [m].
+            seed: of the samples.
+
+        Raises:
+            ReconstructionError: the points or the truth have no colors.
+        """
+        from reconstruction.surfaces.color_error import measure_color_error
+
+        mesh = self.mesh.copy().apply_translation(self.offset) if self.offset.any() else self.mesh
+        return measure_color_error(mesh, truth, edge, seed=seed)
+
     def refine(
         self,
         new_points: ArrayLike | ScanLog | Cloud,
@@ -213,7 +243,8 @@ class Reconstruction:
     ) -> Reconstruction:
         """Return the same network after it has learned from new readings; this one stays as it is.
 
-        Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays.
+        Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays. New readings
+        without colors take those of the colored readings around them (`match_colors`, a note).
 
         Args:
             new_points: `[N, 3]` readings made since [m], in the frame and unit of those given first: `offset` is
@@ -230,11 +261,13 @@ class Reconstruction:
         """
         if isinstance(new_points, ScanLog | Cloud) and origins is not None:
             raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
+        colors = None
         if isinstance(new_points, ScanLog):
-            from reconstruction.scans.rays import read_rays
+            from reconstruction.scans.rays import read_colored_rays
 
-            new_points, origins = read_rays(new_points)
+            new_points, origins, colors = read_colored_rays(new_points)
         elif isinstance(new_points, Cloud):
+            colors = new_points.colors
             origins = None if new_points.origins is None else new_points.origins + new_points.offset
             new_points = new_points.points + new_points.offset
         new = check_points(new_points) - self.offset
@@ -246,9 +279,15 @@ class Reconstruction:
 
         learner = find_learner(self.method)(self.state, self.config)
         state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from)
-        added = make_cloud_of_rays(new, seen_from, self.offset)
-        cloud = join_clouds(self.cloud.select(is_valid), added)
-        return Reconstruction(self.method, self.config, state, cloud)
+        valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
+        if colors is None and self.colors is None:
+            return Reconstruction(self.method, self.config, state, join_clouds(valid, added))
+        from reconstruction.surfaces.color import match_colors
+
+        added, note = match_colors(valid, added.replace(colors=colors))
+        return Reconstruction(
+            self.method, self.config, state, join_clouds(valid, added), notes={"colors": note} if note else {}
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as plain arrays (.npz, no pickle), atomically.
@@ -292,7 +331,13 @@ class Reconstruction:
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
         logger.info("orientation: %s", note)
-        return trimesh.Trimesh(vertices, faces, process=False)
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        colored = self.colored_readings
+        if colored is not None and colored.num_points and len(vertices):
+            from reconstruction.surfaces.color import paint_mesh
+
+            paint_mesh(mesh, colored)
+        return mesh
 
     def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
         """Return vertices and faces of the network without faces far from every reading, and note what was cut."""

@@ -15,9 +15,11 @@ from symbrion_gym.registration import register
 if TYPE_CHECKING:
     from symbrion_gym.adapters.stable_baselines import make_sb3_env
     from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.arenas.coloring import color_arena
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
+    from symbrion_gym.arenas.texture_atlas import AtlasConfig
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
@@ -39,8 +41,10 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.random_organism import make_random_organism
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
+    from symbrion_gym.sensing.camera import CameraConfig
     from symbrion_gym.sensing.laser_scanner import LaserScanner
     from symbrion_gym.sensing.rangefinder import RangeFinder
+    from symbrion_gym.sensing.scout_camera import Camera
     from symbrion_gym.sensing.survey import survey
     from symbrion_gym.sensing.survey_robot import SurveyRobot
     from symbrion_gym.sensing.survey_world import SurveyRoom
@@ -65,8 +69,11 @@ __all__ = [
     "NAMED_ARENAS",
     "Arena",
     "ArenaError",
+    "AtlasConfig",
     "Audit",
     "AuditLimits",
+    "Camera",
+    "CameraConfig",
     "Course",
     "Docking",
     "DrivingRoute",
@@ -109,6 +116,7 @@ __all__ = [
     "TraversabilityMap",
     "add_tracks",
     "audit",
+    "color_arena",
     "cross",
     "draw_traversability",
     "letter_h",

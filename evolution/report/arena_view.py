@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -82,7 +83,9 @@ def draw_arena(
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = np.ones((*pixels.face.shape, 3))
         if "surface" in layers:
-            picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), SURFACE_COLOR)
+            picture = shade_pixels(
+                pixels, np.asarray(arena.surface.triangles), _color_pixels(arena, pixels, view)
+            )
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
         if "contact" in layers:
@@ -97,6 +100,22 @@ def draw_arena(
         handles=_make_legend(layers, ground, route), loc="outside lower center", ncols=6, fontsize=9
     )
     return figure
+
+
+def _color_pixels(
+    arena: sg.Arena, pixels: Pixels, view: View
+) -> Float[np.ndarray, "H W 3"] | Float[np.ndarray, " 3"]:
+    """Return the color of the surface in each pixel; one for all where the arena has none."""
+    if arena.texture is None:
+        return SURFACE_COLOR
+    rows, columns = np.nonzero(pixels.face >= 0)
+    face = pixels.face[rows, columns]
+    places = view.find_points(columns, rows, pixels.height[rows, columns])
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(arena.surface.triangles)[face], places)
+    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
+    colors = np.ones((*pixels.face.shape, 3))
+    colors[rows, columns] = arena.texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+    return colors
 
 
 def _add_contact(

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import matplotlib as mpl
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Real
+from jaxtyping import Bool, Float, Real, UInt8
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from evolution.report.pictures import CHART_DPI, CHART_WIDTH, DPI
+from reconstruction.surfaces.color import WHITE, find_vertex_colors
 
 VIEW = (28.0, -62.0)
 """Elevation and azimuth of the camera [degree]: both ramps and the bottom of the pit can be seen."""
@@ -34,25 +35,29 @@ def draw_cloud(
     limit: int = 25_000,
     marked: Float[np.ndarray, "M 3"] | None = None,
     bounds: Float[np.ndarray, "2 3"] | None = None,
+    colors: UInt8[np.ndarray, "N 3"] | None = None,
 ) -> Figure:
-    """Draw a point cloud, colored by height.
+    """Draw a point cloud, colored by height, or in its own colors.
 
     Args:
         points: the cloud [m]; every n-th point is drawn.
         limit: number of points drawn at most.
         marked: points drawn in red over the others [m].
         bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
+        colors: red, green and blue of the points, 0 to 255.
     """
     if bounds is not None:
-        points = _crop(points, bounds)
-    shown = points[:: max(1, len(points) // limit)]
+        inside = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
+        points, colors = points[inside], None if colors is None else colors[inside]
+    step = max(1, len(points) // limit)
+    shown = points[::step]
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_3d_axes(figure, points if bounds is None else bounds)
     low, high = np.percentile(shown[:, 2], (1, 99))
-    axes.scatter(
-        *shown.T, c=shown[:, 2], s=0.9, cmap="viridis", vmin=low, vmax=high, depthshade=False, linewidths=0,
-        rasterized=True,
-    )  # fmt: skip
+    look = {"c": shown[:, 2], "cmap": "viridis", "vmin": low, "vmax": high}
+    if colors is not None:
+        look = {"c": colors[::step] / WHITE}
+    axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
     if marked is not None:
         seen = marked if bounds is None else _crop(marked, bounds)
         seen = seen[:: max(1, len(seen) // limit)]
@@ -65,7 +70,7 @@ def draw_surface(
     points: Float[np.ndarray, "N 3"] | None = None,
     bounds: Float[np.ndarray, "2 3"] | None = None,
 ) -> Figure:
-    """Draw a shaded mesh with its edges and some points of the cloud.
+    """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud.
 
     Args:
         mesh: the surface.
@@ -75,7 +80,10 @@ def draw_surface(
     figure = Figure(figsize=(12, 8), dpi=DPI)
     axes = _make_3d_axes(figure, mesh.vertices if bounds is None else bounds)
     color = np.array(to_rgb(SURFACE_COLOR))
-    if len(mesh.faces) > MAX_SPLIT_FACES:
+    own = find_vertex_colors(mesh)
+    if own is not None:
+        _add_triangles(axes, mesh, own[np.asarray(mesh.faces)].mean(axis=1) / WHITE, edge="none")
+    elif len(mesh.faces) > MAX_SPLIT_FACES:
         _add_triangles(axes, mesh, color, edge=EDGE_COLOR)
     else:
         _add_large_triangles(axes, mesh, color)

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from markupsafe import Markup
 
 from evolution.report.figures import EDGE_COLOR, PALETTE, shade
+from reconstruction.surfaces.color import find_vertex_colors
 
 Trace = dict[str, Any]
 MILLIMETER_DIGITS = 3
@@ -55,7 +56,10 @@ class Scene:
         self._add(name, [_make_trace("scatter3d", **_to_xyz(shown), mode="markers", marker=marker)], is_shown)
 
     def add_surface(self, name: str, mesh: trimesh.Trimesh, color: str, is_shown: bool = True) -> None:
-        """Add a mesh with its edges."""
+        """Add a mesh with its edges, or in its own colors without them."""
+        if find_vertex_colors(mesh) is not None:
+            self._add(name, [_make_colored_trace(mesh)], is_shown)
+            return
         edges = np.asarray(mesh.vertices)[mesh.edges_unique]
         gaps = np.full((len(edges), 1, 3), np.nan)
         lines = np.concatenate([edges, gaps], axis=1).reshape(-1, 3)
@@ -151,6 +155,18 @@ def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
     return _make_trace(
         "mesh3d",
         **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
+        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+    )  # fmt: skip
+
+
+def _make_colored_trace(mesh: trimesh.Trimesh) -> Trace:
+    """Return a mesh in the colors of its vertices, as bright as they are: a scan's colors hold its light."""
+    i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
+    colors = find_vertex_colors(mesh)
+    assert colors is not None
+    return _make_trace(
+        "mesh3d",
+        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, vertexcolor=["#" + bytes(rgb).hex() for rgb in colors],
         lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
     )  # fmt: skip
 

@@ -77,7 +77,7 @@ def load_cloud(
 def make_log_cloud(log: ScanLog) -> Cloud:
     """Return the points of a log, each seen from the position of its scan; equal positions are one viewpoint."""
     raw = find_log_points(log)
-    return Cloud(raw.points, viewpoints=raw.viewpoints, seen_from=raw.seen_from)
+    return Cloud(raw.points, raw.colors, viewpoints=raw.viewpoints, seen_from=raw.seen_from)
 
 
 def recenter(cloud: Cloud, config: FrameConfig | None = None) -> Cloud:

@@ -112,9 +112,10 @@ def _read_npy(file: BoundedFile) -> RawPoints:
 def _read_npz(file: BoundedFile) -> RawPoints:
     names = find_npz_names(file.stream)
     if {"ranges", "angles", "poses"} <= set(names):
-        log = read_npz(file.stream, ("ranges", "angles", "poses"), file.max_bytes)
+        colors = ("colors",) if "colors" in names else ()
+        log = read_npz(file.stream, ("ranges", "angles", "poses", *colors), file.max_bytes)
         point_rows.check_num_points(file, log["ranges"].size)
-        return find_log_points(ScanLog(log["ranges"], log["angles"], log["poses"]))
+        return find_log_points(ScanLog(**log))
     if "points" not in names and len(names) != 1:
         raise ScanError(f"holds the arrays {', '.join(names) or '(none)'}, none of them called points")
     name = "points" if "points" in names else names[0]
@@ -147,7 +148,7 @@ def find_log_points(log: ScanLog) -> RawPoints:
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     seen_from = rank[index.ravel()][np.nonzero(log.is_valid)[0]]
-    return RawPoints(log.points(), None, positions[first[order]], seen_from, meters=1.0, up="z")
+    return RawPoints(log.points(), log.point_colors, positions[first[order]], seen_from, meters=1.0, up="z")
 
 
 _NPZ_EXTRAS = ("colors", "viewpoints", "seen_from")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reconstruction.progress import Progress, silent
+from reconstruction.scans import selection
 from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
@@ -81,7 +82,8 @@ def preprocess(
     """Level, filter and smooth a log, and return its points in the world [m].
 
     A bare point cloud has no scans to level or smooth; it is filtered by the histogram alone. Of a `Cloud` the points
-    that are kept are returned as a cloud, with their colors and viewpoints.
+    that are kept are returned as a cloud, with their colors and viewpoints; of a log with colors the same points as
+    without, as a cloud with colors.
 
     Differs: the paper smooths before it filters. Here mixed pixels are found in the raw readings, before their
     neighbors are averaged with them.
@@ -103,10 +105,20 @@ def preprocess(
     if not isinstance(scans, ScanLog):
         progress("filtering", 0.0)
         return remove_mixed_pixels(as_points(scans), config=config)
-    points = clean_log(scans, across_jumps=across_jumps, progress=progress, config=config).points()
+    log = clean_log(scans, across_jumps=across_jumps, progress=progress, config=config)
+    points, colors = log.points(), log.point_colors
+    if colors is not None:
+        return _select_colored(Cloud(points, colors), log, cropped, config)
     if cropped and scans.box is not None:
         points = crop(points, scans.box, config.crop_margin)
     return points[~find_sparse_points(points, config.sparse_readings)]
+
+
+def _select_colored(cloud: Cloud, log: ScanLog, cropped: bool, config: PreprocessConfig) -> Cloud:
+    """Return those points of a log that `preprocess` keeps, with their colors."""
+    if cropped and log.box is not None:
+        cloud = selection.crop(cloud, log.box, config.crop_margin)
+    return cloud.select(~find_sparse_points(cloud.points, config.sparse_readings))
 
 
 def clean_log(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import ScanError
@@ -87,6 +87,8 @@ class ScanLog:
         horizontal: the scans and odometry that localize the robot, or None.
         truth: ground truth of a simulation, or None.
         report: figures about how the log was made (localization error, seed, ...).
+        colors: red, green and blue of every reading, 0 to 255, from a camera beside the scanner; or None. Zeros where a
+            beam did not return.
 
     Raises:
         ScanError: arrays of other shapes, no numbers, angles or poses that are not finite, poses that are not
@@ -101,6 +103,7 @@ class ScanLog:
     horizontal: HorizontalScans | None = None
     truth: ScanTruth | None = None
     report: dict[str, float] = field(default_factory=dict)
+    colors: UInt8[np.ndarray, "S B 3"] | None = None
 
     def __post_init__(self) -> None:
         ranges = _as_floats("ranges", self.ranges, 2).copy()
@@ -128,10 +131,18 @@ class ScanLog:
                 raise ScanError(f"box must be [[lowest], [highest]] corner, shape (2, 3), not {self.box}")
             object.__setattr__(self, "box", box)
         object.__setattr__(self, "report", ScanReport(self.report))
+        if self.colors is not None:
+            colors = np.asarray(self.colors)
+            if colors.dtype != np.uint8 or colors.shape != (*ranges.shape, 3):
+                raise ScanError(
+                    f"colors must be bytes red, green, blue of shape {(*ranges.shape, 3)}, "
+                    f"not {colors.dtype} of {colors.shape}"
+                )
+            object.__setattr__(self, "colors", colors)
 
     def __repr__(self) -> str:
         num_scans, num_beams = self.ranges.shape
-        extras = [name for name in ("horizontal", "truth") if getattr(self, name) is not None]
+        extras = [name for name in ("horizontal", "truth", "colors") if getattr(self, name) is not None]
         return f"ScanLog({' with '.join([f'{num_scans} scans of {num_beams} beams', *extras])})"
 
     @property
@@ -150,6 +161,11 @@ class ScanLog:
     def points(self) -> Float[np.ndarray, "*axes"]:
         """Return the end points of the beams that returned, in the world [m], scan after scan."""
         return self.grid()[self.is_valid]
+
+    @property
+    def point_colors(self) -> UInt8[np.ndarray, "N 3"] | None:
+        """Colors of `points()`, or None."""
+        return None if self.colors is None else self.colors[self.is_valid]
 
     def replace(self, **changes: object) -> ScanLog:
         """Return a copy with some attributes changed."""
@@ -171,6 +187,8 @@ class ScanLog:
         }
         if self.box is not None:
             arrays["box"] = self.box
+        if self.colors is not None:
+            arrays["colors"] = self.colors
         for prefix, part in (("horizontal", self.horizontal), ("truth", self.truth)):
             if part is not None:
                 arrays |= {f"{prefix}.{name}": value for name, value in vars(part).items()}

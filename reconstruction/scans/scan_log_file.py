@@ -43,6 +43,7 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
             horizontal=HorizontalScans(**horizontal) if horizontal else None,
             truth=ScanTruth(**truth) if truth else None,
             report=dict(zip(names, values, strict=True)),
+            colors=arrays.get("colors"),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise ScanError(f"{path}: not a scan log: {error}") from error

@@ -22,6 +22,8 @@ from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
+from symbrion_gym.arenas.surface_colors import find_surface_colors, paint_course
+from symbrion_gym.arenas.texture import SurfaceTexture, check_texture
 from symbrion_gym.contact.kinds import CONTACT_KINDS, HeightField
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
@@ -48,6 +50,8 @@ class Arena:
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
+        texture: colors of the surface as a picture, as MuJoCo draws them; None where they are unknown.
+            `surface.visual.vertex_colors` are then those of its vertices.
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -64,6 +68,7 @@ class Arena:
     provenance: dict[str, Any] = field(default_factory=dict)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    texture: SurfaceTexture | None = None
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -73,6 +78,8 @@ class Arena:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "hfield") != (self.height_field is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
+        if self.texture is not None:
+            check_texture(self.texture, self.surface, self.name)
 
     def __repr__(self) -> str:
         """Return name, contact, size and quality in one line."""
@@ -88,16 +95,17 @@ class Arena:
     @classmethod
     def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
         """Make the exact arena of a course: contact and surface agree to the last digit."""
-        pieces = course.pieces()
+        pieces, surface = course.pieces(), course.surface()
         return cls(
             name=name,
             pieces=pieces,
-            surface=course.surface(),
+            surface=surface,
             quality=ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces)),
             friction=course.friction,
             course=course,
             provenance={"course": course.as_dict()},
             friction_source="exact",
+            texture=paint_course(surface, course.color_pattern) if course.color_pattern else None,
         )
 
     @cached_property
@@ -109,10 +117,20 @@ class Arena:
         """Return the height of the exact surface at each (x, y) [m]; NaN outside of it."""
         return self.elevation.height(x, y)
 
+    def find_colors(self, positions: ArrayLike) -> Float[np.ndarray, "N 3"]:
+        """Return red, green and blue (0 to 1) of the surface at the places nearest to positions `[N, 3]` [m].
+
+        Raises:
+            ArenaError: the arena has no colors.
+        """
+        return find_surface_colors(
+            self.surface, self.texture, self.course, np.asarray(positions, dtype=np.float64)
+        )
+
     @property
     def geometry(self) -> ArenaGeometry:
         """What has a shape: contact and surface."""
-        return ArenaGeometry(self.surface, self.pieces, self.height_field)
+        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture)
 
     @cached_property
     def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
@@ -184,6 +202,8 @@ class Arena:
             "provenance": self.provenance,
             "offset": list(self.offset),
         }
+        if self.texture is not None:
+            about["has_texture"] = True
         if self.course is not None:
             about["course"] = self.course.as_dict()
         save_arena(folder, self.name, self.geometry, self.friction, about)

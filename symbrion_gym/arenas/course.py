@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.geometry.hulls import make_hull
+from symbrion_gym.arenas.color_patterns import check_pattern
 from symbrion_gym.errors import ArenaError
 
 _THICKNESS = 0.2
@@ -38,6 +39,7 @@ class Course:
         plateau: length of the plateau on either side of the pit [m].
         width: extent along y [m].
         friction: sliding friction of the ground.
+        color_pattern: its colors, one of `PATTERNS`; None for none. Only a camera sees them.
 
     Raises:
         ArenaError: a size is not above 0, or too large.
@@ -50,8 +52,10 @@ class Course:
     plateau: float = 0.5
     width: float = 2.0
     friction: float = 0.7
+    color_pattern: str | None = None
 
     def __post_init__(self) -> None:
+        check_pattern(self.color_pattern)
         _refuse_unless_positive(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
         if not 0.0 <= self.pit <= _LONGEST:
             raise ArenaError(f"Course: pit must be a width of 0 to {_LONGEST:g} m, got {self.pit}")
@@ -112,7 +116,7 @@ class Course:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields with the kind of course, for JSON."""
-        return {"kind": "pit", **asdict(self)}
+        return {"kind": "pit", **_list_fields(self)}
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,7 @@ class StairsCourse:
         plateau: length of the level beyond the last step [m].
         width: extent along y [m].
         friction: sliding friction of the ground.
+        color_pattern: its colors, one of `PATTERNS`; None for none. Only a camera sees them.
 
     Raises:
         ArenaError: a size, or the number of steps,
@@ -140,8 +145,10 @@ class StairsCourse:
     plateau: float = 1.6
     width: float = 2.0
     friction: float = 0.7
+    color_pattern: str | None = None
 
     def __post_init__(self) -> None:
+        check_pattern(self.color_pattern)
         _refuse_unless_positive(self, ("steps", "rise", "run", "floor", "plateau", "width", "friction"))
 
     @property
@@ -180,7 +187,13 @@ class StairsCourse:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields with the kind of course, for JSON."""
-        return {"kind": "stairs", **asdict(self)}
+        return {"kind": "stairs", **_list_fields(self)}
+
+
+def _list_fields(course: Course | StairsCourse) -> dict[str, Any]:
+    """Return the fields, without colors that there are not."""
+    fields = asdict(course)
+    return fields if course.color_pattern else {k: v for k, v in fields.items() if k != "color_pattern"}
 
 
 COURSES = {"pit": Course, "stairs": StairsCourse}

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -25,11 +26,13 @@ class ArenaFiles(NamedTuple):
         surface: the exact surface.
         pieces: contact pieces, in order.
         height_field: in place of pieces, for the kind "hfield".
+        texture: the picture of the surface's colors.
     """
 
     surface: Path
     pieces: list[Path]
     height_field: Path | None
+    texture: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,7 @@ class ArenaDescription:
         files: the arena's own files, where the folder lists them.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: see `Arena`.
+        has_texture: whether the surface has colors.
 
     Raises:
         ArenaError: a field is out of range.
@@ -66,6 +70,7 @@ class ArenaDescription:
     files: tuple[str, ...] | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    has_texture: bool = False
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -119,6 +124,7 @@ class ArenaDescription:
             surface=meshes / "surface.obj",
             pieces=[meshes / name for name in pieces],
             height_field=height_field if has_height_field else None,
+            texture=meshes / TEXTURE_FILE if self.has_texture else None,
         )
 
     def _check_pieces(self, meshes: Path) -> None:

@@ -2,7 +2,8 @@
 
 arena.xml            contact pieces and surface; drag it into MuJoCo's viewer
 arena.json           name, kind, friction, quality, provenance; of exact arenas their course
-surface.obj          the exact surface, to 0.1 mm
+surface.obj          the exact surface, to 0.1 mm; with the colors of its vertices where there are any
+surface.png          its texture, where it has colors
 pieces/000.obj ...   the contact pieces, to 1 µm
 height_field.npz     in place of pieces, for the kind "hfield"
 
@@ -14,10 +15,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from reconstruction.files.bounded_read import read_npz
 from symbrion_gym.arenas.checks import check_height_field, check_piece, check_surface
 from symbrion_gym.arenas.description import load_description
-from symbrion_gym.arenas.obj_mesh import load_obj
+from symbrion_gym.arenas.obj_mesh import load_colored_obj, load_obj
+from symbrion_gym.arenas.png import load_png
+from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
@@ -30,12 +35,17 @@ def load_arena_folder(folder: str | Path) -> dict[str, Any]:
     """
     folder = Path(folder)
     fields, files = load_description(folder / "arena.json")
-    surface, pieces = load_obj(files.surface), [load_obj(path) for path in files.pieces]
+    surface, uv = load_colored_obj(files.surface)
+    pieces = [load_obj(path) for path in files.pieces]
     check_surface(surface, files.surface)
+    texture = None
+    if files.texture is not None:
+        texture = SurfaceTexture(load_png(files.texture), np.zeros((0, 3, 2)) if uv is None else uv)
     for piece, path in zip(pieces, files.pieces, strict=True):
         check_piece(piece, path)
     height_field = None if files.height_field is None else _load_height_field(files.height_field)
-    return fields | {"surface": surface, "pieces": pieces, "height_field": height_field}
+    shapes = {"surface": surface, "pieces": pieces, "height_field": height_field}
+    return fields | shapes | ({} if texture is None else {"texture": texture})
 
 
 def _load_height_field(path: Path) -> HeightField:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import trimesh
 
+from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
 
 
@@ -16,8 +17,10 @@ class ArenaGeometry(NamedTuple):
         surface: the exact surface, for rays and pictures.
         pieces: convex solids, for contact.
         height_field: in place of pieces, for the kind "hfield".
+        texture: colors of the surface; None where they are unknown.
     """
 
     surface: trimesh.Trimesh
     pieces: list[trimesh.Trimesh]
     height_field: HeightField | None
+    texture: SurfaceTexture | None = None

@@ -14,6 +14,7 @@ from reconstruction.files.printable import make_printable
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
+from symbrion_gym.arenas.coloring import color_arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import (
@@ -90,6 +91,8 @@ def make_arena(
         config: everything else that shapes the pieces.
         progress: called with what is being done and the share done.
 
+    A surface with colors (a reconstruction of colored points, a mesh with colors) gives an arena with a texture.
+
     Raises:
         ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
     """
@@ -134,7 +137,7 @@ def make_arena(
         **({"cut": scanned.cut} if scanned.cut else {}),
         "viewpoints": choose_positions(scanned.viewpoints),
     }
-    return Arena(
+    arena = Arena(
         name or "arena",
         contact.pieces,
         mesh,
@@ -147,3 +150,4 @@ def make_arena(
         scanned.offset,
         source,
     )
+    return arena if scanned.colored is None else color_arena(arena, scanned.colored)

@@ -17,18 +17,20 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-import trimesh
 
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from reconstruction.files.typed_json import read_json
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.obj_mesh import format_surface
+from symbrion_gym.arenas.png import to_png
 from symbrion_gym.arenas.spec import make_arena_spec
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.errors import ArenaError
 
 ABOUT, MODEL = "arena.json", "arena.xml"
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
-_MESH = r"surface\.obj|height_field\.npz|pieces/\d{3,}\.obj"
+_MESH = r"surface\.obj|surface\.png|height_field\.npz|pieces/\d{3,}\.obj"
 _OWN = re.compile(rf"(?:{re.escape(SPARE)})?(?:{_MESH})|{re.escape(MODEL)}|{re.escape(ABOUT)}")
 """Every name that a file of an arena may have; whatever a manifest says, no other is touched."""
 
@@ -177,9 +179,11 @@ def _remove(folder: Path, names: Set[str], keep: Set[str]) -> None:
 
 def _format_meshes(geometry: ArenaGeometry) -> dict[str, bytes]:
     """Return name -> content."""
-    files = {"surface.obj": _format_obj(geometry.surface, _SURFACE_DIGITS)}
+    files = {"surface.obj": format_surface(geometry.surface, geometry.texture, _SURFACE_DIGITS)}
+    if geometry.texture is not None:
+        files[TEXTURE_FILE] = to_png(geometry.texture.image)
     for i, piece in enumerate(geometry.pieces):
-        files[f"pieces/{i:03d}.obj"] = _format_obj(piece, _PIECE_DIGITS)
+        files[f"pieces/{i:03d}.obj"] = format_surface(piece, None, _PIECE_DIGITS)
     if geometry.height_field is not None:
         buffer = io.BytesIO()
         np.savez_compressed(buffer, **geometry.height_field._asdict())
@@ -192,14 +196,6 @@ def _format_model(spec: mujoco.MjSpec, meshes: dict[str, bytes]) -> str:
     spec.assets = meshes
     spec.compile()
     return spec.to_xml()
-
-
-def _format_obj(mesh: trimesh.Trimesh, digits: int) -> bytes:
-    # + 0.0 turns -0.0 into 0.0.
-    vertices = np.round(np.asarray(mesh.vertices, dtype=np.float64), digits) + 0.0
-    lines = [f"v {x:.{digits}f} {y:.{digits}f} {z:.{digits}f}" for x, y, z in vertices.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
-    return ("\n".join(lines) + "\n").encode()
 
 
 def _to_json(about: dict[str, Any]) -> bytes:

@@ -16,9 +16,12 @@ from reconstruction.files.printable import make_printable
 from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
 from reconstruction.geometry.orientation import orient_to_viewpoints
 from reconstruction.geometry.visibility import count_votes
+from reconstruction.input_cloud import shift_frame
+from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.frames import describe_odd_size, find_offset, make_frame
 from reconstruction.scans.raw_points import RawPoints
 from symbrion_gym.arenas.exact_readings import simulate_readings
+from symbrion_gym.arenas.mesh_colors import sample_mesh_colors
 from symbrion_gym.arenas.surface_file import check_has_surface, load_surface
 from symbrion_gym.contact.ray_mesh import RayMesh
 from symbrion_gym.errors import ArenaError
@@ -53,6 +56,7 @@ class ScannedSurface:
         dropped: share of the readings that pre-processing dropped.
         offset: what was subtracted from the coordinates of the scan [m].
         cut: what was cut off as far from every reading, in words; nothing where nothing was.
+        colored: points with colors, in the frame of the mesh; None: its colors are unknown.
     """
 
     mesh: trimesh.Trimesh
@@ -64,6 +68,7 @@ class ScannedSurface:
     dropped: float | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cut: str = ""
+    colored: Cloud | None = None
 
 
 class MeshFrame(NamedTuple):
@@ -158,7 +163,8 @@ def find_doubts(scanned: ScannedSurface) -> list[str]:
 
 def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFrame) -> ScannedSurface:
     if isinstance(surface, trimesh.Trimesh):
-        return ScannedSurface(_place(surface, frame, "mesh"))
+        placed = _place(surface, frame, "mesh")
+        return ScannedSurface(placed, colored=sample_mesh_colors(surface, np.asarray(placed.vertices)))
     if isinstance(surface, str | Path):
         name = make_printable(Path(surface).name)
         check_has_surface(Path(surface))
@@ -172,7 +178,9 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
                 raise ArenaError(str(error)) from error
         if Path(surface).suffix.lower() in _WITH_FRAME:
             return _take_file(Path(surface), name, frame)
-        return ScannedSurface(_place(load_surface(surface), frame, name), name)
+        mesh = load_surface(surface)
+        placed = _place(mesh, frame, name)
+        return ScannedSurface(placed, name, colored=sample_mesh_colors(mesh, np.asarray(placed.vertices)))
     _check_no_frame(frame, "a reconstruction")
     return _take_reconstruction(surface, "reconstruction")
 
@@ -208,7 +216,10 @@ def _take_file(path: Path, name: str, frame: MeshFrame) -> ScannedSurface:
     except ScanError as error:
         raise ArenaError(str(error)) from error
     offset = np.asarray(mesh.metadata.get("offset", np.zeros(3)), dtype=np.float64)
-    return ScannedSurface(mesh, name, offset=(float(offset[0]), float(offset[1]), float(offset[2])))
+    colored = sample_mesh_colors(mesh, np.asarray(mesh.vertices))
+    return ScannedSurface(
+        mesh, name, offset=(float(offset[0]), float(offset[1]), float(offset[2])), colored=colored
+    )
 
 
 def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
@@ -224,6 +235,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
         str(made.notes.get("cut", "")),
+        made.colored_readings,
     )
 
 
@@ -282,5 +294,6 @@ def _recenter(scanned: ScannedSurface) -> ScannedSurface:
         mesh=trimesh.Trimesh(vertices - step, scanned.mesh.faces, process=False),
         points=None if scanned.points is None else scanned.points - step,
         viewpoints=None if scanned.viewpoints is None else scanned.viewpoints - step,
+        colored=None if scanned.colored is None else shift_frame(scanned.colored, step),
         offset=(float(total[0]), float(total[1]), float(total[2])),
     )

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.texture_material import add_texture
 from symbrion_gym.contact.kinds import HeightField
 
 SURFACE_GROUP = 2
@@ -52,7 +53,7 @@ def make_arena_spec(
     if geometry.height_field is not None:
         _add_height_field(spec, geometry.height_field, friction)
     _add_mesh(spec, "arena_surface", geometry.surface, "surface.obj" if use_files else "")
-    spec.worldbody.add_geom(
+    surface = spec.worldbody.add_geom(
         name="arena_surface",
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname="arena_surface",
@@ -61,6 +62,8 @@ def make_arena_spec(
         group=SURFACE_GROUP,
         rgba=SURFACE_COLOR,
     )
+    if geometry.texture is not None:
+        add_texture(spec, surface, geometry.texture, use_files)
     return spec
 
 

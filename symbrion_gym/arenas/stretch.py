@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.geometry.rectangles import find_box
+from reconstruction.surfaces.color import copy_vertex_colors
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
 
@@ -40,7 +41,9 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
 
 
 def _stretch(mesh: trimesh.Trimesh, factor: float) -> trimesh.Trimesh:
-    return trimesh.Trimesh(mesh.vertices * np.array([factor, 1.0, 1.0]), mesh.faces, process=False)
+    stretched = trimesh.Trimesh(mesh.vertices * np.array([factor, 1.0, 1.0]), mesh.faces, process=False)
+    copy_vertex_colors(mesh, stretched)
+    return stretched
 
 
 def _stretch_piece(piece: trimesh.Trimesh, factor: float) -> trimesh.Trimesh:

@@ -19,7 +19,9 @@ from reconstruction.progress import Progress, silent
 from reconstruction.scans.localization import localize
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym.errors import ArenaError, SurveyError
+from symbrion_gym.sensing.camera import CameraConfig
 from symbrion_gym.sensing.laser_scanner import LaserScanner
+from symbrion_gym.sensing.survey_camera import color_readings, take_arena
 from symbrion_gym.sensing.survey_robot import SurveyRobot
 from symbrion_gym.sensing.survey_world import SurveyRoom, SurveyWorld
 
@@ -48,6 +50,7 @@ def survey(
     seed: int = 0,
     progress: Progress = silent,
     room: SurveyRoom | None = None,
+    camera: bool | CameraConfig = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
 
@@ -64,6 +67,9 @@ def survey(
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
         room: around the arena; None for the default.
+        camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
+            one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
+            need colors of their own.
 
     Returns:
         Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
@@ -73,12 +79,13 @@ def survey(
 
     Raises:
         ArenaError: the arena is unknown.
-        SurveyError: its mesh is empty or too large, or the path unusable.
+        SurveyError: its mesh is empty or too large, the path unusable, or there is nothing for a camera to see.
         MissingExtraError: the extra `scan` is not installed.
     """
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
-    surface = _find_surface(arena)
+    colored = take_arena(arena) if camera else None
+    surface = _find_surface(colored or arena)
     bounds = np.asarray(surface.bounds, float)
     if bounds[1, 2] - bounds[0, 2] + robot.head_room > robot.mast:
         robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + robot.head_room))
@@ -89,7 +96,12 @@ def survey(
     ground = float(bounds[0, 2])
     roll, pitch = _sample_sway(len(true_planar), robot, rng)
     robot_poses = _lift(make_pose(*true_planar.T, roll=roll, pitch=pitch), ground)
-    vertical, mixed, low = _scan(robot_poses, robot, SurveyWorld(surface, waypoints, room), rng, progress)
+    world = SurveyWorld(surface, waypoints, room)
+    vertical, mixed, low = _scan(robot_poses, robot, world, rng, progress)
+    colors = None
+    if colored is not None:
+        lens = CameraConfig() if camera is True else camera
+        colors = color_readings(vertical, robot_poses, robot, world, colored, lens, seed)
     angles = robot.scanner.angles
     log = ScanLog(
         vertical,
@@ -100,6 +112,7 @@ def survey(
         horizontal=HorizontalScans(low, angles, robot.horizontal_mount, odometry, true_planar[0]),
         truth=ScanTruth(robot_poses, mixed),
         report={"seed": float(seed)},
+        colors=colors,
     )
     return localize(log, progress=progress)
 

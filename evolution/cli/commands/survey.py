@@ -54,6 +54,8 @@ class Survey(SeededCommand):
     """Largest range that is read [m]."""
     resolution: float = LaserScanner.resolution
     """Resolution of a reading [m]; 0: continuous."""
+    camera: bool = False
+    """Color the readings by a camera beside the scanner. The arena must have colors; truth and stairs are painted."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -76,7 +78,12 @@ class Survey(SeededCommand):
         path = None if self.path is None else read_path(self.path)
         with console.track(f"Survey of {self.arena}") as step:
             log = sg.survey(
-                self.arena, path=path, sensor=self.make_robot(), seed=self.seed, progress=step.progress
+                self.arena,
+                path=path,
+                sensor=self.make_robot(),
+                seed=self.seed,
+                progress=step.progress,
+                camera=self.camera,
             )
             self.out.parent.mkdir(parents=True, exist_ok=True)
             log.save(self.out)

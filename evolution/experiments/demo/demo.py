@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution.experiments.demo.truth import paint_truth
 from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.search.run import RunFolder
 from reconstruction.files.atomic_write import write_atomically
@@ -88,6 +89,7 @@ class DemoResult:
         films: arena -> recording of the champion's nominal trial there; "insufficient": of a robot that did not
             cross, in the true arena.
         seconds: step -> wall time [s].
+        colors: red, green and blue of `points` as the robot's camera saw them.
     """
 
     config: DemoConfig
@@ -100,6 +102,7 @@ class DemoResult:
     outcomes: dict[str, ev.Outcome]
     films: dict[str, ev.Recording]
     seconds: dict[str, float]
+    colors: UInt8[np.ndarray, "M 3"] | None = None
 
     @property
     def crosses(self) -> dict[str, bool]:
@@ -123,7 +126,7 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     seconds: dict[str, float] = {}
     claim_folder(config)
     with track("1/7 survey of the true arena") as step:
-        log = sg.survey("truth", seed=config.seed, progress=step.progress)
+        log = sg.survey(paint_truth(), seed=config.seed, progress=step.progress, camera=True)
         log.save(config.folder / "survey.npz")
     seconds["survey"] = step.seconds
     with track("2/7 pre-processing") as step:
@@ -143,9 +146,8 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     arenas: dict[str, sg.Arena] = {}
     for method, surface in surfaces.items():
         with track(f"4/7 arena from {method}") as step:
-            arenas[method] = sg.make_arena(
-                surface.mesh, name=method, seed=config.seed, progress=step.progress
-            )
+            made = sg.make_arena(surface.mesh, name=method, seed=config.seed, progress=step.progress)
+            arenas[method] = sg.color_arena(made, surface.cloud)
             arenas[method].save(config.folder / "arenas" / method)
         seconds[f"arena {method}"] = step.seconds
 
@@ -155,7 +157,19 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     with track("6/7 trials and video of the champion") as step:
         outcomes, films = _judge(config, run, arenas["gsrm"], step.progress)
     seconds["trials and video"] = step.seconds
-    return DemoResult(config, log, log.points(), points, surfaces, arenas, run, outcomes, films, seconds)
+    return DemoResult(
+        config,
+        log,
+        log.points(),
+        points.points,
+        surfaces,
+        arenas,
+        run,
+        outcomes,
+        films,
+        seconds,
+        points.colors,
+    )
 
 
 def claim_folder(config: DemoConfig) -> None:
@@ -209,7 +223,7 @@ def _judge(
     assert run.champion is not None
     outcomes: dict[str, ev.Outcome] = {}
     films: dict[str, ev.Recording] = {}
-    judged_in = {"gsrm": arena, "truth": sg.load_arena("truth")}
+    judged_in = {"gsrm": arena, "truth": paint_truth()}
     for index, (name, place) in enumerate(judged_in.items()):
         progress(f"trials in {name}", index / (len(judged_in) + 1))
         outcomes[name] = ev.judge(run.champion, place, config.trials, config.seed, workers=config.workers)
