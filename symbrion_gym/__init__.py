@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from symbrion_gym.adapters.stable_baselines import make_sb3_env
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.course import Course, StairsCourse
+    from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.arenas.tiles import load_tiles
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.random_organism import make_random_organism
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
+    from symbrion_gym.sensing.friction_robot import FrictionRobot, SlipNoise
     from symbrion_gym.sensing.laser_scanner import LaserScanner
     from symbrion_gym.sensing.rangefinder import RangeFinder
     from symbrion_gym.sensing.survey import survey
@@ -71,6 +73,9 @@ __all__ = [
     "DrivingRoute",
     "EnvironmentConfig",
     "Footprint",
+    "FrictionMap",
+    "FrictionPatch",
+    "FrictionRobot",
     "GapSearch",
     "Goal",
     "LaserScanner",
@@ -86,6 +91,7 @@ __all__ = [
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
+    "SlipNoise",
     "SnakePitConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import ScanError
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.slip.readings import SlipReadings
 
 Array = NDArray[np.float64]
 
@@ -87,6 +88,7 @@ class ScanLog:
         horizontal: the scans and odometry that localize the robot, or None.
         truth: ground truth of a simulation, or None.
         report: figures about how the log was made (localization error, seed, ...).
+        slip: what a robot read that dragged its tracks over the ground, or None.
 
     Raises:
         ScanError: arrays of other shapes, no numbers, angles or poses that are not finite, poses that are not
@@ -101,6 +103,7 @@ class ScanLog:
     horizontal: HorizontalScans | None = None
     truth: ScanTruth | None = None
     report: dict[str, float] = field(default_factory=dict)
+    slip: SlipReadings | None = None
 
     def __post_init__(self) -> None:
         ranges = _as_floats("ranges", self.ranges, 2).copy()
@@ -131,7 +134,7 @@ class ScanLog:
 
     def __repr__(self) -> str:
         num_scans, num_beams = self.ranges.shape
-        extras = [name for name in ("horizontal", "truth") if getattr(self, name) is not None]
+        extras = [name for name in ("horizontal", "truth", "slip") if getattr(self, name) is not None]
         return f"ScanLog({' with '.join([f'{num_scans} scans of {num_beams} beams', *extras])})"
 
     @property
@@ -174,6 +177,8 @@ class ScanLog:
         for prefix, part in (("horizontal", self.horizontal), ("truth", self.truth)):
             if part is not None:
                 arrays |= {f"{prefix}.{name}": value for name, value in vars(part).items()}
+        if self.slip is not None:
+            arrays |= {f"slip.{name}": value for name, value in self.slip.as_arrays().items()}
         return _write_npz(path, arrays)
 
 

@@ -25,6 +25,7 @@ from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction.reconstruct import Reconstruction
+    from reconstruction.slip.patches import FrictionEstimate
 
 _WITH_FRAME = (".glb", ".gltf", ".dae")
 """Formats that say which way is up and in which unit."""
@@ -53,6 +54,7 @@ class ScannedSurface:
         dropped: share of the readings that pre-processing dropped.
         offset: what was subtracted from the coordinates of the scan [m].
         cut: what was cut off as far from every reading, in words; nothing where nothing was.
+        friction: that of the ground, as robots felt it by their slip; None: nobody did.
     """
 
     mesh: trimesh.Trimesh
@@ -64,6 +66,7 @@ class ScannedSurface:
     dropped: float | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cut: str = ""
+    friction: FrictionEstimate | None = None
 
 
 class MeshFrame(NamedTuple):
@@ -224,6 +227,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         None if dropped is None else dropped.share,
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
         str(made.notes.get("cut", "")),
+        made.friction,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from reconstruction.geometry.pose import make_quaternion
 from reconstruction.progress import Progress, silent
 from reconstruction.slip.readings import SlipReadings
+from symbrion_gym.errors import SurveyError
 from symbrion_gym.robot.organism import snake
 from symbrion_gym.robot.organism_sensors import add_sensors
 from symbrion_gym.robot.scout_constants import ScoutConfig
@@ -71,6 +73,30 @@ def drive_lanes(
         progress("feeling the ground", number / len(lanes))
         parts += simulation.drive(lane, number, sensors)
     return sensors.collect(parts)
+
+
+def find_friction_robot(
+    friction: bool | FrictionRobot, arena: object
+) -> tuple[FrictionRobot | None, Arena | None]:
+    """Return the robot that feels the ground, and the ground; None for both where it is not to be felt.
+
+    Raises:
+        SurveyError: the arena is no `Arena`, nor the name or folder of one.
+    """
+    from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.arenas.loading import load_arena
+    from symbrion_gym.assets import NAMED_ARENAS
+
+    if friction is False:
+        return None, None
+    robot = FrictionRobot() if friction is True else friction
+    if isinstance(arena, str | os.PathLike) and (str(arena) in NAMED_ARENAS or os.path.isdir(arena)):
+        arena = load_arena(str(arena))
+    if not isinstance(arena, Arena):
+        raise SurveyError(
+            "friction is felt on an Arena, a named arena or its folder; a mesh has none: make_arena(mesh, friction=...)"
+        )
+    return robot, arena
 
 
 def find_lanes(arena: Arena, robot: FrictionRobot) -> list[Lane]:

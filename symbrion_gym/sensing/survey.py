@@ -19,6 +19,8 @@ from reconstruction.progress import Progress, silent
 from reconstruction.scans.localization import localize
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym.errors import ArenaError, SurveyError
+from symbrion_gym.sensing.friction_drive import drive_lanes, find_friction_robot
+from symbrion_gym.sensing.friction_robot import FrictionRobot
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey_robot import SurveyRobot
 from symbrion_gym.sensing.survey_world import SurveyRoom, SurveyWorld
@@ -48,6 +50,7 @@ def survey(
     seed: int = 0,
     progress: Progress = silent,
     room: SurveyRoom | None = None,
+    friction: bool | FrictionRobot = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
 
@@ -64,6 +67,8 @@ def survey(
         seed: decides every error; equal seeds give equal logs.
         progress: called with what is being done.
         room: around the arena; None for the default.
+        friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`), or the
+            robot that does; the scans are the same with and without.
 
     Returns:
         Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
@@ -74,8 +79,10 @@ def survey(
     Raises:
         ArenaError: the arena is unknown.
         SurveyError: its mesh is empty or too large, or the path unusable.
+        SurveyError: friction is to be felt on a mesh, of which nobody knows any.
         MissingExtraError: the extra `scan` is not installed.
     """
+    ground_robot, ground_arena = find_friction_robot(friction, arena)
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
     surface = _find_surface(arena)
@@ -101,7 +108,10 @@ def survey(
         truth=ScanTruth(robot_poses, mixed),
         report={"seed": float(seed)},
     )
-    return localize(log, progress=progress)
+    log = localize(log, progress=progress)
+    if ground_robot is None or ground_arena is None:
+        return log
+    return log.replace(slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress))
 
 
 def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:
