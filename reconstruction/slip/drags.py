@@ -6,7 +6,8 @@ feel forces and not gravity, and D the pull of the dock: ``T = m f_x - D_x``, ``
 motion change nothing in this. It is the locked-wheel test of roads (ASTM E274) between docked robots.
 
 A track that runs as fast as the ground passes holds with less than friction gives, and tells nothing: the slip, the
-commanded speed less the speed by localization, decides which drags count.
+commanded speed less the speed by localization, decides which drags count. So a robot that slides down a slope, or spins
+its tracks before one that it cannot climb, feels the ground as well.
 """
 
 from __future__ import annotations
@@ -57,7 +58,6 @@ class DragConfig:
         least_slip: slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip.
         settling: what of a drag is left out at its beginning, as the body still swings [s].
         shortest: a drag that is shorter after that tells nothing [s].
-        change: commanded speeds that differ by less from the usual one are no drag [m/s].
         bend: a pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
             tracks are in the air [rad].
         least_load: the ground carries less than this share of the weight: the module is held up by the others.
@@ -68,17 +68,16 @@ class DragConfig:
         ScanError: a number is not above 0.
     """
 
-    least_slip: float = 0.12
+    least_slip: float = 0.10
     settling: float = 0.16
     shortest: float = 0.16
-    change: float = 0.02
     bend: float = 0.03
     least_load: float = 0.5
     most_load: float = 1.6
     pair_distance: float = 0.2
 
     def __post_init__(self) -> None:
-        names = ("least_slip", "shortest", "change", "bend", "least_load", "most_load", "pair_distance")
+        names = ("least_slip", "shortest", "bend", "least_load", "most_load", "pair_distance")
         check_positive(self, names, ScanError)
         check_not_negative(self, ("settling",), ScanError)
 
@@ -136,15 +135,12 @@ def find_friction(
 
 def _find_drags(readings: SlipReadings, config: DragConfig) -> _Drags:
     """Return the drags that count."""
-    usual = float(np.median(readings.commanded)) if len(readings) else 0.0
-    is_drag = np.abs(readings.commanded - usual) > config.change
     starts = np.r_[True, (np.diff(readings.commanded) != 0.0) | (np.diff(readings.runs) != 0)]
     parts = np.split(np.arange(len(readings)), np.flatnonzero(starts)[1:])
     rows = []
     for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
-        if len(part) and is_drag[part[0]]:
-            row = _measure(readings, part, before, after, config)
-            rows += [] if row is None else [row]
+        row = _measure(readings, part, before, after, config) if len(part) else None
+        rows += [] if row is None else [row]
     if not rows:
         return _Drags(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     return _Drags(*(np.array(column) for column in zip(*rows, strict=True)))
