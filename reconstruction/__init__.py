@@ -34,6 +34,14 @@ if TYPE_CHECKING:
     from reconstruction.scans.scan_log_file import load_scan_log
     from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
     from reconstruction.scans.smoothing import SmoothingConfig
+    from reconstruction.slip.drags import DragConfig, FrictionReadings, SlipPriors, find_friction
+    from reconstruction.slip.patches import (
+        EstimatedPatch,
+        FrictionEstimate,
+        FrictionPatchConfig,
+        find_friction_patches,
+    )
+    from reconstruction.slip.readings import SlipReadings
     from reconstruction.surfaces.quality import Quality, measure_quality
     from reconstruction.tiles.config import TilesConfig
     from reconstruction.tiles.folder import TiledSurface
@@ -42,7 +50,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Cloud",
     "CropConfig",
+    "DragConfig",
+    "EstimatedPatch",
     "FrameConfig",
+    "FrictionEstimate",
+    "FrictionPatchConfig",
+    "FrictionReadings",
     "GSRMConfig",
     "GrowingGridConfig",
     "Intrinsics",
@@ -59,6 +72,8 @@ __all__ = [
     "ResolutionConfig",
     "ScanError",
     "ScanLog",
+    "SlipPriors",
+    "SlipReadings",
     "SmoothingConfig",
     "SparsePointsConfig",
     "TiledSurface",
@@ -67,6 +82,8 @@ __all__ = [
     "crop",
     "describe_odd_size",
     "find_crop_box",
+    "find_friction",
+    "find_friction_patches",
     "is_mesh",
     "level_floor",
     "load_cloud",

@@ -23,6 +23,7 @@ from reconstruction.saved_file import Saved, read_saved, write_saved
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.point_check import check_number, check_points
 from reconstruction.scans.scan import ScanLog
+from reconstruction.slip.joining import join_slip
 
 if TYPE_CHECKING:
     import trimesh
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from reconstruction.methods import NetworkConfig, State
     from reconstruction.scans.dropped import Dropped
     from reconstruction.surfaces.color_error import ColorError, Paint
+    from reconstruction.slip.drags import FrictionReadings
+    from reconstruction.slip.patches import FrictionEstimate
+    from reconstruction.slip.readings import SlipReadings
     from reconstruction.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
@@ -120,6 +124,7 @@ class Reconstruction:
         mesh: the surface; consistently wound, each component looks to where it was seen from; without viewpoints up,
             or outwards where it is closed. Of colored points it has vertex colors.
         notes: what a reader of the result should know, by subject; texts and numbers.
+        slip: friction by place, from the slip of robots, or None; `friction` groups it into patches.
     """
 
     def __init__(
@@ -131,6 +136,7 @@ class Reconstruction:
         *,
         readings: Cloud | None = None,
         notes: dict[str, Any] | None = None,
+        slip: FrictionReadings | None = None,
     ):
         """Wrap a network; `reconstruct` and `load` are the ways to get one."""
         self.method = method
@@ -139,6 +145,7 @@ class Reconstruction:
         self.cloud = cloud
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
+        self.slip = slip
         self.mesh = self._make_mesh()
         if cloud.offset.any():
             self.notes["offset"] = (
@@ -235,11 +242,12 @@ class Reconstruction:
 
     def refine(
         self,
-        new_points: ArrayLike | ScanLog | Cloud,
+        new_points: ArrayLike | ScanLog | Cloud | None = None,
         seed: int = 0,
         progress: Progress = silent,
         *,
         origins: ArrayLike | None = None,
+        slip: SlipReadings | None = None,
     ) -> Reconstruction:
         """Return the same network after it has learned from new readings; this one stays as it is.
 
@@ -255,10 +263,17 @@ class Reconstruction:
             origins: `[N, 3]` sensor position of each reading, or `[3]` one for all, in the same frame [m]: surface
                 that their rays pass through is removed. Without them a part is removed where it is not read again
                 but all around it is.
+            slip: what a robot read that dragged its tracks over the ground, in the same frame; None for that of a scan
+                log, where it holds some. Alone, without points, it leaves the surface as it is.
 
         Raises:
-            ReconstructionError: the points or origins are no points, or in another unit.
+            ReconstructionError: the points or origins are no points, or in another unit; or there is nothing new.
         """
+        if isinstance(new_points, ScanLog) and slip is None:
+            slip = new_points.slip
+        felt = join_slip(self.slip, slip, self.offset)
+        if new_points is None:
+            return self._with_slip(felt, slip, origins)
         if isinstance(new_points, ScanLog | Cloud) and origins is not None:
             raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
         colors = None
@@ -281,13 +296,32 @@ class Reconstruction:
         state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from)
         valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
         if colors is None and self.colors is None:
-            return Reconstruction(self.method, self.config, state, join_clouds(valid, added))
+            return Reconstruction(self.method, self.config, state, join_clouds(valid, added), slip=felt)
         from reconstruction.surfaces.color import match_colors
 
         added, note = match_colors(valid, added.replace(colors=colors))
+        notes = {"colors": note} if note else {}
         return Reconstruction(
-            self.method, self.config, state, join_clouds(valid, added), notes={"colors": note} if note else {}
+            self.method, self.config, state, join_clouds(valid, added), notes=notes, slip=felt
         )
+
+    def _with_slip(
+        self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None
+    ) -> Reconstruction:
+        """Return the same surface with other friction."""
+        if slip is None or origins is not None:
+            raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
+        readings = None if self.readings is self.cloud else self.readings
+        return Reconstruction(
+            self.method, self.config, self.state, self.cloud, readings=readings, notes=self.notes, slip=felt
+        )
+
+    @cached_property
+    def friction(self) -> FrictionEstimate | None:
+        """Friction of the ground in patches; None where no robot felt it, or too little of it."""
+        from reconstruction.slip.patches import find_friction_patches
+
+        return None if self.slip is None else find_friction_patches(self.slip)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as plain arrays (.npz, no pickle), atomically.
@@ -296,7 +330,10 @@ class Reconstruction:
             OSError: the file cannot be written.
         """
         readings = None if self.readings is self.cloud else self.readings
-        write_saved(Path(path), Saved(self.method, self.config, self.state, self.cloud, readings, self.notes))
+        write_saved(
+            Path(path),
+            Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip),
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
@@ -310,7 +347,7 @@ class Reconstruction:
             ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
         saved = read_saved(path, max_bytes)
-        return cls(*saved[:4], readings=saved.readings, notes=saved.notes)
+        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip)
 
     def _make_mesh(self) -> trimesh.Trimesh:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""

@@ -15,9 +15,11 @@ from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
 from reconstruction.methods import find_method, make_config
 from reconstruction.scans.cloud import Cloud
+from reconstruction.slip.joining import read_slip_arrays
 
 if TYPE_CHECKING:
     from reconstruction.methods import NetworkConfig, State
+    from reconstruction.slip.drags import FrictionReadings
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -32,6 +34,7 @@ class Saved(NamedTuple):
     cloud: Cloud
     readings: Cloud | None
     notes: dict[str, Any]
+    slip: FrictionReadings | None = None
 
 
 def write_saved(path: Path, saved: Saved) -> None:
@@ -51,6 +54,8 @@ def write_saved(path: Path, saved: Saved) -> None:
     arrays |= _list_arrays(saved.cloud)
     if saved.readings is not None:
         arrays |= {f"readings_{name}": array for name, array in _list_arrays(saved.readings).items()}
+    if saved.slip is not None:
+        arrays |= {f"slip_{name}": array for name, array in saved.slip._asdict().items()}
     with write_atomically(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
 
@@ -84,7 +89,8 @@ def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
         cloud, readings = _make_cloud(arrays, ""), None
         if "readings_points" in arrays:
             readings = _make_cloud(arrays, "readings_")
-        return Saved(header["method"], config, state, cloud, readings, dict(header.get("notes", {})))
+        notes = dict(header.get("notes", {}))
+        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays))
     except ReconstructionError as error:
         raise ReconstructionError(f"{path}: {error}") from error
     except Exception as error:

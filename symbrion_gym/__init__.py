@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.coloring import color_arena
     from symbrion_gym.arenas.course import Course, StairsCourse
+    from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.arenas.texture_atlas import AtlasConfig
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.scout import ScoutConfig, make_scout
     from symbrion_gym.robot.sensor_noise import SensorNoise
     from symbrion_gym.sensing.camera import CameraConfig
+    from symbrion_gym.sensing.friction_robot import FrictionRobot, SlipNoise
     from symbrion_gym.sensing.laser_scanner import LaserScanner
     from symbrion_gym.sensing.rangefinder import RangeFinder
     from symbrion_gym.sensing.scout_camera import Camera
@@ -79,6 +81,9 @@ __all__ = [
     "DrivingRoute",
     "EnvironmentConfig",
     "Footprint",
+    "FrictionMap",
+    "FrictionPatch",
+    "FrictionRobot",
     "GapSearch",
     "Goal",
     "LaserScanner",
@@ -94,6 +99,7 @@ __all__ = [
     "RouteMargins",
     "ScoutConfig",
     "SensorNoise",
+    "SlipNoise",
     "SnakePitConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",

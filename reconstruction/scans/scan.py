@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reconstruction.errors import ScanError
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.slip.readings import SlipReadings
 
 Array = NDArray[np.float64]
 
@@ -89,6 +90,7 @@ class ScanLog:
         report: figures about how the log was made (localization error, seed, ...).
         colors: red, green and blue of every reading, 0 to 255, from a camera beside the scanner; or None. Zeros where a
             beam did not return.
+        slip: what a robot read that dragged its tracks over the ground, or None.
 
     Raises:
         ScanError: arrays of other shapes, no numbers, angles or poses that are not finite, poses that are not
@@ -104,6 +106,7 @@ class ScanLog:
     truth: ScanTruth | None = None
     report: dict[str, float] = field(default_factory=dict)
     colors: UInt8[np.ndarray, "S B 3"] | None = None
+    slip: SlipReadings | None = None
 
     def __post_init__(self) -> None:
         ranges = _as_floats("ranges", self.ranges, 2).copy()
@@ -142,7 +145,8 @@ class ScanLog:
 
     def __repr__(self) -> str:
         num_scans, num_beams = self.ranges.shape
-        extras = [name for name in ("horizontal", "truth", "colors") if getattr(self, name) is not None]
+        names = ("horizontal", "truth", "colors", "slip")
+        extras = [name for name in names if getattr(self, name) is not None]
         return f"ScanLog({' with '.join([f'{num_scans} scans of {num_beams} beams', *extras])})"
 
     @property
@@ -192,6 +196,8 @@ class ScanLog:
         for prefix, part in (("horizontal", self.horizontal), ("truth", self.truth)):
             if part is not None:
                 arrays |= {f"{prefix}.{name}": value for name, value in vars(part).items()}
+        if self.slip is not None:
+            arrays |= {f"slip.{name}": value for name, value in self.slip.as_arrays().items()}
         return _write_npz(path, arrays)
 
 

@@ -12,6 +12,7 @@ from reconstruction.errors import ScanError
 from reconstruction.files.bounded_read import MAX_BYTES, UnreadableFileError, read_npz
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from reconstruction.scans.scan_3dtk import load_3dtk
+from reconstruction.slip.readings import SlipReadings
 
 
 def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> ScanLog:
@@ -33,6 +34,7 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
         raise ScanError(f"{path}: {error}") from error
     try:
         horizontal, truth = _find_part(arrays, "horizontal"), _find_part(arrays, "truth")
+        slip = _find_part(arrays, "slip")
         names, values = arrays["report_names"].tolist(), arrays["report_values"].tolist()
         return ScanLog(
             arrays["ranges"],
@@ -44,6 +46,7 @@ def load_scan_log(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) ->
             truth=ScanTruth(**truth) if truth else None,
             report=dict(zip(names, values, strict=True)),
             colors=arrays.get("colors"),
+            slip=SlipReadings(**slip) if slip else None,  # pyright: ignore[reportArgumentType]
         )
     except (KeyError, TypeError, ValueError) as error:
         raise ScanError(f"{path}: not a scan log: {error}") from error

@@ -18,6 +18,8 @@ from reconstruction.quantities import format_distance
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
+from symbrion_gym.arenas.friction_map import FrictionMap
+from symbrion_gym.arenas.friction_pieces import split_pieces
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
@@ -49,12 +51,16 @@ class Arena:
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
-        friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
         texture: colors of the surface as a picture, as MuJoCo draws them; None where they are unknown.
             `surface.visual.vertex_colors` are then those of its vertices.
+        friction_source: "exact", "given" by the user, "estimated" by robots from their slip, or "assumed": a scan does
+            not show it, so randomize it.
+        friction_map: patches with another friction; None where there is one friction for all. Pieces are cut where it
+            changes.
 
     Raises:
-        ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
+        ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height
+            field with a friction map.
     """
 
     name: str
@@ -69,6 +75,7 @@ class Arena:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
     texture: SurfaceTexture | None = None
+    friction_map: FrictionMap | None = None
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -80,6 +87,12 @@ class Arena:
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
         if self.texture is not None:
             check_texture(self.texture, self.surface, self.name)
+        if self.friction_map is not None:
+            if self.height_field is not None and self.friction_map.patches:
+                raise ArenaError(
+                    "a height field has one friction for all; build the arena with kind='convex' to give it patches"
+                )
+            object.__setattr__(self, "pieces", split_pieces(self.pieces, self.friction_map))
 
     def __repr__(self) -> str:
         """Return name, contact, size and quality in one line."""
@@ -106,6 +119,7 @@ class Arena:
             provenance={"course": course.as_dict()},
             friction_source="exact",
             texture=paint_course(surface, course.color_pattern) if course.color_pattern else None,
+            friction_map=course.friction_map,
         )
 
     @cached_property
@@ -184,7 +198,7 @@ class Arena:
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
-        return make_arena_spec(self.name, self.geometry, self.friction)
+        return make_arena_spec(self.name, self.geometry, self.friction, friction_map=self.friction_map)
 
     def save(self, folder: str | Path) -> None:
         """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
@@ -206,7 +220,9 @@ class Arena:
             about["has_texture"] = True
         if self.course is not None:
             about["course"] = self.course.as_dict()
-        save_arena(folder, self.name, self.geometry, self.friction, about)
+        if self.friction_map is not None:
+            about["friction_map"] = self.friction_map.as_dict()
+        save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
         """Write the arena as a folder that other simulators load without this package.
@@ -236,6 +252,7 @@ class Arena:
             offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
             quality=self.quality.as_dict(),
             provenance=self.provenance,
+            friction_map=self.friction_map,
         )
 
     @classmethod

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
 FRICTION_LIMITS = (1e-3, 5.0)
 """Sliding friction of ground and robot; MuJoCo's contacts are sound within these."""
-FRICTION_SOURCES = ("exact", "given", "assumed")
-"""Where the friction of an arena comes from: it is made in code, a user gave it, or nobody measured it."""
+FRICTION_SOURCES = ("exact", "given", "assumed", "estimated")
+"""Where the friction of an arena comes from: it is made in code, a user gave it, nobody measured it, or robots did, by
+their slip."""
 _LONGEST_NAME = 200
 """Characters of a name."""
 _SMALLEST_AREA = 1e-9

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.geometry.hulls import make_hull
 from symbrion_gym.arenas.color_patterns import check_pattern
+from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym.errors import ArenaError
 
 _THICKNESS = 0.2
@@ -40,9 +41,11 @@ class Course:
         width: extent along y [m].
         friction: sliding friction of the ground.
         color_pattern: its colors, one of `PATTERNS`; None for none. Only a camera sees them.
+        friction_patches: rectangles with another friction, (lowest x, highest x, friction) across the whole width, or
+            (lowest x, highest x, lowest y, highest y, friction) [m]; where they overlap, the first holds.
 
     Raises:
-        ArenaError: a size is not above 0, or too large.
+        ArenaError: a size is not above 0, or too large, or a patch is no rectangle.
     """
 
     pit: float = 0.45
@@ -53,12 +56,23 @@ class Course:
     width: float = 2.0
     friction: float = 0.7
     color_pattern: str | None = None
+    friction_patches: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         check_pattern(self.color_pattern)
+        patches = tuple(tuple(map(float, patch)) for patch in self.friction_patches)
+        object.__setattr__(self, "friction_patches", patches)
         _refuse_unless_positive(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
         if not 0.0 <= self.pit <= _LONGEST:
             raise ArenaError(f"Course: pit must be a width of 0 to {_LONGEST:g} m, got {self.pit}")
+        _ = self.friction_map  # refuses what is no rectangle
+
+    @property
+    def friction_map(self) -> FrictionMap | None:
+        """The patches with another friction, exact; None without."""
+        if not self.friction_patches:
+            return None
+        return FrictionMap(tuple(_make_patch(values, self.width) for values in self.friction_patches))
 
     @property
     def pit_edges(self) -> tuple[float, float]:
@@ -116,7 +130,10 @@ class Course:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields with the kind of course, for JSON."""
-        return {"kind": "pit", **_list_fields(self)}
+        fields = _list_fields(self)
+        if not self.friction_patches:
+            del fields["friction_patches"]
+        return {"kind": "pit", **fields}
 
 
 @dataclass(frozen=True)
@@ -150,6 +167,11 @@ class StairsCourse:
     def __post_init__(self) -> None:
         check_pattern(self.color_pattern)
         _refuse_unless_positive(self, ("steps", "rise", "run", "floor", "plateau", "width", "friction"))
+
+    @property
+    def friction_map(self) -> None:
+        """One friction for all."""
+        return None
 
     @property
     def length(self) -> float:
@@ -243,6 +265,19 @@ def _refuse_unless_positive(course: Course | StairsCourse, names: tuple[str, ...
             raise ArenaError(
                 f"{type(course).__name__}: {name} must be above 0, up to {_LONGEST:g}, got {value}"
             )
+
+
+def _make_patch(values: tuple[float, ...], width: float) -> FrictionPatch:
+    if len(values) not in (3, 5):
+        raise ArenaError(
+            f"friction patch {values}: (lowest x, highest x, friction) or (lowest x, highest x, lowest y, highest y, "
+            "friction) is needed"
+        )
+    x0, x1, *across, friction = values
+    y0, y1 = across or (-width / 2, width / 2)
+    if not (x0 < x1 and y0 < y1):
+        raise ArenaError(f"friction patch {values}: the lowest x and y must be below the highest")
+    return FrictionPatch.of_rectangle((x0, y0), (x1, y1), friction)
 
 
 def _place(line: Float[np.ndarray, "P 2"], y: float) -> Float[np.ndarray, "P 3"]:

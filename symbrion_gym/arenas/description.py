@@ -10,6 +10,7 @@ from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
 from symbrion_gym.arenas.texture import TEXTURE_FILE
+from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -53,6 +54,7 @@ class ArenaDescription:
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: see `Arena`.
         has_texture: whether the surface has colors.
+        friction_map: as `FrictionMap.as_dict` returned it; None for one friction for all.
 
     Raises:
         ArenaError: a field is out of range.
@@ -71,6 +73,7 @@ class ArenaDescription:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
     has_texture: bool = False
+    friction_map: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -101,6 +104,7 @@ class ArenaDescription:
             "provenance": self.provenance,
             "offset": self.offset,
             "friction_source": self.friction_source,
+            "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -16,6 +16,8 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.cache import find_versions, get_or_make
 from symbrion_gym.arenas.coloring import color_arena
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.arenas.friction_map import FrictionMap
+from symbrion_gym.arenas.ground_friction import choose_friction
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import (
     MeshFrame,
@@ -36,9 +38,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-ASSUMED_FRICTION = 0.7
-"""Rubber tracks on a hard floor, about; a scan does not show it."""
-
 
 def make_arena(
     surface: Reconstruction | trimesh.Trimesh | str | Path,
@@ -53,6 +52,7 @@ def make_arena(
     course: Course | StairsCourse | None = None,
     name: str | None = None,
     friction: float | None = None,
+    friction_map: FrictionMap | None = None,
     thickness: float = 0.2,
     seed: int = 0,
     time_limit: float = 300.0,
@@ -83,7 +83,10 @@ def make_arena(
         course: the course that an exact surface, as a drawn one, is known to be: its pit edges, start and goal are
             kept. Never that behind a scan, on whose surface they are found.
         name: what to call it; the file's name unless given.
-        friction: sliding friction; unless given the course's, or 0.7, as is assumed of a scan (`friction_source`).
+        friction: sliding friction, everywhere; unless given the course's, that which robots felt by their slip
+            (`Reconstruction.friction`: then `friction_map` has its patches), or 0.7, as is assumed of a scan
+            (`friction_source`).
+        friction_map: patches with another friction; unless given those of the course or of the reconstruction.
         thickness: how far slabs reach below the lowest ground [m].
         seed: seed of coacd's search.
         time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
@@ -102,8 +105,11 @@ def make_arena(
             "course is the truth behind a scan, of which an arena knows nothing; leave it out: start, edges and finish "
             "are found on the surface"
         )
-    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
     scanned = take_surface(surface, viewpoints, MeshFrame(unit, up, scale))
+    ground = choose_friction(friction, friction_map, course, scanned.friction)
+    if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
+        kind = "convex"  # a height field has one friction
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
     if name is None and isinstance(surface, str | Path):
         name = make_printable(Path(surface).stem)
     progress("repairing the mesh", 0.0)
@@ -124,9 +130,6 @@ def make_arena(
     for warning in warnings:
         logger.warning("%s", warning)
     progress("done", 1.0)
-    source = "given"
-    if friction is None:
-        friction, source = (course.friction, "exact") if course is not None else (ASSUMED_FRICTION, "assumed")
     about = {
         "source": scanned.source,
         "num_faces": len(scanned.mesh.faces),
@@ -142,12 +145,13 @@ def make_arena(
         contact.pieces,
         mesh,
         quality,
-        friction,
+        ground.friction,
         course,
         ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
         contact.height_field,
         about,
         scanned.offset,
-        source,
+        ground.source,
+        ground.friction_map,
     )
     return arena if scanned.colored is None else color_arena(arena, scanned.colored)

@@ -21,6 +21,7 @@ import numpy as np
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from reconstruction.files.typed_json import read_json
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
+from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.obj_mesh import format_surface
 from symbrion_gym.arenas.png import to_png
@@ -48,7 +49,12 @@ class OwnFiles(NamedTuple):
 
 
 def save_arena(
-    folder: str | Path, name: str, geometry: ArenaGeometry, friction: float, about: dict[str, Any]
+    folder: str | Path,
+    name: str,
+    geometry: ArenaGeometry,
+    friction: float,
+    about: dict[str, Any],
+    friction_map: FrictionMap | None = None,
 ) -> None:
     """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
 
@@ -58,13 +64,14 @@ def save_arena(
         geometry: its shapes.
         friction: sliding friction of the ground.
         about: the content of `arena.json`, without its format and the names of files.
+        friction_map: patches with another friction, for the model.
 
     Raises:
         ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
     """
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
-    spec = make_arena_spec(name, geometry, friction, use_files=True)
+    spec = make_arena_spec(name, geometry, friction, use_files=True, friction_map=friction_map)
     model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)

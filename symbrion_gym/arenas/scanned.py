@@ -28,6 +28,7 @@ from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction.reconstruct import Reconstruction
+    from reconstruction.slip.patches import FrictionEstimate
 
 _WITH_FRAME = (".glb", ".gltf", ".dae")
 """Formats that say which way is up and in which unit."""
@@ -57,6 +58,7 @@ class ScannedSurface:
         offset: what was subtracted from the coordinates of the scan [m].
         cut: what was cut off as far from every reading, in words; nothing where nothing was.
         colored: points with colors, in the frame of the mesh; None: its colors are unknown.
+        friction: that of the ground, as robots felt it by their slip; None: nobody did.
     """
 
     mesh: trimesh.Trimesh
@@ -69,6 +71,7 @@ class ScannedSurface:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cut: str = ""
     colored: Cloud | None = None
+    friction: FrictionEstimate | None = None
 
 
 class MeshFrame(NamedTuple):
@@ -236,6 +239,7 @@ def _take_reconstruction(made: Reconstruction, name: str) -> ScannedSurface:
         (float(made.offset[0]), float(made.offset[1]), float(made.offset[2])),
         str(made.notes.get("cut", "")),
         made.colored_readings,
+        made.friction,
     )
 
 

@@ -8,6 +8,8 @@ import trimesh
 from jaxtyping import Float
 
 from reconstruction.geometry.rectangles import find_box
+from symbrion_gym.arenas.friction_map import FrictionMap
+from symbrion_gym.arenas.friction_pieces import find_piece_patches
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.texture_material import add_texture
 from symbrion_gym.contact.kinds import HeightField
@@ -17,6 +19,8 @@ SURFACE_GROUP = 2
 CONTACT_GROUP = 3
 """Geom group of the contact pieces: touched, not drawn unless asked for."""
 
+PATCH_PRIORITY = 2
+"""Geom priority of pieces in a friction patch: above that of robots, whose friction holds elsewhere."""
 ROLLING_FRICTION = (0.005, 0.0001)
 """Torsional [m] and rolling [m] friction: MuJoCo's defaults."""
 SURFACE_COLOR = (0.62, 0.60, 0.56, 1.0)
@@ -29,7 +33,11 @@ FIELD_BASE = 0.2
 
 
 def make_arena_spec(
-    name: str, geometry: ArenaGeometry, friction: float, use_files: bool = False
+    name: str,
+    geometry: ArenaGeometry,
+    friction: float,
+    use_files: bool = False,
+    friction_map: FrictionMap | None = None,
 ) -> mujoco.MjSpec:
     """Return a spec with an arena and lights, nothing else.
 
@@ -41,15 +49,20 @@ def make_arena_spec(
         geometry: its shapes.
         friction: sliding friction of the ground.
         use_files: name meshes as in a saved arena's folder; else the spec compiles without any file.
+        friction_map: patches with another friction, by which the pieces are cut; None for one friction for all.
     """
     spec = mujoco.MjSpec()
     spec.modelname = f"arena {name}"
     spec.compiler.degree = False
     _add_lights(spec)
     colors = make_piece_colors(len(geometry.pieces))
+    patch_frictions = find_patch_frictions(geometry.pieces, friction_map)
     for i, piece in enumerate(geometry.pieces):
         file = f"pieces/{i:03d}.obj" if use_files else ""
-        _add_piece(spec, f"arena_piece_{i}", piece, friction, colors[i], file)
+        geom = _add_piece(spec, f"arena_piece_{i}", piece, friction, colors[i], file)
+        own = patch_frictions[i]
+        if own is not None:
+            geom.priority, geom.friction[0] = PATCH_PRIORITY, own
     if geometry.height_field is not None:
         _add_height_field(spec, geometry.height_field, friction)
     _add_mesh(spec, "arena_surface", geometry.surface, "surface.obj" if use_files else "")
@@ -80,6 +93,16 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
         )
 
 
+def find_patch_frictions(
+    pieces: list[trimesh.Trimesh], friction_map: FrictionMap | None
+) -> list[float | None]:
+    """Return the friction of each of the pieces that lie in a patch; None for the others."""
+    if friction_map is None:
+        return [None] * len(pieces)
+    numbers = find_piece_patches(pieces, friction_map)
+    return [None if number < 0 else friction_map.patches[number].friction for number in numbers]
+
+
 def make_piece_colors(count: int) -> Float[np.ndarray, "count 4"]:
     """Return colors (RGBA) that tell neighbors apart: the hue moves on by the golden ratio."""
     hue = (np.arange(count) * _GOLDEN_RATIO) % 1.0
@@ -94,7 +117,7 @@ def _add_piece(
     friction: float,
     rgba: Float[np.ndarray, " 4"],
     file: str,
-) -> None:
+) -> mujoco.MjsGeom:
     """Add a contact piece: as a box where it is one, which makes contacts several times faster than a mesh."""
     box = find_box(piece)
     geom = spec.worldbody.add_geom(
@@ -103,11 +126,12 @@ def _add_piece(
     if box is None:
         _add_mesh(spec, name, piece, file)
         geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, name
-        return
+        return geom
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, box.axes.ravel())
     geom.type, geom.pos = mujoco.mjtGeom.mjGEOM_BOX, box.center
     geom.size, geom.quat = box.half_sizes, quaternion
+    return geom
 
 
 def _add_height_field(spec: mujoco.MjSpec, field: HeightField, friction: float) -> None:

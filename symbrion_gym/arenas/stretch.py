@@ -22,12 +22,15 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
     """
     if factor == 1.0:
         return arena
-    course, heights = arena.course, arena.height_field
+    course, heights, friction_map = arena.course, arena.height_field, arena.friction_map
     if course is not None:
         names = (
             ("pit", "floor", "ramp", "plateau") if isinstance(course, Course) else ("run", "floor", "plateau")
         )
         course = replace(course, **{name: factor * getattr(course, name) for name in names})
+        if isinstance(course, Course) and course.friction_patches:
+            patches = [(factor * x0, factor * x1, *rest) for x0, x1, *rest in course.friction_patches]
+            course = replace(course, friction_patches=tuple(patches))
     if heights is not None:
         along = np.array([factor, 1.0])
         heights = heights._replace(low=heights.low * along, high=heights.high * along)
@@ -37,6 +40,7 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         surface=_stretch(arena.surface, factor),
         course=course,
         height_field=heights,
+        friction_map=None if friction_map is None else friction_map.stretch(factor),
     )
 
 

@@ -101,7 +101,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |
     | `progress`            | None      | called while a surface in a file is made an arena; None: logged |
     | `stretch`             | 1.0       | factor on all lengths along x: simulates errors of a scan       |
-    | `friction`            | None      | sliding friction of the robot on everything; None: the arena's  |
+    | `friction`            | None      | sliding friction of the robot on the ground; None: the arena's  |
     | `track_speed`         | 0.10      | surface speed of the tracks [m/s]                               |
     | `hinge_torque`        | 4.5       | largest torque of a hinge [N m]                                 |
     | `sensors`             | see above | parts of the observation                                        |
@@ -150,6 +150,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     axis of the module that leans most), and the flags `success`, `diverged`, `rolled_over`, `fell`, `touched_pit`,
     `stuck`. `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
     task "recover" draws it. Other tasks have flags and terms of the reward of their own.
+
+    In an arena with a `friction_map`, `friction` holds outside of its patches. The friction of a patch keeps its ratio to
+    that of the arena: with `friction` at half the arena's, all patches have half of theirs. The reset option
+    `patch_friction` moves them within their intervals: 0 is the middle, -1 and 1 are the ends of the 95 % interval.
 
     `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`.
 

@@ -32,13 +32,15 @@ class Domain(NamedTuple):
     """The circumstances of one episode.
 
     Attributes:
-        friction: sliding friction of the robot on everything.
+        friction: sliding friction of the robot on the ground; friction patches scale with it.
         torque_scale: factor on the largest hinge torque.
         start_offset: displacement of the start along the route [m].
         start_lateral: displacement of the start to the left [m].
         yaw: rotation of the organism about its head [rad].
         track_speed: surface speed of the tracks [m/s].
         roll: the organism turned about the axis of its head at the start [rad].
+        patch_friction: where in their intervals the frictions of all patches lie: 0 in the middle, ±1 at the ends of
+            the 95 % interval.
     """
 
     friction: float
@@ -48,6 +50,7 @@ class Domain(NamedTuple):
     yaw: float
     track_speed: float
     roll: float = 0.0
+    patch_friction: float = 0.0
 
 
 def draw_domain(
@@ -121,6 +124,10 @@ def apply_domain(world: World, fields: ModelFields, domain: Domain) -> None:
     """Write circumstances into a model, or into one simulation's part of a batch's model fields."""
     scout, torque = world.organism.scout, world.servo_torque * domain.torque_scale
     fields.geom_friction[world.robot_geoms, 0] = domain.friction
+    if len(world.patch_geoms):
+        fields.geom_friction[world.patch_geoms, 0] = world.find_patch_friction(
+            domain.friction, domain.patch_friction
+        )
     fields.actuator_forcerange[world.hinge_servos] = np.stack([-torque, torque], axis=-1)
     if scout.tracks == "spheres":
         fields.geom_surfacevel[world.track_geoms] = find_surface_velocity(scout, domain.track_speed)

@@ -11,7 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from reconstruction.geometry.pose import PlanarPose
+from symbrion_gym.arenas.checks import FRICTION_LIMITS
+from symbrion_gym.arenas.friction_pieces import find_piece_patches
 from symbrion_gym.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
+from symbrion_gym.arenas.spec import PATCH_PRIORITY
 from symbrion_gym.arenas.stretch import stretch_arena
 from symbrion_gym.environment.arena_and_organism import find_arena, find_organism
 from symbrion_gym.environment.config import EnvironmentConfig
@@ -64,7 +67,7 @@ class World:
         route: the way to go.
         map_route: the way as the map has it, without `stretch`.
         model: the compiled model; change a copy, as simulations share it.
-        friction: sliding friction of the robot on everything.
+        friction: sliding friction of the robot on the ground, outside of friction patches.
         modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
         is_by_site: whether the modules are found by their sites, as some share a body.
         hinge_qpos: addresses of the joints in qpos, `[h]`: hinges, then rotations of arms if modules have two joints.
@@ -72,6 +75,7 @@ class World:
         is_sliced: whether `modules` is a slice, so that a view stays live.
         wheel_radius: radius of the driven wheels or spheres [m].
         robot_geoms: ids of the geoms of the robot that touch.
+        patch_geoms: ids of the contact pieces in friction patches; none where there is one friction for all.
         hinge_servos: ids of their actuators, `[h]`.
         servo_range: largest angles that those hold, `[h]` [rad].
         servo_torque: their largest torques, `[h]` [N m].
@@ -138,8 +142,32 @@ class World:
             [model.actuator(f"module_{i}_wheel_{k}").id for i in modules for k in wheels], dtype=np.int64
         )
         self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
+        self.patch_geoms = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_priority == PATCH_PRIORITY))
+        self._patches = self._find_patches()
         self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()
         self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()
+
+    def _find_patches(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+        """Return friction and half-width of the interval of the patch of every piece that lies in one."""
+        found = self.arena.friction_map
+        if found is None:
+            return np.zeros(0), np.zeros(0)
+        numbers = [number for number in find_piece_patches(self.arena.pieces, found) if number >= 0]
+        patches = [found.patches[number] for number in numbers]
+        return np.array([each.friction for each in patches]), np.array([each.half_width for each in patches])
+
+    def find_patch_friction(self, friction: float, place: float = 0.0) -> Float[np.ndarray, " P"]:
+        """Return the friction of the pieces in patches.
+
+        Rubber that holds better holds better everywhere: patches keep their ratio to the friction of the ground.
+
+        Args:
+            friction: sliding friction of the robot on the ground.
+            place: in the intervals of the patches: 0 in the middle, ±1 at the ends.
+        """
+        middle, half_width = self._patches
+        ratio = friction / self.arena.friction
+        return np.clip((middle + place * half_width) * ratio, *FRICTION_LIMITS)
 
     @property
     def num_modules(self) -> int:

@@ -20,6 +20,8 @@ from reconstruction.scans.localization import localize
 from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
 from symbrion_gym.errors import ArenaError, SurveyError
 from symbrion_gym.sensing.camera import CameraConfig
+from symbrion_gym.sensing.friction_drive import drive_lanes, find_friction_robot
+from symbrion_gym.sensing.friction_robot import FrictionRobot
 from symbrion_gym.sensing.laser_scanner import LaserScanner
 from symbrion_gym.sensing.survey_camera import color_readings, take_arena
 from symbrion_gym.sensing.survey_robot import SurveyRobot
@@ -51,6 +53,7 @@ def survey(
     progress: Progress = silent,
     room: SurveyRoom | None = None,
     camera: bool | CameraConfig = False,
+    friction: bool | FrictionRobot = False,
 ) -> ScanLog:
     """Drive a virtual robot around an arena and return its scan log, localized.
 
@@ -70,6 +73,8 @@ def survey(
         camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
             one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
             need colors of their own.
+        friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`), or the
+            robot that does; the scans are the same with and without.
 
     Returns:
         Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
@@ -79,9 +84,11 @@ def survey(
 
     Raises:
         ArenaError: the arena is unknown.
-        SurveyError: its mesh is empty or too large, the path unusable, or there is nothing for a camera to see.
+        SurveyError: its mesh is empty or too large, the path unusable, there is nothing for a camera to see, or
+            friction is to be felt on a mesh, of which nobody knows any.
         MissingExtraError: the extra `scan` is not installed.
     """
+    ground_robot, ground_arena = find_friction_robot(friction, arena)
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
     colored = take_arena(arena) if camera else None
@@ -114,7 +121,12 @@ def survey(
         report={"seed": float(seed)},
         colors=colors,
     )
-    return localize(log, progress=progress)
+    log = localize(log, progress=progress)
+    if ground_robot is None or ground_arena is None:
+        return log
+    return log.replace(
+        slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress)
+    )
 
 
 def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:

@@ -12,7 +12,9 @@ from jaxtyping import Float
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.rectangles import Box, find_box
 from symbrion_gym.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
+from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.spec import find_patch_frictions
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
@@ -30,11 +32,13 @@ class Solid:
         name: unique, a valid name in all formats.
         mesh: its corners and triangles.
         box: the box that it is, where it is one: engines collide boxes faster.
+        friction: sliding friction of the patch that it lies in; None outside of all.
     """
 
     name: str
     mesh: trimesh.Trimesh
     box: Box | None
+    friction: float | None = None
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Content:
         num_pieces: contact pieces of the arena, before any was cut.
         quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
         provenance: what the arena was made of.
+        friction_map: patches with another friction; None for one friction for all.
     """
 
     name: str
@@ -66,14 +71,18 @@ class Content:
     num_pieces: int
     quality: dict[str, Any]
     provenance: dict[str, Any]
+    friction_map: FrictionMap | None = None
 
 
-def make_content(geometry: ArenaGeometry, max_vertices: int | None, **about: Any) -> Content:
+def make_content(
+    geometry: ArenaGeometry, max_vertices: int | None, friction_map: FrictionMap | None = None, **about: Any
+) -> Content:
     """Return the content of an export.
 
     Args:
         geometry: the shapes of an arena.
         max_vertices: the limit of the vertices of a solid; None without.
+        friction_map: patches with another friction, by which the pieces are cut.
         about: the fields of `Content` that are not geometry.
 
     Raises:
@@ -90,8 +99,13 @@ def make_content(geometry: ArenaGeometry, max_vertices: int | None, **about: Any
         parts += [piece] if limited is None else limited.parts
         deviation = max(deviation, 0.0 if limited is None else limited.deviation)
     digits = max(len(str(len(parts) - 1)), 3)
+    frictions = find_patch_frictions(parts, friction_map)
     return Content(
-        solids=[Solid(f"arena_piece_{i:0{digits}d}", part, find_box(part)) for i, part in enumerate(parts)],
+        solids=[
+            Solid(f"arena_piece_{i:0{digits}d}", part, find_box(part), frictions[i])
+            for i, part in enumerate(parts)
+        ],
+        friction_map=friction_map,
         surface=geometry.surface,
         height_field=geometry.height_field,
         max_vertices=max_vertices,

@@ -26,6 +26,7 @@ def describe(content: Content, to: str) -> dict[str, Any]:
         "up": "z",
         "offset": list(content.offset),
         "friction": content.friction,
+        **({} if content.friction_map is None else {"friction_map": content.friction_map.as_dict()}),
         "num_pieces": content.num_pieces,
         "num_solids": len(content.solids),
         "max_vertices": content.max_vertices,
@@ -54,7 +55,7 @@ def make_readme(content: Content, to: str) -> str:
                 _describe_contact(content),
                 f"""- Units are meters, z points up.
 - Coordinates of the scan = coordinates here + ({offset}) m.
-- Sliding friction of the ground: {content.friction:g}.
+- Sliding friction of the ground: {content.friction:g}{_describe_patches(content, to)}.
 - `heights.npz`: heights of the surface as seen from above (under a ceiling, the ceiling), rows along y, columns along x
   from `low` to `high`; NaN where there is no surface.
 - `export.json`: all of this for programs. `NOTICE.txt`: whose the geometry is.""",
@@ -63,6 +64,14 @@ def make_readme(content: Content, to: str) -> str:
         )
         + "\n"
     )
+
+
+def _describe_patches(content: Content, to: str) -> str:
+    if content.friction_map is None or not content.friction_map.patches:
+        return ""
+    values = ", ".join(f"{patch.friction:.2f}" for patch in content.friction_map.patches)
+    carried = "the pieces there have it" if to in ("mjcf", "usd") else f"{to.upper()} does not carry it"
+    return f"; in patches {values} (`friction_map` in `export.json`; {carried})"
 
 
 def _describe_contact(content: Content) -> str:

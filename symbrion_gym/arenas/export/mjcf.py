@@ -18,6 +18,7 @@ from symbrion_gym.arenas.spec import (
     CONTACT_GROUP,
     FIELD_BASE,
     LEAST_RISE,
+    PATCH_PRIORITY,
     ROLLING_FRICTION,
     SURFACE_COLOR,
     SURFACE_GROUP,
@@ -85,17 +86,25 @@ def _format_assets(content: Content) -> Iterator[str]:
 
 def _format_geoms(content: Content) -> Iterator[str]:
     colors = make_piece_colors(len(content.solids))
-    friction = _join([content.friction, *ROLLING_FRICTION])
-    common = f'contype="1" conaffinity="1" group="{CONTACT_GROUP}" mass="0" friction="{friction}"'
+    common = f'contype="1" conaffinity="1" group="{CONTACT_GROUP}" mass="0"'
+    ground = _format_friction(content.friction)
     for solid, color in zip(content.solids, colors, strict=True):
-        yield f'<geom name="{solid.name}" {_format_shape(solid)} {common} rgba="{_join(color.round(3))}"/>'
+        friction = ground
+        if solid.friction is not None:
+            friction = f'{_format_friction(solid.friction)} priority="{PATCH_PRIORITY}"'
+        look = f'rgba="{_join(color.round(3))}"'
+        yield f'<geom name="{solid.name}" {_format_shape(solid)} {common} {friction} {look}/>'
     if content.height_field is not None:
         field = content.height_field
         position = [*((field.high + field.low) / 2), _find_rise(field)[0]]
         yield (
             f'<geom name="arena_height_field" type="hfield" hfield="arena_height_field" '
-            f'pos="{_join(position)}" {common}/>'
+            f'pos="{_join(position)}" {common} {ground}/>'
         )
+
+
+def _format_friction(friction: float) -> str:
+    return f'friction="{_join([friction, *ROLLING_FRICTION])}"'
 
 
 def _format_shape(solid: Solid) -> str:

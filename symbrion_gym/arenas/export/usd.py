@@ -31,12 +31,17 @@ def format_usd(content: Content) -> dict[str, bytes]:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, ROOT).GetPrim())
-    material = _add_material(stage, content.friction)
+    material = _add_material(stage, "ground", content.friction)
+    materials = {None: material} | {
+        friction: _add_material(stage, f"patch_{i}", friction)
+        for i, friction in enumerate(dict.fromkeys(solid.friction for solid in content.solids))
+        if friction is not None
+    }
     contact = UsdGeom.Xform.Define(stage, f"{ROOT}/contact")
     contact.CreatePurposeAttr(UsdGeom.Tokens.guide)
     for solid in content.solids:
         prim, approximation = _add_solid(stage, solid)
-        _make_collider(prim, approximation, material)
+        _make_collider(prim, approximation, materials[solid.friction])
     if content.height_field is not None:
         mesh = _add_mesh(stage, f"{ROOT}/contact/height_field", content.height_field.as_mesh())
         _make_collider(mesh.GetPrim(), "none", material)  # its triangles, as they are
@@ -45,10 +50,10 @@ def format_usd(content: Content) -> dict[str, bytes]:
     return {"arena.usda": stage.GetRootLayer().ExportToString().encode()}
 
 
-def _add_material(stage: Any, friction: float) -> Any:
+def _add_material(stage: Any, name: str, friction: float) -> Any:
     from pxr import UsdPhysics, UsdShade
 
-    material = UsdShade.Material.Define(stage, f"{ROOT}/ground")
+    material = UsdShade.Material.Define(stage, f"{ROOT}/{name}")
     physics = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
     physics.CreateStaticFrictionAttr(friction)
     physics.CreateDynamicFrictionAttr(friction)

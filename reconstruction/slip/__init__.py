@@ -1,0 +1,1 @@
+"""Friction of the ground from the slip of robots: readings, friction by place, patches."""

@@ -1,0 +1,161 @@
+"""Friction patches: the map, the cut of the pieces, folders, exports, models."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import Course, make_course
+from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym.arenas.friction_pieces import find_piece_patches, split_pieces
+from symbrion_gym.arenas.spec import PATCH_PRIORITY
+from symbrion_gym.arenas.stretch import stretch_arena
+from symbrion_gym.contact.kinds import HeightField
+from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym.errors import ArenaError
+
+ICE = ((-1.2, -0.9, 0.3), (-0.6, -0.3, -0.5, 0.5, 0.4))
+DIAMOND = ((0.5, 0.0), (0.0, 0.5), (-0.5, 0.0), (0.0, -0.5))
+
+
+def make_iced() -> Arena:
+    return Arena.from_course(Course(friction_patches=ICE))
+
+
+def test_places_have_the_friction_of_the_first_patch_that_contains_them() -> None:
+    patches = (FrictionPatch(0.2, (DIAMOND,), 0.05), FrictionPatch.of_rectangle((0, 0), (2, 1), 0.9))
+    found = FrictionMap(patches)
+    places = np.array([[0.1, 0.1, 5.0], [1.5, 0.5, 0.0], [0.4, -0.4, 0.0], [-0.4, 0.0, 0.0]])
+    assert found.find_patches(places).tolist() == [0, 1, -1, 0]
+    assert found.find_friction(places, 0.7).tolist() == [0.2, 0.9, 0.7, 0.2]
+    assert patches[0].limits == pytest.approx((0.15, 0.25))
+
+
+def test_a_box_is_cut_into_boxes_and_a_diamond() -> None:
+    box = trimesh.creation.box((2.0, 2.0, 0.2))
+    found = FrictionMap((FrictionPatch(0.2, (DIAMOND,)),))
+    parts = split_pieces([box], found)
+    assert len(parts) == 5
+    assert sum(part.volume for part in parts) == pytest.approx(box.volume)
+    assert find_piece_patches(parts, found) == [0, -1, -1, -1, -1]
+    assert parts[0].volume == pytest.approx(0.5 * 0.2)
+    tops = np.concatenate([part.vertices[:, 2] for part in parts])
+    assert set(np.abs(tops)) == {0.1}, "the top stays one plane, to the bit"
+
+
+def test_what_no_outline_crosses_stays_the_same_object() -> None:
+    near, far = (trimesh.creation.box((1.0, 1.0, 0.2)) for _ in range(2))
+    far.apply_translation((5.0, 0.0, 0.0))
+    touching = trimesh.creation.box((1.0, 1.0, 0.2)).apply_translation((0.0, 1.0005, 0.0))
+    found = FrictionMap((FrictionPatch.of_rectangle((-1.0, -1.0), (1.0, 0.501), 0.3),))
+    parts = split_pieces([near, far, touching], found)
+    assert [any(part is piece for piece in (near, far, touching)) for part in parts] == [True] * 3
+
+
+def test_a_second_cut_changes_nothing() -> None:
+    arena = make_iced()
+    again = replace(arena)
+    assert all(a is b for a, b in zip(again.pieces, arena.pieces, strict=True))
+
+
+def test_an_arena_without_a_map_is_described_as_before(tmp_path) -> None:
+    arena = Arena.from_course(Course())
+    arena.save(tmp_path)
+    assert "friction_map" not in (tmp_path / "arena.json").read_text()
+    assert "friction_patches" not in (tmp_path / "arena.json").read_text()
+    assert "priority" not in (tmp_path / "arena.xml").read_text()
+    assert Arena.load(tmp_path).friction_map is None
+
+
+def test_folder_and_models_carry_the_map(tmp_path) -> None:
+    arena = make_iced()
+    arena.save(tmp_path / "arena")
+    loaded = Arena.load(tmp_path / "arena")
+    assert loaded.friction_map == arena.friction_map == arena.course.friction_map
+    assert loaded.course == arena.course
+    arena.export(tmp_path / "mjcf", "mjcf")
+    for model in (
+        arena.spec().compile(),
+        loaded.spec().compile(),
+        mujoco.MjModel.from_xml_path(str(tmp_path / "arena" / "arena.xml")),
+        mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf" / "arena.xml")),
+    ):
+        in_patch = model.geom_priority == PATCH_PRIORITY
+        assert sorted(model.geom_friction[in_patch, 0]) == [0.3, 0.3, 0.4, 0.4]
+        assert set(model.geom_friction[~in_patch & (model.geom_contype > 0), 0]) == {0.7}
+
+
+def test_other_formats_say_what_they_carry(tmp_path) -> None:
+    about = make_iced().export(tmp_path, "urdf")
+    assert about["friction_map"]["patches"][1]["friction"] == 0.4
+    assert "0.30, 0.40" in (tmp_path / "README.md").read_text()
+
+
+def test_faces_have_patches() -> None:
+    arena = make_iced()
+    fine = arena.surface.subdivide_to_size(0.2)
+    numbers = arena.friction_map.find_face_patches(fine)
+    assert fine.area_faces[numbers == 0].sum() == pytest.approx(0.3 * 2 * np.hypot(1, 0.25), rel=0.2)
+
+
+def test_a_stretched_arena_has_stretched_patches() -> None:
+    arena = stretch_arena(make_iced(), 1.1)
+    assert len(arena.pieces) == len(make_iced().pieces)
+    assert arena.course.friction_patches[0] == pytest.approx((-1.32, -0.99, 0.3))
+    assert arena.friction_map == FrictionMap(arena.course.friction_map.patches)
+
+
+def test_courses_with_patches_survive_json() -> None:
+    course = Course(friction_patches=ICE)
+    assert make_course(course.as_dict()) == course
+
+
+@pytest.mark.parametrize(
+    ("patch", "message"),
+    [
+        ((0.0, 1.0), "is needed"),
+        ((1.0, 0.0, 0.3), "must be below"),
+        ((0.0, 1.0, 0.0), "friction of a patch is 0.0"),
+    ],
+)
+def test_courses_refuse_patches_that_are_no_rectangles(patch: tuple[float, ...], message: str) -> None:
+    with pytest.raises(ArenaError, match=message):
+        Course(friction_patches=(patch,))
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        ((0, 0), (1, 0)),
+        ((0, 0), (0, 1), (1, 0)),
+        ((0, 0), (1, 0), (2, 0)),
+        ((0, 0), (2, 0), (1, 0.2), (0, 2)),
+        ((0, 0), (1, 0), (0, float("nan"))),
+    ],
+)
+def test_outlines_that_are_not_convex_are_refused(outline: tuple[tuple[float, float], ...]) -> None:
+    with pytest.raises(ArenaError, match="outline is"):
+        FrictionPatch(0.5, (outline,))
+
+
+def test_impossible_values_are_refused() -> None:
+    with pytest.raises(ArenaError, match="half_width"):
+        FrictionPatch(0.5, (DIAMOND,), -0.1)
+    with pytest.raises(ArenaError, match="half_width"):
+        FrictionMap((), -0.1)
+    with pytest.raises(ArenaError, match="no outline"):
+        FrictionPatch(0.5, ())
+    with pytest.raises(ArenaError, match="friction_map"):
+        FrictionMap.from_dict({"patches": [{"friction": "much"}]})
+
+
+def test_height_fields_have_one_friction() -> None:
+    heights = HeightField(np.zeros((3, 3)), np.zeros(2), np.ones(2))
+    quality = ArenaQuality(0.0, 0.0, 0.0, 0)
+    surface = trimesh.creation.box((1.0, 1.0, 0.1))
+    found = FrictionMap((FrictionPatch(0.2, (DIAMOND,)),))
+    with pytest.raises(ArenaError, match="kind='convex'"):
+        Arena("a", [], surface, quality, kind="hfield", height_field=heights, friction_map=found)

@@ -1,0 +1,111 @@
+"""Robots on friction patches: the rule of contact, reset options, and cuts that robots do not feel."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.robot.organism import snake
+
+PATCH = (-1.9, -1.5, 0.2)
+
+
+def make_env(patches: tuple[tuple[float, ...], ...], **options) -> OrganismEnv:
+    arena = Arena.from_course(Course(friction_patches=patches))
+    return OrganismEnv(arena=arena, modules=2, **options)
+
+
+def test_friction_scales_with_that_of_the_episode() -> None:
+    env = make_env((PATCH,))
+    world = env.world
+    for friction, wanted in ((0.7, 0.2), (0.35, 0.1)):
+        env.reset(seed=0, options={"friction": friction})
+        assert env.model.geom_friction[world.patch_geoms, 0] == pytest.approx(wanted)
+        assert (env.model.geom_friction[world.robot_geoms, 0] == friction).all()
+
+
+def test_patches_move_within_their_intervals() -> None:
+    found = FrictionMap((FrictionPatch.of_rectangle((-2.0, -1.0), (-1.5, 1.0), 0.3, 0.1),))
+    arena = Arena.from_course(Course())
+    env = OrganismEnv(arena=replace(arena, friction_map=found), modules=2)
+    for place, wanted in ((-1.0, 0.2), (0.0, 0.3), (1.0, 0.4)):
+        _, info = env.reset(seed=0, options={"patch_friction": place})
+        assert env.model.geom_friction[env.world.patch_geoms, 0] == pytest.approx(wanted)
+        assert info["patch_friction"] == place
+
+
+def test_contacts_have_the_friction_of_the_ground_that_they_are_on() -> None:
+    env = make_env((PATCH,))
+    env.reset(seed=0)
+    for _ in range(20):
+        env.step(np.zeros(env.action_space.shape))
+    contacts = env.data.contact
+    found = {
+        (bool(set(pair) & set(env.world.patch_geoms)), round(float(friction[0]), 6))
+        for pair, friction in zip(contacts.geom, contacts.friction, strict=True)
+    }
+    assert found == {(True, 0.2), (False, 0.7)}, "half of the robot stands on the patch"
+
+
+def test_vector_and_single_environments_agree() -> None:
+    arena = Arena.from_course(Course(friction_patches=(PATCH, (-1.2, -0.8, 0.4))))
+    options = {"friction": (0.5, 0.9), "patch_friction": (-1.0, 1.0)}
+    envs = gym.make_vec(
+        "symbrion_gym/SnakePit-v1",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        arena=arena,
+        modules=2,
+        randomize=options,
+    )
+    first, _ = envs.reset(seed=3)
+    action = np.full(envs.action_space.shape, 0.1)
+    rows = [envs.step(action)[0] for _ in range(20)]
+    single = OrganismEnv(arena=arena, modules=2, randomize=options)
+    observation, _ = single.reset(seed=4)
+    np.testing.assert_array_equal(observation, first[1])
+    for row in rows:
+        np.testing.assert_array_equal(single.step(action[1])[0], row[1])
+
+
+def drive(patches: tuple[tuple[float, ...], ...], seconds: float = 12.0) -> np.ndarray:
+    """Return the heights of two docked modules that drive over floor, ramp and plateau [m]."""
+    arena = Arena.from_course(Course(friction_patches=patches))
+    env = OrganismEnv(arena=arena, organism=snake(2), randomize={})
+    env.reset(seed=0)
+    heights = []
+    for _ in range(int(seconds / env.dt)):
+        env.step(np.zeros(env.action_space.shape))
+        heights.append([*env.data.qpos[:3]])
+    return np.array(heights)
+
+
+def test_cuts_are_not_felt() -> None:
+    bars = [(x, x + 0.07, 0.7) for x in np.arange(-2.5, -0.3, 0.15)]
+    whole, cut = drive(()), drive(tuple(bars))
+    grid = np.linspace(-1.7, -0.8, 200)
+    apart = np.interp(grid, cut[:, 0], cut[:, 2]) - np.interp(grid, whole[:, 0], whole[:, 2])
+    assert np.abs(apart).max() < 2e-4, "30 cuts across the way"
+    assert abs(cut[-1, 0] - whole[-1, 0]) < 0.005
+
+
+def test_a_slope_of_ice_is_not_climbed() -> None:
+    assert drive(((-1.6, -0.9, 0.15),))[-1, 0] < drive(())[-1, 0] - 0.2
+
+
+def test_a_robot_of_others_feels_the_ice() -> None:
+    spec = Arena.from_course(Course(friction_patches=((-3.0, -2.0, 0.1),))).spec()
+    body = spec.worldbody.add_body(pos=[-2.5, 0.0, 0.05])
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.05], mass=1.0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+    assert set(data.contact.friction[:, 0]) == {0.1}
