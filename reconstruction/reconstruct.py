@@ -30,16 +30,20 @@ if TYPE_CHECKING:
 
     from reconstruction.methods import NetworkConfig, State
     from reconstruction.scans.dropped import Dropped
-    from reconstruction.surfaces.color_error import ColorError, Paint
     from reconstruction.slip.drags import FrictionReadings
     from reconstruction.slip.patches import FrictionEstimate
     from reconstruction.slip.readings import SlipReadings
+    from reconstruction.surfaces.color_error import ColorError, Paint
+    from reconstruction.surfaces.far_faces import FarFaces
+    from reconstruction.surfaces.far_updates import Sheet
     from reconstruction.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
 
 DEFAULT_UNITS = 2200
 """Of the paper's mode: that of its experiments."""
+_MOST_VOTES = 8192
+"""Of the readings behind a refined surface, at most these vote for its sides where their viewpoints are guessed."""
 
 
 def reconstruct(
@@ -137,8 +141,9 @@ class Reconstruction:
         readings: Cloud | None = None,
         notes: dict[str, Any] | None = None,
         slip: FrictionReadings | None = None,
+        far: FarFaces | None = None,
     ):
-        """Wrap a network; `reconstruct` and `load` are the ways to get one."""
+        """Wrap a network; `reconstruct` and `load` are the ways to get one; `far` is known after `refine`."""
         self.method = method
         self.config = config
         self.state = state
@@ -146,6 +151,8 @@ class Reconstruction:
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
         self.slip = slip
+        self._far = self._measure_far() if far is None else far
+        self._is_updated = far is not None
         self.mesh = self._make_mesh()
         if cloud.offset.any():
             self.notes["offset"] = (
@@ -295,15 +302,15 @@ class Reconstruction:
         learner = find_learner(self.method)(self.state, self.config)
         state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from)
         valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
-        if colors is None and self.colors is None:
-            return Reconstruction(self.method, self.config, state, join_clouds(valid, added), slip=felt)
-        from reconstruction.surfaces.color import match_colors
+        notes: dict[str, Any] = {}
+        if colors is not None or self.colors is not None:
+            from reconstruction.surfaces.color import match_colors
 
-        added, note = match_colors(valid, added.replace(colors=colors))
-        notes = {"colors": note} if note else {}
-        return Reconstruction(
-            self.method, self.config, state, join_clouds(valid, added), notes=notes, slip=felt
-        )
+            added, note = match_colors(valid, added.replace(colors=colors))
+            notes = {"colors": note} if note else {}
+        cloud = join_clouds(valid, added)
+        far = self._update_far(state, self.points[~is_valid], cloud)
+        return Reconstruction(self.method, self.config, state, cloud, notes=notes, slip=felt, far=far)
 
     def _with_slip(
         self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None
@@ -313,7 +320,14 @@ class Reconstruction:
             raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
         readings = None if self.readings is self.cloud else self.readings
         return Reconstruction(
-            self.method, self.config, self.state, self.cloud, readings=readings, notes=self.notes, slip=felt
+            self.method,
+            self.config,
+            self.state,
+            self.cloud,
+            readings=readings,
+            notes=self.notes,
+            slip=felt,
+            far=self._far if self._is_updated else None,
         )
 
     @cached_property
@@ -330,10 +344,9 @@ class Reconstruction:
             OSError: the file cannot be written.
         """
         readings = None if self.readings is self.cloud else self.readings
-        write_saved(
-            Path(path),
-            Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip),
-        )
+        far = self._far if self._is_updated else None
+        saved = Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip, far)
+        write_saved(Path(path), saved)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
@@ -347,13 +360,38 @@ class Reconstruction:
             ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
         saved = read_saved(path, max_bytes)
-        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip)
+        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip, far=saved.far)
+
+    @cached_property
+    def _sheet(self) -> Sheet:
+        """The network's faces, before any is cut off."""
+        from reconstruction.surfaces.far_updates import Sheet
+
+        return Sheet(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))
+
+    def _measure_far(self) -> FarFaces:
+        """Return which faces are far from every reading."""
+        from reconstruction.surfaces.far_faces import SeenPoints, measure_far_faces
+
+        return measure_far_faces(*self._sheet, SeenPoints(self.points, self.viewpoints, self.seen_from))
+
+    def _update_far(self, state: State, removed: Float[np.ndarray, "D 3"], cloud: Cloud) -> FarFaces:
+        """Return which faces of the network that has learned on are far from every reading."""
+        from reconstruction.surfaces.far_faces import SeenPoints
+        from reconstruction.surfaces.far_updates import Sheet, update_far_faces
+
+        if state is self.state and not len(removed) and not self._far.is_far.any():
+            return self._far
+        sheet = Sheet(state.units.reshape(-1, 3), state.faces.astype(np.int64))
+        seen = SeenPoints(cloud.points, cloud.viewpoints, cloud.seen_from)
+        return update_far_faces(self._far, self._sheet, sheet, removed, seen)
 
     def _make_mesh(self) -> trimesh.Trimesh:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
         import trimesh
 
         from reconstruction.geometry.orientation import orient_outwards, orient_to_viewpoints
+        from reconstruction.networks.change.absence import thin
 
         vertices, faces = self._cut_far_faces()
         if self.viewpoints is None:
@@ -362,8 +400,11 @@ class Reconstruction:
                 "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
             )
         else:
+            points = self.points
+            if self._is_updated and self.seen_from is None:
+                points = thin(points, _MOST_VOTES)  # the old faces are wound already
             (vertices, faces), share = orient_to_viewpoints(
-                vertices, faces, self.points, self.viewpoints, self.seen_from
+                vertices, faces, points, self.viewpoints, self.seen_from
             )
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
@@ -378,11 +419,10 @@ class Reconstruction:
 
     def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
         """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
-        from reconstruction.surfaces.far_faces import cut_far_faces
+        from reconstruction.surfaces.far_faces import cut_faces
 
-        used, flat = np.unique(self.state.faces, return_inverse=True)
-        vertices, faces = self.state.units.reshape(-1, 3)[used], flat.reshape(-1, 3)
-        cut = cut_far_faces(vertices, faces, self.points, self.viewpoints, self.seen_from)
+        used, flat = np.unique(self._sheet.faces, return_inverse=True)
+        cut = cut_faces(self._sheet.vertices[used], flat.reshape(-1, 3), self._far.is_far)
         if cut.num_faces:
             note = (
                 f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "

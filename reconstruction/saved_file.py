@@ -16,6 +16,7 @@ from reconstruction.files.bounded_read import read_npz
 from reconstruction.methods import find_method, make_config
 from reconstruction.scans.cloud import Cloud
 from reconstruction.slip.joining import read_slip_arrays
+from reconstruction.surfaces.far_faces import FarFaces
 
 if TYPE_CHECKING:
     from reconstruction.methods import NetworkConfig, State
@@ -35,6 +36,7 @@ class Saved(NamedTuple):
     readings: Cloud | None
     notes: dict[str, Any]
     slip: FrictionReadings | None = None
+    far: FarFaces | None = None
 
 
 def write_saved(path: Path, saved: Saved) -> None:
@@ -56,6 +58,8 @@ def write_saved(path: Path, saved: Saved) -> None:
         arrays |= {f"readings_{name}": array for name, array in _list_arrays(saved.readings).items()}
     if saved.slip is not None:
         arrays |= {f"slip_{name}": array for name, array in saved.slip._asdict().items()}
+    if saved.far is not None:
+        arrays |= {f"far_{name}": np.asarray(value) for name, value in saved.far._asdict().items()}
     with write_atomically(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
 
@@ -89,8 +93,9 @@ def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
         cloud, readings = _make_cloud(arrays, ""), None
         if "readings_points" in arrays:
             readings = _make_cloud(arrays, "readings_")
+        far = _make_far(arrays, len(state.faces)) if "far_is_far" in arrays else None
         notes = dict(header.get("notes", {}))
-        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays))
+        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays), far)
     except ReconstructionError as error:
         raise ReconstructionError(f"{path}: {error}") from error
     except Exception as error:
@@ -126,6 +131,21 @@ def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
         seen_from=arrays.get(f"{prefix}seen_from"),
         offset=arrays.get(f"{prefix}offset", np.zeros(3)),
     )
+
+
+def _make_far(arrays: dict[str, np.ndarray], num_faces: int) -> FarFaces:
+    """Return which faces are far from every reading.
+
+    Raises:
+        ReconstructionError: this is not told of every face.
+    """
+    is_far, spacing = arrays["far_is_far"], arrays["far_spacing"]
+    if is_far.dtype != bool or is_far.shape != (num_faces,) or not (spacing.shape == () and spacing >= 0):
+        raise ReconstructionError(
+            f"far_is_far must be a truth value of each of {num_faces} faces, far_spacing 0 or more; restore the file "
+            "from a copy"
+        )
+    return FarFaces(is_far, float(spacing))
 
 
 def _check_state(state: State) -> None:

@@ -58,6 +58,32 @@ _CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3
 """Samples of a face: its middle, and half the way from there to each corner."""
 
 
+class SeenPoints(NamedTuple):
+    """Readings of a surface.
+
+    Attributes:
+        points: [m].
+        viewpoints: positions of the sensor [m]; None: unknown.
+        seen_from: viewpoint of every point; None: unknown.
+    """
+
+    points: Float[np.ndarray, "N 3"]
+    viewpoints: Float[np.ndarray, "K 3"] | None = None
+    seen_from: Int[np.ndarray, " N"] | None = None
+
+
+class FarFaces(NamedTuple):
+    """Which faces lie far from every reading.
+
+    Attributes:
+        is_far: of every face.
+        spacing: least spacing of the readings that this was found with [m]; 0 where there were too few.
+    """
+
+    is_far: Bool[np.ndarray, " F"]
+    spacing: float
+
+
 class CutMesh(NamedTuple):
     """A mesh without the faces that were far from every reading.
 
@@ -94,7 +120,19 @@ def cut_far_faces(
         seen_from: viewpoint of every point; None: unknown.
         config: what is far.
     """
-    is_far = find_far_faces(vertices, faces, points, viewpoints, seen_from, config)
+    return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from, config))
+
+
+def cut_faces(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_far: Bool[np.ndarray, " F"]
+) -> CutMesh:
+    """Return a mesh without its far faces; as it is where there are none, or nothing else.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold; so is the rest.
+        is_far: result of `find_far_faces`.
+    """
     if not is_far.any() or is_far.all():
         return CutMesh(vertices, faces)
     areas = find_areas(vertices, faces)
@@ -124,36 +162,99 @@ def find_far_faces(
         seen_from: viewpoint of every point; None: unknown.
         config: what is far.
     """
-    is_far = np.zeros(len(faces), dtype=bool)
-    if len(faces) == 0 or len(points) <= config.neighbors:
-        return is_far
-    samples = np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
-    tree = cKDTree(points)
-    least = _find_least_spacing(samples[:, 0], tree, config)
-    is_open = (tree.query(samples.reshape(-1, 3))[0] > config.seen_reach * least).reshape(len(faces), -1)
+    return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from), config).is_far
+
+
+def measure_far_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    cloud: SeenPoints,
+    config: FarConfig = FAR_DEFAULTS,
+) -> FarFaces:
+    """Return which faces lie far from every reading, with the spacing that tells.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold.
+        cloud: readings of the surface.
+        config: what is far.
+    """
+    if len(faces) == 0 or len(cloud.points) <= config.neighbors:
+        return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
+    tree = cKDTree(cloud.points)
+    least = _find_least_spacing(find_samples(vertices, faces)[:, 0], tree, config)
+    is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud, config)
+    return FarFaces(is_far, least)
+
+
+def find_far_among(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    tested: Int[np.ndarray, " T"],
+    tree: cKDTree,
+    least: float,
+    cloud: SeenPoints,
+    config: FarConfig = FAR_DEFAULTS,
+) -> tuple[Bool[np.ndarray, " T"], float]:
+    """Return which of some faces lie far from every reading, and how far off the readings are that tell [m].
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold.
+        tested: indices of the faces in question; the others are taken to be near.
+        tree: of the readings that are looked at: all around these faces.
+        least: least spacing of the readings [m].
+        cloud: all readings; only the beams are taken from here.
+        config: what is far.
+    """
+    is_far = np.zeros(len(tested), dtype=bool)
+    samples, is_open = find_open(vertices, faces[tested], tree, least, config)
     if not is_open.any():
-        return is_far
-    owner, places = _project(points, vertices, faces)
+        return is_far, 0.0
+    owner, places = _project(tree.data, vertices, faces)
     rows, columns = np.nonzero(is_open)
     distance, nearest = cKDTree(places).query(samples[rows, columns])
     spacing = np.maximum(_measure_spacing(tree, nearest, config.neighbors), least)
+    needed = float((distance + spacing).max())
     ratio = distance / np.maximum(spacing, np.finfo(float).tiny)
     rows, columns, ratio, spacing = (
         part[ratio > config.seen_reach] for part in (rows, columns, ratio, spacing)
     )
     if not len(rows):
-        return is_far
+        return is_far, needed
     tried = samples[rows, columns]
-    is_open = np.isin(np.arange(len(faces)), rows)
+    is_open = np.isin(np.arange(len(faces)), tested[rows])
     limit = np.full(len(rows), config.reach)
     is_known = ~is_open[owner]
     if is_known.sum() >= config.around:
         normals = find_normals(vertices, faces)[owner[is_known]]
         limit[_goes_on(tried, places[is_known], normals, config)] = config.plane_reach
-    if viewpoints is not None:
-        limit[_is_seen_through(tried, spacing, points, viewpoints, seen_from, config)] = config.seen_reach
-    counts = np.bincount(rows[ratio > limit], minlength=len(faces))
-    return counts >= config.share * len(_CORNERS)
+    if cloud.viewpoints is not None:
+        seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from, config)
+        limit[seen] = config.seen_reach
+    counts = np.bincount(rows[ratio > limit], minlength=len(tested))
+    return counts >= config.share * len(_CORNERS), needed
+
+
+def find_samples(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "F S 3"]:
+    """Return the places of faces that are tested [m]."""
+    return np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
+
+
+def find_open(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    tree: cKDTree,
+    least: float,
+    config: FarConfig = FAR_DEFAULTS,
+) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
+    """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
+    samples = find_samples(vertices, faces)
+    limit = config.seen_reach * least
+    distance, _ = tree.query(samples.reshape(-1, 3), distance_upper_bound=2 * limit)
+    return samples, (distance > limit).reshape(len(faces), -1)
 
 
 def _find_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree, config: FarConfig) -> float:

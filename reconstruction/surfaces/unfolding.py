@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
+from reconstruction.geometry.boxes import find_near_box
 from reconstruction.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
 from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
@@ -29,6 +31,8 @@ class UnfoldConfig:
             the teeth of a closing slit.
         sharp_angle: where the normals at an edge differ by more, its faces may intersect others without any fold [rad]:
             lips over a narrow groove.
+        part_rings: where only a part may move, this many rings around the tangled faces take part; fewer are faster and
+            leave less room.
     """
 
     step: float = 0.5
@@ -43,6 +47,7 @@ class UnfoldConfig:
     rounds: int = 8
     boundary_angle: float = np.deg2rad(60)
     sharp_angle: float = np.deg2rad(75)
+    part_rings: int = 6
 
 
 def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
@@ -62,6 +67,7 @@ def find_tangled(
     hinges: Hinges,
     is_suspect: Bool[np.ndarray, " F"],
     sharp_angle: float = UnfoldConfig.sharp_angle,
+    is_tested: Bool[np.ndarray, " F"] | None = None,
 ) -> Bool[np.ndarray, " F"]:
     """Return which faces are folded, or intersect another.
 
@@ -71,19 +77,95 @@ def find_tangled(
         hinges: their hinges.
         is_suspect: these, and those at sharp edges, are tested for intersections with others.
         sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
+        is_tested: only these are looked for; all if absent.
     """
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
     is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
     is_suspect = is_suspect | is_tangled
     is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
+    if is_tested is not None:
+        is_suspect &= is_tested
     if is_suspect.any():
         is_tangled[find_intersections(vertices, faces, is_suspect)] = True
-    return is_tangled
+    return is_tangled if is_tested is None else is_tangled & is_tested
+
+
+def unfold_part(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_movable: Bool[np.ndarray, " V"],
+    config: UnfoldConfig | None = None,
+) -> Float[np.ndarray, "V 3"]:
+    """Do what `unfold_faces` does where only a part may move: the cost is that of the part.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold.
+        is_movable: the other vertices stay where they are, to the bit.
+        config: how vertices are moved.
+    """
+    config = config or UnfoldConfig()
+    part = _cut_out(vertices, faces, is_movable)
+    if part is None:
+        return vertices
+    used, faces = part
+    is_movable = is_movable[used]
+    is_tangled = _find_first(vertices[used], faces, any_corner(is_movable, faces), config)
+    if not is_tangled.any():
+        return vertices
+    is_movable = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
+    part = _cut_out(vertices[used], faces, is_movable)
+    if part is None:
+        return vertices
+    inner, faces = part
+    used = used[inner]
+    moved = vertices.copy()
+    moved[used] = unfold_faces(vertices[used], faces, config, is_movable[inner])
+    return moved
+
+
+def _cut_out(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
+) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"]] | None:
+    """Return the vertices of the faces that movable ones may meet, and these faces; None where nothing may move.
+
+    Faces farther away than the longest side of the movable ones cannot meet these while they move between their
+    neighbors.
+    """
+    own = faces[any_corner(is_movable, faces)]
+    if len(own) == 0:
+        return None
+    longest = max(float(find_lengths(vertices[own[:, k]] - vertices[own[:, k - 1]]).max()) for k in range(3))
+    is_own = np.zeros(len(vertices), dtype=bool)
+    is_own[own] = True
+    near = find_near_box(vertices, vertices[is_own], longest)
+    near = near[~is_own[near]]
+    distance, _ = cKDTree(vertices[is_own]).query(vertices[near], distance_upper_bound=longest)
+    is_own[near[np.isfinite(distance)]] = True
+    used, flat = np.unique(faces[any_corner(is_own, faces)], return_inverse=True)
+    return used, flat.reshape(-1, 3)
+
+
+def _find_first(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_tested: Bool[np.ndarray, " F"],
+    config: UnfoldConfig,
+) -> Bool[np.ndarray, " F"]:
+    """Return which of some faces are tangled, before anything has moved."""
+    sides = group_sides(faces, len(vertices))
+    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
+    is_boundary_edge = sides.counts == 1
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
 
 
 def unfold_faces(
-    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: UnfoldConfig | None = None
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: UnfoldConfig | None = None,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
 ) -> Float[np.ndarray, "V 3"]:
     """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
 
@@ -94,33 +176,40 @@ def unfold_faces(
         vertices: [m].
         faces: faces of an oriented two-manifold.
         config: how vertices are moved.
+        is_movable: the other vertices stay; all may move if absent.
     """
     config = config or UnfoldConfig()
+    is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
     is_suspect = any_corner(is_turn, faces)
-    is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle)
+    is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
     if not is_tangled.any():
         return vertices
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
-    best, fewest = vertices, is_tangled.sum()
+    is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
+    best, best_tangled, fewest = vertices, is_tangled, is_tangled.sum()
     for rings, moves_boundary in config.stages:
+        if fewest == 0:
+            break
         current, left = best, config.rounds
-        is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle)
+        is_tangled = best_tangled
         while left > 0 and fewest > 0:
             is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_boundary | moves_boundary)
+            is_moved &= ~is_fixed
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += config.step * (around @ current / share - current[moved])
-            is_suspect = is_suspect | any_corner(is_moved, faces)
-            is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle)
+            # Two faces of which neither has moved meet as before.
+            is_suspect = is_tangled | any_corner(is_moved, faces)
+            is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle, is_tested)
             left -= 1
             if is_tangled.sum() < fewest:
-                best, fewest, left = current, is_tangled.sum(), config.rounds
+                best, best_tangled, fewest, left = current, is_tangled, is_tangled.sum(), config.rounds
     return best
 
 

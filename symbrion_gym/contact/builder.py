@@ -23,6 +23,7 @@ from symbrion_gym.contact.passes.heights import fit_height_field, measure_height
 from symbrion_gym.contact.passes.patches import fit_flat_patches, fit_patches, make_prisms
 from symbrion_gym.contact.passes.slabs import fit_slabs
 from symbrion_gym.contact.problem import ContactProblem
+from symbrion_gym.contact.solid import Shape
 from symbrion_gym.errors import ArenaError
 
 Pass = Callable[[ContactProblem, Contact | None], Contact | None]
@@ -46,6 +47,7 @@ def make_contact(
     progress: Progress = silent,
     is_two_sided: Bool[np.ndarray, " F"] | None = None,
     passes: tuple[Pass, ...] | None = None,
+    known_shape: Shape | None = None,
 ) -> Contact:
     """Make contact geometry of a repaired surface.
 
@@ -56,6 +58,7 @@ def make_contact(
         progress: called with what is being done and the share done.
         is_two_sided: which faces were seen from behind, too; None: none.
         passes: in place of `PASSES` of the kind.
+        known_shape: kind of the surface that this is a part of; None: found on the surface itself.
 
     Returns:
         The best that the passes gave. Its notes list them, and hold `accuracy`, `is_reached`, `worst` and `warnings`.
@@ -63,16 +66,25 @@ def make_contact(
     Raises:
         ArenaError: no pass gave any geometry.
     """
-    problem = ContactProblem(surface, options, accuracy, Deadline(options.time_limit), progress, is_two_sided)
+    deadline = Deadline(options.time_limit)
+    problem = ContactProblem(surface, options, accuracy, deadline, progress, is_two_sided, known_shape)
     if options.kind == "hfield":
         best = _make_height_field(problem)
     else:
-        best = _run_passes(problem, PASSES[options.kind] if passes is None else passes)
+        best = run_passes(problem, PASSES[options.kind] if passes is None else passes)
     return _add_notes(problem, stop_clock(problem, best))
 
 
-def _run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
-    """Return the best candidate, with a note on each pass."""
+def run_passes(problem: ContactProblem, passes: tuple[Pass, ...]) -> Contact:
+    """Return the best candidate, with a note on each pass.
+
+    Args:
+        problem: what is wanted.
+        passes: in order.
+
+    Raises:
+        ArenaError: no pass gave any geometry.
+    """
     best, record = None, []
     for number, make in enumerate(passes):
         if best is not None and problem.deadline.is_over():

@@ -33,6 +33,7 @@ class ContactProblem:
         deadline: emergency stop.
         progress: called with what is being done and the share done.
         is_two_sided: which faces were seen from behind, too; None: none.
+        known_shape: kind of the surface that this is a part of; None: found on the surface itself.
     """
 
     surface: trimesh.Trimesh
@@ -41,6 +42,7 @@ class ContactProblem:
     deadline: Deadline
     progress: Progress
     is_two_sided: Bool[np.ndarray, " F"] | None = None
+    known_shape: Shape | None = None
 
     @property
     def config(self) -> ContactConfig:
@@ -65,7 +67,7 @@ class ContactProblem:
     @cached_property
     def shape(self) -> Shape:
         """Kind of the surface."""
-        return find_shape(self.surface, self.ground, self.config.shapes)
+        return self.known_shape or find_shape(self.surface, self.ground, self.config.shapes)
 
     @cached_property
     def solid(self) -> trimesh.Trimesh | None:

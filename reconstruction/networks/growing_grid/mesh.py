@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.rows import cross_rows, find_lengths, sum_rows
-from reconstruction.surfaces.unfolding import unfold_faces
+from reconstruction.surfaces.unfolding import unfold_faces, unfold_part
 
 MAX_UNFOLDINGS = 6
 """Passes that take folds out; few folds need more than two, and the rest is taken out as triangles."""
@@ -71,12 +71,23 @@ def unfold(
 
 
 def untangle_sheet(
-    units: Float[np.ndarray, "R C 3"], has_face: Bool[np.ndarray, "R-1 C-1"]
+    units: Float[np.ndarray, "R C 3"],
+    has_face: Bool[np.ndarray, "R-1 C-1"],
+    is_movable: Bool[np.ndarray, "R C"] | None = None,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Return the units, moved where the triangles of the sheet are folded or intersect."""
+    """Return the units, moved where the triangles of the sheet are folded or intersect.
+
+    Args:
+        units: positions.
+        has_face: which cells belong to the surface.
+        is_movable: the other units stay; all may move if absent.
+    """
     for _ in range(MAX_SPLITS):
-        vertices = units.reshape(-1, 3)
-        moved = unfold_faces(vertices, triangulate(units, has_face))
+        vertices, faces = units.reshape(-1, 3), triangulate(units, has_face)
+        if is_movable is None:
+            moved = unfold_faces(vertices, faces)
+        else:
+            moved = unfold_part(vertices, faces, is_movable.reshape(-1))
         if moved is vertices:
             break
         units = moved.reshape(units.shape)

@@ -98,7 +98,10 @@ class Learner(NetworkLearner[State, GrowingGridConfig, GridSelection]):
         if moved.shape == units.shape:
             moved = np.where(selection.is_movable[..., None], moved, units)
         has_face = find_supported(sheet, scaled, config.refinement)
-        return State(untangle_sheet(moved, has_face), has_face), np.zeros(len(samples.old), dtype=bool)
+        is_movable = dilate(~sheet.is_kept | sheet.is_movable, config.refinement.unfold_rings)
+        return State(untangle_sheet(moved, has_face, is_movable), has_face), np.zeros(
+            len(samples.old), dtype=bool
+        )
 
 
 def _find_steady(change: Change, shape: tuple[int, ...], stray_share: float) -> Bool[np.ndarray, "R C"]:

@@ -21,6 +21,7 @@ class GridRefinementConfig:
         max_lines: lines that one gap may get in a round.
         samples_per_unit: samples for each unit that takes part; more are slower.
         max_fit_iterations: iterations of the fit: a part has less far to go than a new grid.
+        unfold_rings: rings of units around the changed ones that may move where triangles are folded or intersect.
         support_reach: a sample supports the cells around the unit that it is nearest to, up to this distance.
         support_rings: rings of units round those that samples support and that are surface with them.
     """
@@ -36,8 +37,9 @@ class GridRefinementConfig:
     max_lines: int = 64
     samples_per_unit: int = 6
     max_fit_iterations: int = 4
+    unfold_rings: int = 2
     support_reach: float = 2.0
     support_rings: int = 2
 
     def __post_init__(self) -> None:
-        check_all_positive(self, may_be_zero=("closing", "stray_share", "support_rings"))
+        check_all_positive(self, may_be_zero=("closing", "stray_share", "support_rings", "unfold_rings"))

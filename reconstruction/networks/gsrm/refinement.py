@@ -16,7 +16,7 @@ from reconstruction.networks.gsrm.gsrm import GSRMConfig, State
 from reconstruction.networks.gsrm.motion import find_movable, move_units
 from reconstruction.networks.gsrm.regrowth import fit_new, regrow
 from reconstruction.networks.surface_fit import mean_edge_length
-from reconstruction.surfaces.unfolding import unfold_faces
+from reconstruction.surfaces.unfolding import unfold_part
 
 
 class Learner(NetworkLearner[State, GSRMConfig, Selection]):
@@ -77,9 +77,10 @@ class Learner(NetworkLearner[State, GSRMConfig, Selection]):
             is_changed = np.append(is_changed[~is_out], np.ones(len(units) - num_kept, dtype=bool))
         tolerance = self.config.change.strong_ratio * change.tolerance
         has_left = _find_left(units, faces, is_changed, points[: len(samples.old)], tolerance)
+        is_movable = widen(faces, is_changed, config.unfold_rings)
         used, flat = np.unique(faces, return_inverse=True)
         faces = flat.reshape(-1, 3)
-        return State(unfold_faces(units[used], faces), faces.astype(np.int32)), has_left
+        return State(unfold_part(units[used], faces, is_movable[used]), faces.astype(np.int32)), has_left
 
 
 def _find_left(

@@ -75,6 +75,8 @@ class GSRMRefinementConfig:
         min_confirmations: readings that a unit must win on average for their absence to mean that it is gone.
         fit_rounds: of the fit of a changed part: iterations, and samples of each movable unit. Between two rounds
             edges are turned along the creases that have come out.
+        unfold_rings: rings of units around the changed ones that may move where faces are folded or intersect; fewer
+            leave more of them.
         motion: when a part moves with its faces.
         regrowth: how a part is grown again.
     """
@@ -85,8 +87,9 @@ class GSRMRefinementConfig:
     max_extension_rise: float = 0.5
     min_confirmations: float = 4.0
     fit_rounds: tuple[tuple[int, int], ...] = ((2, 12), (1, 28))
+    unfold_rings: int = 2
     motion: MotionConfig = field(default_factory=MotionConfig)
     regrowth: RegrowthConfig = field(default_factory=RegrowthConfig)
 
     def __post_init__(self) -> None:
-        check_all_positive(self)
+        check_all_positive(self, may_be_zero=("unfold_rings",))

@@ -1,0 +1,172 @@
+"""An arena that follows its place: contact geometry is made again only where the surface has changed."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike
+
+from reconstruction.progress import Progress, silent
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.making import make_arena
+from symbrion_gym.arenas.scan_quality import add_scan_quality
+from symbrion_gym.arenas.scanned import ScannedSurface, find_two_sided, repair_surface, take_surface
+from symbrion_gym.arenas.seen_places import choose_positions
+from symbrion_gym.contact.acceptance import find_miss
+from symbrion_gym.contact.contact import Contact
+from symbrion_gym.contact.default_accuracy import find_accuracy
+from symbrion_gym.contact.local_changes import UPDATE_DEFAULTS, UpdateConfig
+from symbrion_gym.contact.local_update import update_contact
+from symbrion_gym.contact.options import ContactConfig, ContactOptions
+from symbrion_gym.errors import ArenaError
+
+if TYPE_CHECKING:
+    from reconstruction.reconstruct import Reconstruction
+
+logger = logging.getLogger(__name__)
+
+
+def update_arena(
+    arena: Arena,
+    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    *,
+    viewpoints: ArrayLike | None = None,
+    config: ContactConfig | None = None,
+    update: UpdateConfig = UPDATE_DEFAULTS,
+    progress: Progress = silent,
+) -> Arena:
+    """Return the arena with contact geometry made again only where the surface has changed.
+
+    Pieces elsewhere stay equal to the bit, and so do friction and everything else that the arena knows. The whole is
+    measured and accepted as a new arena's would be; where it is not good enough, all is built again, and
+    `Arena.provenance["update"]` says why. The same surface gives the same arena.
+
+    Args:
+        arena: made of the surface before.
+        surface: what it is now: a reconstruction, as `Reconstruction.refine` returns it, a mesh, or a file of either,
+            in the frame of the first.
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, where a mesh is given [m].
+        config: everything that shapes the pieces, if it was given to `make_arena`, too.
+        update: what counts as changed.
+        progress: called with what is being done and the share done.
+
+    Raises:
+        ArenaError: the arena is an exact course, or the surface cannot be used or is in another frame.
+    """
+    if arena.course is not None:
+        raise ArenaError(
+            f"arena {arena.name!r} is an exact course, which no scan updates; make an arena of a scan first: "
+            "make_arena(reconstruction)"
+        )
+    options = _read_options(arena, config)
+    scanned = take_surface(surface, viewpoints)
+    if not np.array_equal(scanned.offset, arena.offset):
+        raise ArenaError(
+            f"the surface lies at an offset of {scanned.offset} m, the arena at {arena.offset} m; give the surface that "
+            "the arena was made of, refined"
+        )
+    progress("repairing the mesh", 0.0)
+    mesh = repair_surface(scanned, options.config.repair)
+    if _is_same(mesh, arena.surface):
+        progress("done", 1.0)
+        return arena
+    accuracy = arena.provenance.get("accuracy") or find_accuracy(
+        mesh, scanned.points, options.config.accuracy
+    )
+    if arena.height_field is not None:
+        return _build_again(arena, surface, viewpoints, options, "a height field is one piece", {}, progress)
+    progress("finding what has changed", 0.2)
+    before = Contact(arena.pieces, arena.quality)
+    miss = find_miss(before, accuracy, options.max_pieces, options.config.acceptance)
+    backs = find_two_sided(scanned, mesh)
+    found = update_contact(arena.surface, mesh, arena.pieces, options, accuracy, miss, backs, update)
+    if found.contact is None:
+        return _build_again(arena, surface, viewpoints, options, found.reason, found.notes, progress)
+    progress("done", 1.0)
+    return _replace(arena, mesh, scanned, found.contact, accuracy, found.notes, options)
+
+
+def _read_options(arena: Arena, config: ContactConfig | None) -> ContactOptions:
+    """Return what the arena was made with.
+
+    Raises:
+        ArenaError: it was made with a configuration of its own, which is not given.
+    """
+    known: dict[str, Any] = dict(arena.provenance.get("options", {}))
+    if known.pop("config", None) is not None and config is None:
+        raise ArenaError(
+            f"arena {arena.name!r} was made with a configuration of its own; give it as config again"
+        )
+    names = ("accuracy", "max_pieces", "kind", "thickness", "seed", "time_limit")
+    given = {name: known[name] for name in names if name in known}
+    return ContactOptions(**given, config=config or ContactConfig())
+
+
+def _is_same(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
+    return np.array_equal(mesh.vertices, other.vertices) and np.array_equal(mesh.faces, other.faces)
+
+
+def _replace(
+    arena: Arena,
+    mesh: trimesh.Trimesh,
+    scanned: ScannedSurface,
+    contact: Contact,
+    accuracy: float,
+    notes: dict[str, Any],
+    options: ContactOptions,
+) -> Arena:
+    """Return the arena with other pieces on another surface; everything else stays."""
+    quality = add_scan_quality(contact.quality, scanned, contact.pieces, mesh)
+    miss = find_miss(contact, accuracy, options.max_pieces, options.config.acceptance)
+    about = {
+        **{name: value for name, value in arena.provenance.items() if name not in ("worst", "passes", "cut")},
+        "source": scanned.source,
+        "num_faces": len(scanned.mesh.faces),
+        "accuracy": accuracy,
+        "is_reached": miss <= 1.0,
+        **({"cut": scanned.cut} if scanned.cut else {}),
+        "viewpoints": choose_positions(scanned.viewpoints),
+        "update": {**notes, "built_again": ""},
+    }
+    return replace(arena, pieces=contact.pieces, surface=mesh, quality=quality, provenance=about)
+
+
+def _build_again(
+    arena: Arena,
+    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    viewpoints: ArrayLike | None,
+    options: ContactOptions,
+    reason: str,
+    notes: dict[str, Any],
+    progress: Progress,
+) -> Arena:
+    """Return the arena with all contact geometry made again, and the reason in its notes."""
+    logger.info("all contact geometry is made again: %s", reason)
+    made = make_arena(
+        surface,
+        accuracy=options.accuracy,
+        max_pieces=options.max_pieces,
+        kind=options.kind,
+        viewpoints=viewpoints,
+        name=arena.name,
+        friction=arena.friction,
+        thickness=options.thickness,
+        seed=options.seed,
+        time_limit=options.time_limit,
+        config=options.config,
+        progress=progress,
+    )
+    return replace(
+        arena,
+        pieces=made.pieces,
+        surface=made.surface,
+        quality=made.quality,
+        kind=made.kind,
+        height_field=made.height_field,
+        provenance={**made.provenance, "update": {**notes, "built_again": reason}},
+    )
