@@ -34,14 +34,20 @@ _NUM_NEIGHBORS = 14
 """Cells whose plane gives a normal."""
 _CERTAIN = 0.96
 """With this score no further pose is tried in a region."""
-_PROMISING = 0.5
+_PROMISING = 0.4
 """With a lower score a region is given up."""
-_NUM_VERIFIED = 4
+_NUM_VERIFIED = 8
 """Of the poses that were fitted, so many are verified."""
-_ROUGH_BEAMS = 400
+_ROUGH_BEAMS = 250
 """Beams that choose between poses; all of them decide about a find."""
 _THINNING = 1.25
 """Points of a region are farther apart than the samples of the object by this factor."""
+_NUM_ROUNDS = 2
+"""So many times an object is turned about the best pose of a region."""
+_TAKEN = 0.5
+"""A region is left out where an object was found whose center is nearer than this share of the radius."""
+_MAX_POINTS = 150
+"""More points of a region are not matched: the time grows with their square."""
 _FINAL_REACHES = (0.1, 0.08, 0.07, 0.07, 0.07)
 """Of the last fit, to all cells of a region; see `align`."""
 _APART = 0.8
@@ -128,11 +134,14 @@ def find_objects(
         scene = _prepare(cloud, model, config, seed)
         regions = find_regions(scene.cells.points, model, config)
         detector = make_detector(model, config)
+        mine: list[_Candidate] = []
         for done, region in enumerate(regions):
-            best = _search(scene, model, detector, region, config)
+            is_taken = any(np.linalg.norm(region.center - _find_body(each)[0]) < _TAKEN * model.radius for each in mine)
+            best = None if is_taken else _search(scene, model, detector, region, config)
             if best is not None:
-                found.append(best)
+                mine.append(best)
             progress(f"search for {model.name}", (number + (done + 1) / len(regions)) / len(models))
+        found += mine
     return [_report(each, cloud.offset) for each in suppress(found)]
 
 
@@ -173,19 +182,24 @@ def _search(
     """Return the best pose in a region, where the scan agrees with it."""
     points, normals = scene.cells.points[region.rows], scene.normals[region.rows]
     rows = _thin_rows(points, _THINNING * config.sampling * 2 * model.radius)
+    rows = rows[:: -(-len(rows) // _MAX_POINTS)]
     points, normals = points[rows], normals[rows]
     beams = None if scene.beams is None else scene.beams.find(region.center, 3 * model.radius)
     proposed = propose_poses(detector, model, points, normals, config)[: config.num_hypotheses]
     if not proposed:
         return None
     best = _choose(scene, model, np.array(proposed), points, normals, beams, config)
-    if _PROMISING <= best.verdict.score < _CERTAIN:
+    for _ in range(_NUM_ROUNDS):
+        if not _PROMISING <= best.verdict.score < _CERTAIN:
+            break
         turned = _choose(scene, model, _turn(model, best.pose), points, normals, beams, config)
-        best = max(best, turned, key=lambda each: each.verdict.score)
+        if turned.verdict.score <= best.verdict.score:
+            break
+        best = turned
     if best.verdict.score < _PROMISING:
         return None
     all_points, all_normals = scene.cells.points[region.rows], scene.normals[region.rows]
-    poses, _ = align(model, best.pose[None], all_points, all_normals, scene.noise, _FINAL_REACHES)
+    poses, _ = align(model, best.pose[None], all_points, all_normals, scene.noise, _FINAL_REACHES, True)
     best = _Candidate(model, poses[0], verify(scene, model, poses[0], beams, config))
     return best if is_accepted(best.verdict, config) else None
 

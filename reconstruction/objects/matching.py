@@ -18,8 +18,8 @@ from reconstruction.objects.symmetry import find_angle
 
 _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 """Poses nearer than this share of the radius, and this angle, are one hypothesis."""
-_SCENE_STEP = 1.0 / 3.0
-"""Every third point of the region votes for poses."""
+_SCENE_STEP = 1.0 / 4.0
+"""Every fourth point of the region votes for poses."""
 _MAX_POSES = 60
 
 

@@ -11,6 +11,7 @@ from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.decimation import simplify
 from reconstruction.geometry.rows import cross_rows, find_areas, find_lengths
 from reconstruction.geometry.sampling import sample_area
+from reconstruction.objects.nearest import NearestFaces, make_nearest_faces
 from reconstruction.objects.symmetry import find_symmetries, list_turns
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class ObjectModel(NamedTuple):
         point_normals: `[P, 3]` normals at the samples.
         center: `[3]` middle of its area [m].
         radius: distance of the farthest vertex from it [m].
+        nearest: the face nearest to each place about the object.
         spread: standard deviations of the samples along the principal axes, the smallest first [m].
         largest_side: area of the largest side of the bounding box [m²].
         turns: `[T, 3, 3]` rotations about the center that lead to poses the object could be mistaken in.
@@ -48,6 +50,7 @@ class ObjectModel(NamedTuple):
     point_normals: Float[np.ndarray, "P 3"]
     center: Float[np.ndarray, " 3"]
     radius: float
+    nearest: NearestFaces
     spread: Float[np.ndarray, " 3"]
     largest_side: float
     turns: Float[np.ndarray, "T 3 3"]
@@ -80,6 +83,7 @@ def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
     points = sample_area(vertices, faces, NUM_SAMPLES, 0)
     center = np.average(vertices[faces].mean(axis=1), axis=0, weights=find_areas(vertices, faces))
     sides = np.sort(high - low)
+    radius = float(find_lengths(vertices - center).max())
     return ObjectModel(
         name,
         vertices,
@@ -88,7 +92,8 @@ def make_model(name: str, mesh: trimesh.Trimesh) -> ObjectModel:
         points,
         normals[_find_nearest_faces(points, vertices, faces)],
         center,
-        float(find_lengths(vertices - center).max()),
+        radius,
+        make_nearest_faces(vertices, faces, radius),
         find_spread(points),
         float(sides[1] * sides[2]),
         list_turns(_find_axes(points)),

@@ -76,7 +76,7 @@ def _cover(points: np.ndarray, rows: np.ndarray, tree: cKDTree, radius: float) -
         seed = points[left[int(np.argmin(points[left] @ np.array([1.0, 0.618, 0.382])))]]
         near = np.linalg.norm(points[left] - seed, axis=1) <= radius
         center = points[left[near]].mean(axis=0)
-        inside = np.sort(np.array(tree.query_ball_point(center, 1.6 * radius), np.int64))
+        inside = np.sort(np.array(tree.query_ball_point(center, 1.4 * radius), np.int64))
         if len(inside) >= 12:
             regions.append(Region(center, inside))
         left = left[~near]

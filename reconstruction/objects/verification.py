@@ -19,6 +19,9 @@ _POSE_ERROR = 0.003
 _MIN_COSINE = 0.25
 """Beams that meet the surface at a smaller cosine are treated as if they met it at this one."""
 
+_PART = 0.25
+"""Deviations are averaged over parts of the object of this share of its radius."""
+
 
 class Verdict(NamedTuple):
     """What the scan says about an object at a pose.
@@ -67,12 +70,15 @@ def verify_by_beams(
     hits = np.isfinite(expected)
     off = np.where(hits, beams.ranges - np.where(hits, expected, 0.0), 0.0)
     allowed = config.tolerance * noise + _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
-    agrees = hits & (np.abs(off) <= allowed)
+    slack = _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
+    mean, count = _average(model, pose, beams, expected, off, hits & (np.abs(off) <= allowed))
+    agrees = hits & (np.abs(off) <= allowed) & (np.abs(mean) <= config.tolerance * noise / np.sqrt(count) + slack)
     through = hits & (off > allowed)
     before = hits & (off < -allowed) & (off > -model.radius)
     ends = beams.origins + beams.directions * beams.ranges[:, None]
     beside = _find_beside(model, pose, ends, ~hits & ~is_background, config.tolerance * noise + _POSE_ERROR)
     against = int(through.sum() + before.sum() + beside.sum())
+    against += int((hits & (np.abs(off) <= allowed) & ~agrees).sum())
     num_beams = int(agrees.sum())
     return Verdict(
         num_beams / max(num_beams + against, 1),
@@ -116,6 +122,31 @@ def verify_by_distance(
         covered = float(np.mean(nearest <= max(2 * spacing, allowed)))
     error = float(np.sqrt(np.mean(away[agrees] ** 2))) if num_beams else float("inf")
     return Verdict(num_beams / max(num_beams + against, 1), covered, num_beams, error)
+
+
+def _average(
+    model: ObjectModel,
+    pose: np.ndarray,
+    beams: Beams,
+    expected: np.ndarray,
+    off: np.ndarray,
+    used: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each beam the mean of the deviations of those that meet the same part of the object [m], and their
+    number: the noise of a mean is smaller, so that it shows another shape."""
+    mean, count = np.zeros(len(off)), np.ones(len(off))
+    rows = np.flatnonzero(used)
+    if len(rows):
+        ends = beams.origins[rows] + beams.directions[rows] * expected[rows, None]
+        local = (ends - pose[:3, 3]) @ pose[:3, :3] - model.center
+        cell = np.floor(local / (_PART * model.radius)).astype(np.int64)
+        cell -= cell.min(axis=0)
+        shape = cell.max(axis=0) + 1
+        key = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
+        _, part, size = np.unique(key, return_inverse=True, return_counts=True)
+        mean[rows] = (np.bincount(part, off[rows]) / size)[part]
+        count[rows] = size[part]
+    return mean, count
 
 
 def _find_beside(
