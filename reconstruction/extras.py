@@ -7,6 +7,7 @@ from reconstruction.errors import ReconstructionPackageError
 EXTRAS: dict[str, tuple[str, ...]] = {
     "cli": ("rich", "tyro"),
     "formats": ("PIL", "collada", "laspy", "lazrs", "pye57"),
+    "objects": ("cv2",),
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
     "usd": ("pxr",),
