@@ -8,7 +8,7 @@ looks at its parent.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -69,7 +69,7 @@ class BodyGenome:
         limbs = {socket: limb.develop() for socket, limb in self.limbs}
         if self.is_mirrored:
             limbs["right"] = limbs["left"].mirror()
-        return BodyGenome(**limbs)
+        return join_limbs(limbs)
 
     def mirror(self) -> BodyGenome:
         """Return the mirror image: left and right swapped all over."""
@@ -77,7 +77,7 @@ class BodyGenome:
             return replace(
                 self, back=self.back and self.back.mirror()
             )  # both sides are there, so that only the back changes
-        return BodyGenome(**{_OPPOSITE[socket]: limb.mirror() for socket, limb in self.limbs})
+        return join_limbs({_OPPOSITE[socket]: limb.mirror() for socket, limb in self.limbs})
 
     @cached_property
     def text(self) -> str:
@@ -150,6 +150,11 @@ class BodyGenome:
         return organism_to_text(self.to_organism())
 
 
+def join_limbs(limbs: Mapping[str, BodyGenome]) -> BodyGenome:
+    """Return a module with limbs on its sockets."""
+    return BodyGenome(limbs.get("back"), limbs.get("left"), limbs.get("right"))
+
+
 def genome_of(organism: Organism) -> BodyGenome:
     """Return the genome of an organism; nothing in it is mirrored.
 
@@ -171,7 +176,7 @@ def genome_of(organism: Organism) -> BodyGenome:
         roots.discard(child)
 
     def grow(module: int) -> BodyGenome:
-        return BodyGenome(**{socket: grow(child) for socket, child in children[module].items()})
+        return join_limbs({socket: grow(child) for socket, child in children[module].items()})
 
     return grow(min(roots))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evolution.bodies.enumeration import grow_everywhere
-from evolution.bodies.genome import SOCKETS, BodyGenome, Path, is_possible
+from evolution.bodies.genome import SOCKETS, BodyGenome, Path, is_possible, join_limbs
 from evolution.errors import RunError
 
 Operator = Callable[[BodyGenome], Iterator[BodyGenome]]
@@ -98,7 +98,7 @@ def take_root(genome: BodyGenome) -> Iterator[BodyGenome]:
     for path in genome.find_paths()[1:]:
         yield genome.find_limb(path)
     for socket in SOCKETS:
-        yield BodyGenome(**{socket: genome})
+        yield join_limbs({socket: genome})
 
 
 OPERATORS: dict[str, Operator] = {

@@ -83,10 +83,14 @@ class BodiesConfig:
 
     def __post_init__(self) -> None:
         check_choice("algorithm", self.algorithm, ALGORITHMS, RunError)
-        counts = dict.fromkeys(("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES))
-        modules = dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
-        coerce_integers(self, counts | modules, RunError)
-        shares = dict.fromkeys(("crossover_share", "random_share", "promoted_share"), (0.0, 1.0))
+        limits: dict[str, tuple[float, float]] = dict.fromkeys(
+            ("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES)
+        )
+        limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
+        coerce_integers(self, limits, RunError)
+        shares: dict[str, tuple[float, float]] = dict.fromkeys(
+            ("crossover_share", "random_share", "promoted_share"), (0.0, 1.0)
+        )
         coerce_floats(self, shares, RunError)
         if self.max_seconds is not None:
             coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
