@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from evolution.backends.outcome import Outcome
     from evolution.backends.scoring import Scoring
     from evolution.backends.trials import Randomization, RolloutConfig
+    from evolution.bodies.genome import BodyGenome
+    from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
+    from evolution.body_search.learning import LearningConfig
+    from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
     from evolution.champions.playback import Recording, judge, play
     from evolution.champions.policy import ChampionPolicy
     from evolution.controllers.config import ControllerConfig
@@ -24,6 +28,9 @@ if TYPE_CHECKING:
     from evolution.search.validation import Champion, Validation
 
 __all__ = [
+    "BodiesConfig",
+    "BodyEvolutionConfig",
+    "BodyGenome",
     "Champion",
     "ChampionPolicy",
     "CmaesConfig",
@@ -33,6 +40,7 @@ __all__ = [
     "Evaluator",
     "EvolutionConfig",
     "EvolutionError",
+    "LearningConfig",
     "Outcome",
     "Randomization",
     "Recording",
@@ -44,12 +52,15 @@ __all__ = [
     "Validation",
     "evaluate",
     "evolve",
+    "evolve_bodies",
     "find_controller",
     "judge",
+    "load_bodies",
     "load_champion",
     "load_run",
     "play",
     "resume",
+    "resume_bodies",
 ]
 
 _load, __dir__ = export_lazily(__name__)

@@ -12,6 +12,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
     "usd": ("pxr",),
     "rl": ("stable_baselines3",),
+    "ribs": ("ribs",),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 

@@ -123,7 +123,7 @@ class RunFolder:
 
     def write_config(self, config: EvolutionConfig) -> None:
         """Write `config.json`; the versions are those that the run began with."""
-        began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else _describe_origin()
+        began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else describe_origin()
         has_record = {"record": RECORD} if (self.path / RECORD).exists() else {}
         self._replace(CONFIG, _to_json(began | has_record | {"config": config.to_json()}))
 
@@ -259,7 +259,8 @@ def _to_json(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=2) + "\n").encode()
 
 
-def _describe_origin() -> dict[str, Any]:
+def describe_origin() -> dict[str, Any]:
+    """Return versions, commit and machine that a run begins with."""
     versions = {"python": platform.python_version()}
     for name in PACKAGES:
         try:

@@ -12,8 +12,11 @@ import evolution as ev
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
 from evolution.backends.scoring import Scoring
 from evolution.backends.trials import TrialConfig
+from evolution.body_search.config import ALGORITHMS
+from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena, check_arena_folder
 from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
+from evolution.cli.commands.evolve_bodies import make_bodies_config, resume_run_of_bodies, run_bodies
 from evolution.cli.config_options import make_config, make_options, read_environment
 from evolution.cli.console import Console
 from evolution.search.search_config import ExecutionConfig, SearchConfig
@@ -52,6 +55,8 @@ class Evolve(SeededCommand):
 
     Example: symbrion evolve --arena arenas/mine --start 0 0 --goal 3 1 --folder runs/mine
 
+    Example: symbrion evolve --arena arenas/mine --task traverse --bodies 1 8 --folder runs/bodies
+
     Example: symbrion evolve --arena truth --organism cross --task cross_gap --controller oscillators --folder runs/b
     """
 
@@ -69,6 +74,12 @@ class Evolve(SeededCommand):
     """The scoring, "module:name" of a function of (outcome, body); replaces the weights of --scoring."""
     scoring: Scoring = dataclasses.field(default_factory=Scoring)
     validation: Validation = dataclasses.field(default_factory=Validation)
+    bodies: tuple[int, int] | None = None
+    """Search for bodies of this many modules at least and at most; each of them learns its controller."""
+    algorithm: Literal[ALGORITHMS] = "halving"  # pyright: ignore[reportInvalidTypeForm]
+    """How --bodies are searched."""
+    max_seconds: float | None = None
+    """Simulated time after which no new iteration of --bodies begins [s]."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -79,7 +90,10 @@ class Evolve(SeededCommand):
         if self.execution.generations < 1:
             raise UsageError(f"--generations {self.execution.generations} is too few; give 1 or more")
         require_writable_folder(self._folder, "--folder")
-        self.make_config()
+        if self.bodies is None:
+            self.make_config()
+        else:
+            self.make_bodies_config()
 
     @property
     def _folder(self) -> Path:
@@ -103,9 +117,31 @@ class Evolve(SeededCommand):
         }
         return make_config(fields)
 
+    def make_bodies_config(self) -> "ev.BodyEvolutionConfig":
+        """Return the configuration of a search for bodies.
+
+        Raises:
+            UsageError: a value is refused, or an option has no meaning where bodies are searched.
+        """
+        if self.stages or self.tensorboard or self.validation != Validation():
+            raise UsageError(
+                "--stages, --tensorboard and --validation have no meaning with --bodies; leave them out"
+            )
+        names = ("bodies", "algorithm", "max_seconds", "arena", "seed")
+        fields = {name: getattr(self, name) for name in names}
+        fields["environment"] = read_environment(self.episode.environment)  # pyright: ignore[reportAttributeAccessIssue]
+        fields["scoring"] = self.fitness or (self.scoring if self.scoring != Scoring() else None)
+        parts = {
+            name: getattr(self, name)
+            for name in ("body", "episode", "control", "trial", "search", "execution")
+        }
+        return make_bodies_config(fields, parts)
+
     def run(self, console: Console) -> dict[str, Any]:
         for arena in self.stages or (self.arena,):
             check_arena_folder(arena)
+        if self.bodies is not None:
+            return run_bodies(self.make_bodies_config(), console)
         config = self.make_config()
         with (
             console.track(f"Evolution, {describe_body(config)}") as step,
@@ -148,6 +184,8 @@ class Resume(Command):
     def run(self, console: Console) -> dict[str, Any]:
         options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
         changes = {name: value for name, value in options.items() if value is not None}
+        if has_bodies(self.folder):
+            return resume_run_of_bodies(self.folder, changes, console)
         with (
             console.track(f"Evolution in {self.folder}") as step,
             _open_tensorboard(self.folder, self.tensorboard) as callback,

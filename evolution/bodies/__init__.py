@@ -1,0 +1,1 @@
+"""Bodies that evolve: genomes of trees of modules, how they vary, all small ones, pictures."""

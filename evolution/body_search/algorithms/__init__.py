@@ -1,0 +1,1 @@
+"""Algorithms that propose bodies, behind one interface."""

@@ -1,0 +1,83 @@
+"""Genetic algorithms over bodies: with learning in rungs (successive halving), and without."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+
+import numpy as np
+
+from evolution.body_search.algorithms.algorithm import Breeder, sort_by_fitness
+from evolution.body_search.config import BodiesConfig
+from evolution.body_search.learner import Assignment
+from evolution.body_search.learning import LearningConfig, Lesson
+
+
+class GeneticSearch:
+    """A population of the fittest bodies; every child learns to the last rung."""
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._last = config, len(learning.rungs) - 1
+        self._breeder = Breeder(config, learning, rng)
+        self._population: list[Lesson] = []
+
+    def ask(self) -> list[Assignment]:
+        """Return children; random bodies at first."""
+        count = self._config.children if self._population else self._config.population_size
+        return [Assignment(self._breeder.breed(self._population), self._last) for _ in range(count)]
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Keep the fittest of parents and children, each body once."""
+        known: dict[str, Lesson] = {}
+        for lesson in sort_by_fitness([*self._population, *lessons]):
+            known.setdefault(lesson.pupil.body.canonical_text, lesson)
+        self._population = list(known.values())[: self._config.population_size]
+
+
+class HalvingSearch:
+    """A genetic algorithm in which a body competes with those that have learned as much as it has.
+
+    Children learn the first rung. In each iteration the fittest of every rung that have not learned on do so, about a
+    third as many as have entered the rung, so that hopeless bodies cost little and young ones are never compared with
+    bodies that have learned longer. Parents win tournaments among the fittest of a random rung.
+
+    References:
+        Li, Jamieson, Rostamizadeh, Gonina, Hardt, Recht, Talwalkar (2020), A system for massively parallel
+        hyperparameter tuning (ASHA), MLSys. Hornby (2006), ALPS: the age-layered population structure, GECCO: layers
+        by age that protect the young. Differs: the layers are the rungs of learning.
+    """
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
+        self._breeder = Breeder(config, learning, rng)
+        self._layers: list[dict[str, Lesson]] = [{} for _ in learning.rungs]
+
+    def ask(self) -> list[Assignment]:
+        """Return promotions of each rung, the highest first, then children."""
+        assignments = []
+        for rung in reversed(range(len(self._layers) - 1)):
+            layer, promoted = self._layers[rung], self._layers[rung + 1]
+            count = ceil(self._config.promoted_share * len(layer)) - len(promoted)
+            waiting = [lesson for key, lesson in layer.items() if key not in promoted]
+            for lesson in sort_by_fitness(waiting)[: max(count, 0)]:
+                assignments.append(Assignment(lesson.pupil, rung + 1))
+        known = set(self._layers[0])
+        for _ in range(self._config.children):
+            child = self._breeder.breed(self._choose_parents())
+            if child.key not in known:
+                known.add(child.key)
+                assignments.append(Assignment(child, 0))
+        return assignments or [Assignment(self._breeder.make_random(), 0)]
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Put each lesson into the layer of its rung."""
+        for lesson in lessons:
+            self._layers[lesson.rung][lesson.pupil.key] = lesson
+
+    def _choose_parents(self) -> list[Lesson]:
+        """Return the fittest of a random layer; none at first."""
+        layers = [layer for layer in self._layers if layer]
+        if not layers:
+            return []
+        layer = layers[int(self._rng.integers(len(layers)))]
+        return sort_by_fitness(list(layer.values()))[: self._config.population_size]

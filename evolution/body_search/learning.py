@@ -1,0 +1,193 @@
+"""What a body learns within its lifetime: CMA-ES over the genes of its controller, in rungs of growing budgets.
+
+Every number depends on the seed of the run, the body and where its learning begins, and on nothing else: not on the
+other bodies of the run, their order or the workers.
+
+References:
+    Eiben, Hart (2020), If it evolves it needs to learn, GECCO Companion.
+    Jamieson, Talwalkar (2016), Non-stochastic best arm identification and hyperparameter optimization, AISTATS:
+    successive halving, whose rungs these are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from evolution.bodies.genome import BodyGenome
+from evolution.controllers.protocol import Controller
+from evolution.errors import RunError
+from evolution.limits import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MIN_POSITIVE
+from evolution.search.cmaes import Space, Strategy
+from reconstruction.range_checks import coerce_floats, coerce_integers
+
+_MAX_SIGMA = 1000.0
+MAX_RUNGS = 10
+
+
+@dataclass(frozen=True)
+class LearningConfig:
+    """How much a body may learn, and what counts as its fitness.
+
+    Attributes:
+        population_size: genotypes of a generation of CMA-ES.
+        rungs: generations that a body has learned in all at the end of each rung.
+        sigma: initial step size of CMA-ES, relative to the hint or the zero genotype.
+        trials: trials of each genotype.
+        exam_trials: trials of the best genotype at the end of a rung, under conditions that are not those of learning;
+            their fitness is that of the body. The best of many noisy samples would flatter it.
+        is_inherited: whether learning begins with what the parent has learned, as far as its genes have the same names
+            (Lamarckian); else where every body begins (Darwinian).
+
+    Raises:
+        RunError: a value is out of range, or the rungs do not rise.
+    """
+
+    population_size: int = 8
+    rungs: tuple[int, ...] = (2, 6, 18)
+    sigma: float = 0.5
+    trials: int = 1
+    exam_trials: int = 4
+    is_inherited: bool = False
+
+    def __post_init__(self) -> None:
+        limits = {
+            "population_size": (4, MAX_GENOTYPES),
+            "trials": (1, MAX_TRIALS),
+            "exam_trials": (1, MAX_TRIALS),
+        }
+        coerce_integers(self, limits, RunError)
+        coerce_floats(self, {"sigma": (MIN_POSITIVE, _MAX_SIGMA)}, RunError)
+        rungs = tuple(int(rung) for rung in self.rungs)
+        object.__setattr__(self, "rungs", rungs)
+        rises = all(low < high for low, high in zip((0, *rungs), rungs, strict=False))
+        if not 1 <= len(rungs) <= MAX_RUNGS or not rises or rungs[-1] > MAX_GENERATIONS:
+            raise RunError(
+                f"rungs is {self.rungs}; 1 to {MAX_RUNGS} rising numbers of generations are needed, such as (2, 6, 18)"
+            )
+
+
+class Pupil(NamedTuple):
+    """A body and where its learning begins.
+
+    Attributes:
+        body: its genome.
+        genes: name and value of genes that it inherits; empty where learning begins as for every body.
+    """
+
+    body: BodyGenome
+    genes: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What tells pupils apart; equal for mirror images that inherit nothing."""
+        inherited = ",".join(f"{name}={value!r}" for name, value in self.genes)
+        return f"{self.body.text};{inherited}" if inherited else self.body.canonical_text
+
+
+class Lesson(NamedTuple):
+    """What a body has learned at the end of a rung.
+
+    Attributes:
+        pupil: the body and where it began.
+        rung: index of the rung.
+        fitness: fitness of the best genotype in the trials of the exam.
+        successes: its successful trials there.
+        trials: number of these.
+        effort: mean effort there.
+        genotype: the best genotype of learning.
+        names: names of its genes.
+        curve: best fitness of each generation of learning.
+        seconds: simulated in this rung [s].
+    """
+
+    pupil: Pupil
+    rung: int
+    fitness: float
+    successes: int
+    trials: int
+    effort: float
+    genotype: tuple[float, ...]
+    names: tuple[str, ...]
+    curve: tuple[float, ...]
+    seconds: float
+
+
+class Learning:
+    """The learning of one pupil in progress.
+
+    Args:
+        pupil: the body and where it begins.
+        controller: its controller.
+        config: how much it may learn.
+        origin: "zero" or "hint", where every body begins.
+        seed: seed of the run.
+    """
+
+    def __init__(
+        self, pupil: Pupil, controller: Controller, config: LearningConfig, origin: str, seed: int
+    ) -> None:
+        self.pupil, self.controller = pupil, controller
+        self.curve: list[float] = []
+        self.best: Float[np.ndarray, " G"] = np.asarray(_find_start(pupil, controller, origin))
+        self._best_fitness = -np.inf
+        self._strategy: Strategy | None = None
+        if controller.parameters:
+            self._strategy = Strategy(
+                _make_space(controller, self.best),
+                config.sigma,
+                config.population_size,
+                _derive_seed(pupil, seed),
+            )
+
+    @property
+    def generation(self) -> int:
+        """Generations that are told."""
+        return len(self.curve)
+
+    def ask(self) -> Float[np.ndarray, "P G"]:
+        """Return the next generation; the one genotype of a controller without genes."""
+        return np.zeros((1, 0)) if self._strategy is None else self._strategy.ask()
+
+    def tell(self, genotypes: Float[np.ndarray, "P G"], fitness: Float[np.ndarray, " P"]) -> None:
+        """Take the fitness of a generation."""
+        if self._strategy is not None:
+            self._strategy.tell(genotypes, fitness)
+        index = int(np.argmax(fitness))
+        self.curve.append(float(fitness[index]))
+        if fitness[index] > self._best_fitness:
+            self._best_fitness, self.best = float(fitness[index]), np.array(genotypes[index])
+
+
+def inherit(lesson: Lesson) -> tuple[tuple[str, float], ...]:
+    """Return the genes that a child takes over from its parent."""
+    return tuple(zip(lesson.names, lesson.genotype, strict=True))
+
+
+def _find_start(pupil: Pupil, controller: Controller, origin: str) -> list[float]:
+    """Return the genotype at which learning begins."""
+    base = controller.initial if origin == "hint" else np.zeros(len(controller.parameters))
+    inherited: Mapping[str, float] = dict(pupil.genes)
+    values = [inherited.get(name, value) for name, value in zip(controller.parameters, base, strict=True)]
+    return np.clip(values, controller.lower, controller.upper).tolist() if values else []
+
+
+def _make_space(controller: Controller, start: Float[np.ndarray, " G"]) -> Space:
+    return Space(
+        names=controller.parameters,
+        lower=controller.lower,
+        upper=controller.upper,
+        initial=tuple(np.asarray(start).tolist()),
+        spread=(1.0,) * len(controller.parameters),
+    )
+
+
+def _derive_seed(pupil: Pupil, seed: int) -> int:
+    """Return a seed of its own for a pupil."""
+    digest = hashlib.sha256(f"{seed};{pupil.key}".encode()).digest()
+    return int.from_bytes(digest[:4], "little")

@@ -1,0 +1,161 @@
+"""The search for bodies: ask an algorithm, let bodies learn, tell it, record everything.
+
+A run resumes by going through the same code from its beginning, with lessons from the record instead of physics; so
+what follows is the same to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from evolution.backends.making import Backend, make_backend
+from evolution.backends.prepared_arenas import prepare_arena
+from evolution.backends.simulation import Simulate
+from evolution.body_search.algorithms.making import make_algorithm
+from evolution.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
+from evolution.body_search.learner import Learner
+from evolution.body_search.learning import Lesson
+from evolution.body_search.record import BodyRecord
+from evolution.body_search.run import BodyRun, begin_folder, change_folder, read_folder, write_run
+from evolution.errors import RunError
+from evolution.search.run import RunFolder
+from reconstruction.progress import Progress, silent
+
+OnIteration = Callable[[BodyRun], None]
+"""Called with the run so far after each iteration."""
+
+
+def evolve_bodies(
+    config: BodyEvolutionConfig,
+    *,
+    simulate: Simulate | None = None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+) -> BodyRun:
+    """Search for bodies from the beginning.
+
+    Args:
+        config: configuration of the run; `config.folder` must not contain a run yet.
+        simulate: the function that tries jobs; None means physics.
+        on_iteration: called with the run so far after each iteration.
+        progress: called with the progress of the run.
+
+    Raises:
+        RunError: the folder contains a run, cannot be written or is being written by another run.
+        ArenaError: there is no such arena, or it cannot be built.
+    """
+    config.to_json()  # refuses what no file could restore, before anything is written
+    if simulate is None and config.iterations:
+        prepare_arena(config.arena, progress)
+    if config.folder is None:
+        return _run(config, BodyRecord(), None, simulate, on_iteration, progress)
+    folder = RunFolder(config.folder)
+    with folder.lock():
+        begin_folder(folder.path, config)
+        return _run(config, BodyRecord(), folder.path, simulate, on_iteration, progress)
+
+
+def resume_bodies(
+    folder: str | Path,
+    *,
+    simulate: Simulate | None = None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+    **changes: Any,
+) -> BodyRun:
+    """Continue a search for bodies as if it had never stopped.
+
+    Args:
+        folder: folder of the run.
+        simulate: the function that tries jobs; None means physics.
+        on_iteration: called with the run so far after each new iteration.
+        progress: called with the progress of the run.
+        changes: new values of `iterations`, `workers`, `backend` or `address`.
+
+    Raises:
+        RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
+    """
+    allowed = set(RUNTIME_FIELDS) - {"folder"}
+    if not set(changes) <= allowed:
+        raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
+    read_folder(Path(folder))  # says what is wrong before the lock makes a folder
+    run_folder = RunFolder(folder)
+    with run_folder.lock():
+        stored, record = read_folder(run_folder.path)
+        config = replace(stored, folder=str(folder), **changes).restore()
+        if simulate is None:
+            prepare_arena(config.arena, progress)
+        if config != stored:
+            change_folder(run_folder.path, config)
+        return _run(config, record, run_folder.path, simulate, on_iteration, progress)
+
+
+def load_bodies(folder: str | Path) -> BodyRun:
+    """Read a search for bodies without continuing it; also while another process writes it.
+
+    Raises:
+        RunError: there is none, or it is damaged or contradicts its configuration.
+    """
+    config, record = read_folder(Path(folder))
+    return _iterate(config, record, Path(folder), None)
+
+
+def _run(
+    config: BodyEvolutionConfig,
+    record: BodyRecord,
+    folder: Path | None,
+    simulate: Simulate | None,
+    on_iteration: OnIteration | None,
+    progress: Progress,
+) -> BodyRun:
+    backend = make_backend(config.backend, config.workers, config.address, simulate)
+    try:
+        return _iterate(config, record, folder, backend, on_iteration, progress)
+    finally:
+        backend.close()
+
+
+def _iterate(
+    config: BodyEvolutionConfig,
+    record: BodyRecord,
+    folder: Path | None,
+    backend: Backend | None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+) -> BodyRun:
+    """Go through the iterations; those that the record knows cost nothing. Without a backend there are no others."""
+    algorithm, learner = make_algorithm(config), Learner(config, record, backend)
+    run = BodyRun(config, record, (), folder)
+    used: dict[tuple[str, int], Lesson] = {}
+    for iteration in range(config.iterations):
+        limit, assignments = config.bodies.max_seconds, algorithm.ask()
+        is_over = limit is not None and _sum_seconds(used) >= limit
+        if is_over or not assignments or (backend is None and not learner.knows(assignments)):
+            break
+        before = record.num_lessons
+        lessons = learner.learn(assignments)
+        algorithm.tell(lessons)
+        for lesson in lessons:
+            used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
+        run = BodyRun(config, record, (*run.history, (_sum_seconds(used), _find_best(config, used))), folder)
+        if record.num_lessons > before:
+            if folder is not None:
+                write_run(folder, run)
+            if on_iteration is not None:
+                on_iteration(run)
+        progress(f"iteration {iteration + 1}", (iteration + 1) / config.iterations)
+    return run
+
+
+def _sum_seconds(lessons: dict[tuple[str, int], Lesson]) -> float:
+    return sum(lesson.seconds for lesson in lessons.values())
+
+
+def _find_best(config: BodyEvolutionConfig, lessons: dict[tuple[str, int], Lesson]) -> float:
+    """Return the best fitness of a body that has learned to the last rung."""
+    last = len(config.learning.rungs) - 1
+    return max((each.fitness for each in lessons.values() if each.rung == last), default=-inf)

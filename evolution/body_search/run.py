@@ -1,0 +1,162 @@
+"""The folder of a search for bodies: its files, and how it survives crashes.
+
+    config.json     the configuration; versions, commit and machine the run began with
+    record.json     what every body has learned: the checkpoint
+    bodies.csv      one row per lesson
+    champion.json   the fittest body and its controller
+
+Reading a folder runs no code from it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evolution.backends.parts import BodyConfig
+from evolution.body_search.config import BodyEvolutionConfig
+from evolution.body_search.learning import Lesson
+from evolution.body_search.record import BodyRecord
+from evolution.errors import RunError
+from evolution.search.run import describe_origin
+from evolution.search.validation import Champion
+from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.typed_json import JsonError, read_json
+
+CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
+KIND = "bodies"
+"""What `config.json` says the folder is a run of."""
+COLUMNS = ("body", "plan", "modules", "rung", "fitness", "successes", "trials", "effort", "seconds")
+
+
+@dataclass(frozen=True)
+class BodyRun:
+    """The state of a search for bodies.
+
+    Attributes:
+        config: configuration of the run.
+        record: what every body has learned.
+        history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
+            has learned to the last rung; -inf before there is one.
+        folder: folder of the run; None if it is in memory only.
+    """
+
+    config: BodyEvolutionConfig
+    record: BodyRecord
+    history: tuple[tuple[float, float], ...]
+    folder: Path | None = None
+
+    @property
+    def best(self) -> Lesson | None:
+        """The lesson of the fittest body among those that have learned most; None before the first."""
+        lessons = self.record.lessons
+        return max(lessons, key=lambda each: (each.rung, each.fitness), default=None)
+
+    @property
+    def champion(self) -> Champion | None:
+        """The fittest body and its controller, as `judge`, `play` and `symbrion replay` take it."""
+        best = self.best
+        if best is None:
+            return None
+        return Champion(
+            genotype=best.genotype,
+            names=best.names,
+            arena=self.config.arena,
+            generation=0,
+            fitness=best.fitness,
+            successes=best.successes,
+            trials=best.trials,
+            body=BodyConfig(organism=best.pupil.body.to_organism()),
+            episode=self.config.episode,
+            control=self.config.control,
+        )
+
+
+def has_bodies(folder: str | Path) -> bool:
+    """Return whether a folder contains a search for bodies."""
+    path = Path(folder) / CONFIG
+    try:
+        content = read_json(path)
+    except (JsonError, OSError):
+        return False
+    return isinstance(content, dict) and content.get("kind") == KIND
+
+
+def begin_folder(folder: Path, config: BodyEvolutionConfig) -> None:
+    """Write the configuration and an empty record into a folder without a run. Call it only with the lock.
+
+    Raises:
+        RunError: the folder contains a run, or files that a run would replace.
+    """
+    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION) if (folder / name).exists()]
+    if taken:
+        raise RunError(f"{folder} contains {', '.join(taken)}; resume the run there, or name another folder")
+    _replace(folder / RECORD, BodyRecord().to_bytes(config.digest()))
+    _write_config(folder, describe_origin(), config)
+
+
+def change_folder(folder: Path, config: BodyEvolutionConfig) -> None:
+    """Write the configuration of a run that is resumed with changes. Call it only with the lock."""
+    _write_config(folder, read_json(folder / CONFIG), config)
+
+
+def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
+    """Read configuration and record.
+
+    Raises:
+        RunError: there is no search for bodies, or it is damaged or contradicts its configuration.
+    """
+    if not (folder / CONFIG).exists():
+        raise RunError(f"{folder} contains no run: {CONFIG} is missing")
+    if not has_bodies(folder):
+        raise RunError(f"{folder} contains no search for bodies; `resume` continues other runs")
+    config = BodyEvolutionConfig.from_json(read_json(folder / CONFIG).get("config"))
+    try:
+        content = (folder / RECORD).read_bytes()
+    except OSError as error:
+        raise RunError(f"{folder / RECORD} cannot be read ({error}); restore it from a copy") from error
+    return config, BodyRecord.from_bytes(content, config.digest(), str(folder / RECORD))
+
+
+def write_run(folder: Path, run: BodyRun) -> None:
+    """Write the record, then the files derived from it.
+
+    Raises:
+        RunError: the disk is full or read-only; the last checkpoint survives.
+    """
+    _replace(folder / RECORD, run.record.to_bytes(run.config.digest()))
+    _replace(folder / TABLE, format_table(run.record).encode())
+    if run.champion is not None:
+        _replace(folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
+
+
+def format_table(record: BodyRecord) -> str:
+    """Return `bodies.csv`."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for lesson in record.lessons:
+        body = lesson.pupil.body
+        row: list[Any] = [body.text, body.to_plan(), body.num_modules]
+        row += [getattr(lesson, name) for name in COLUMNS[3:]]
+        writer.writerow(row)
+    return buffer.getvalue()
+
+
+def _write_config(folder: Path, origin: dict[str, Any], config: BodyEvolutionConfig) -> None:
+    content = origin | {"kind": KIND, "config": config.to_json()}
+    _replace(folder / CONFIG, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    try:
+        with write_atomically(path) as temporary:
+            temporary.write_bytes(content)
+    except OSError as error:
+        raise RunError(
+            f"{path} cannot be written ({error}); the last checkpoint is kept, free some space and resume"
+        ) from error

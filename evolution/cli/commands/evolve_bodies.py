@@ -1,0 +1,125 @@
+"""`symbrion evolve --bodies`: search for a body, each of which learns its controller."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import evolution as ev
+from evolution.cli.command import UsageError
+from evolution.cli.config_options import name_flag
+from evolution.cli.console import Console
+from evolution.errors import RunError
+
+if TYPE_CHECKING:
+    from evolution.body_search.run import BodyRun
+
+DEFAULT_CONTROLLER = "oscillators"
+"""The law of bodies of any shape, unless another is named."""
+_PART_NAMES = ("episode", "control", "trial", "execution")
+_OTHER_PARTS = ("body", "search")
+"""Options that are those of one body alone."""
+
+
+def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> ev.BodyEvolutionConfig:
+    """Return the configuration of the options of `symbrion evolve --bodies`.
+
+    Args:
+        fields: `bodies` (smallest and largest number of modules), `algorithm`, `max_seconds`, `arena`, `seed`,
+            `scoring` and `environment` as they are given.
+        parts: the options by the name of their part.
+
+    Raises:
+        UsageError: a value is refused, or an option is given that has no meaning where bodies are searched.
+    """
+    for name in _OTHER_PARTS:
+        _refuse_changes(parts[name])
+    own = {
+        name: getattr(part, name)
+        for part in (parts[each] for each in _PART_NAMES)
+        for name in _list_names(part)
+    }
+    own["iterations"] = own.pop("generations")
+    del own["stop_when_solved"]
+    if own["controller"] == type(parts["control"])().controller:
+        own["controller"] = DEFAULT_CONTROLLER
+    smallest, largest = fields["bodies"]
+    environment = dict(fields["environment"])
+    if smallest == 1:
+        environment = {"track_control": "skid"} | environment
+    values = own | {
+        "environment": environment,
+        "arena": fields["arena"],
+        "seed": fields["seed"],
+        "smallest": smallest,
+        "largest": largest,
+        "algorithm": fields["algorithm"],
+        "max_seconds": fields["max_seconds"],
+    }
+    if fields["scoring"] is not None:
+        values["scoring"] = fields["scoring"]
+    try:
+        return ev.BodyEvolutionConfig(**values)
+    except RunError as error:
+        raise UsageError(name_flag(str(error), values)) from error
+
+
+def run_bodies(config: ev.BodyEvolutionConfig, console: Console) -> dict[str, Any]:
+    """Search for bodies and return a summary."""
+    title = (
+        f"Bodies of {config.bodies.smallest} to {config.bodies.largest} modules, {config.bodies.algorithm}"
+    )
+    with console.track(title) as step:
+        run = ev.evolve_bodies(config, progress=step.progress)
+    return report_bodies(run, console)
+
+
+def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Console) -> dict[str, Any]:
+    """Continue a search for bodies and return a summary."""
+    own = {"iterations" if name == "generations" else name: value for name, value in changes.items()}
+    with console.track(f"Bodies in {folder}") as step:
+        run = ev.resume_bodies(folder, progress=step.progress, **own)
+    return report_bodies(run, console)
+
+
+def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
+    """Print the results of a search for bodies, and return them as a summary."""
+    best, lessons = run.best, run.record.lessons
+    summary: dict[str, Any] = {
+        "folder": run.folder,
+        "iterations": len(run.history),
+        "bodies": len({lesson.pupil.key for lesson in lessons}),
+        "simulated_seconds": run.record.seconds,
+        "champion": run.champion.as_dict() if run.champion else None,
+    }
+    console.print_line(
+        f"{summary['iterations']} iterations, {summary['bodies']} bodies, {run.record.seconds:.0f} s simulated in "
+        f"{run.folder}"
+    )
+    if best is not None:
+        modules = best.pupil.body.num_modules
+        unit = "module" if modules == 1 else "modules"
+        summary["plan"] = best.pupil.body.to_plan()
+        console.print_line(
+            f"best body, {modules} {unit}, {summary['plan']}: succeeds in {best.successes} of {best.trials} trials of "
+            f"its exam, fitness {best.fitness:.2f}"
+        )
+        console.print_line(f"next: symbrion replay {run.folder} --video champion.mp4")
+    return summary
+
+
+def _refuse_changes(options: Any) -> None:
+    """Refuse options of a part that are not its defaults."""
+    for each in dataclasses.fields(options):
+        value = getattr(options, each.name)
+        if value != each.default:
+            flag = f"--{each.name.replace('_', '-')}"
+            raise UsageError(
+                f"{flag} {value}: an option of one body, and --bodies searches for bodies; leave out one of them"
+            )
+
+
+def _list_names(options: Any) -> list[str]:
+    return [each.name for each in dataclasses.fields(options)]

@@ -1,0 +1,242 @@
+"""Searches for bodies on a made landscape: what is learned, resuming to the bit, and what is refused."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import evolution as ev
+from evolution.backends.trials import Job, Outcome
+from evolution.bodies.enumeration import enumerate_bodies
+from evolution.bodies.genome import genome_of, parse_genome
+from evolution.body_search.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
+from evolution.body_search.learning import Learning, LearningConfig, Pupil, inherit
+from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
+from evolution.body_search.record import BodyRecord
+from evolution.errors import RunError
+from reconstruction.extras import MissingExtraError
+
+BEST = "b(b(.)m(.))"
+"""The best body of the made landscape."""
+LEARNING = LearningConfig(population_size=4, rungs=(1, 2, 4), exam_trials=2)
+BODIES = BodiesConfig(algorithm="halving", largest=6, children=6, population_size=6)
+
+
+def landscape(jobs: Sequence[Job], threads: int) -> list[Outcome]:
+    """Progress: how many modules are those of the best body, less the distance of the genes from 0.3."""
+    wanted = _list_places(parse_genome(BEST))
+    outcomes = []
+    for job in jobs:
+        places = _list_places(genome_of(job.trials.body.find_organism()))
+        likeness = len(places & wanted) / len(places | wanted)
+        distance = float(np.abs(job.genotype - 0.3).mean())
+        luck = np.random.default_rng([*job.trials.seed, len(places)]).normal(0.0, 0.01)
+        progress = likeness - 0.1 * distance + luck
+        outcomes.append(Outcome(progress, 0.1, (progress > 0.9,) * job.trials.count, seconds=1.0))
+    return outcomes
+
+
+def _list_places(genome):
+    return set(genome.develop().find_paths())
+
+
+def make_config(**changes):
+    values = {
+        "arena": "gsrm",
+        "track_control": "skid",
+        "bodies": BODIES,
+        "learning": LEARNING,
+        "iterations": 8,
+    }
+    return BodyEvolutionConfig(**values | changes)
+
+
+def find_bytes(run):
+    return run.record.to_bytes(run.config.digest())
+
+
+@pytest.mark.parametrize("algorithm", ["halving", "genetic", "random", "exhaustive"])
+def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
+    config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
+    first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))
+    assert (find_bytes(first), first.history) == (find_bytes(second), second.history)
+    other = evolve_bodies(replace(config, seed=1), simulate=landscape)
+    assert find_bytes(other) != find_bytes(first)
+
+
+def test_a_resumed_run_equals_one_that_never_stopped(tmp_path):
+    whole = evolve_bodies(make_config(folder=tmp_path / "whole"), simulate=landscape)
+    evolve_bodies(make_config(folder=tmp_path / "parts", iterations=3), simulate=landscape)
+    resumed = resume_bodies(tmp_path / "parts", iterations=8, simulate=landscape)
+    assert resumed.history == whole.history
+    for name in ("record.json", "bodies.csv", "champion.json"):
+        assert (tmp_path / "parts" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    loaded = load_bodies(tmp_path / "parts")
+    assert (loaded.history, find_bytes(loaded)) == (whole.history, find_bytes(whole))
+
+
+def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
+    count = 0
+
+    def dying(jobs, threads):
+        nonlocal count
+        count += len(jobs)
+        if count > 120:
+            raise KeyboardInterrupt
+        return landscape(jobs, threads)
+
+    with pytest.raises(KeyboardInterrupt):
+        evolve_bodies(make_config(folder=tmp_path / "killed"), simulate=dying)
+    assert load_bodies(tmp_path / "killed").record.num_lessons > 0
+    resumed = resume_bodies(tmp_path / "killed", simulate=landscape)
+    assert find_bytes(resumed) == find_bytes(evolve_bodies(make_config(), simulate=landscape))
+
+
+@pytest.mark.parametrize("algorithm", ["halving", "genetic"])
+def test_a_search_finds_what_random_bodies_do_not(algorithm):
+    """Over five seeds, at equal simulated time; doing nothing but drawing bodies is the comparison."""
+
+    def find(name, seed):
+        bodies = replace(BODIES, algorithm=name, max_seconds=1500.0)
+        run = evolve_bodies(make_config(bodies=bodies, seed=seed, iterations=200), simulate=landscape)
+        return run.history[-1][1]
+
+    searched, drawn = ([find(name, seed) for seed in range(5)] for name in (algorithm, "random"))
+    assert np.median(searched) > np.median(drawn) + 0.1
+    assert np.median(searched) > 0.9
+
+
+def test_exhaustive_search_tries_every_body_once_and_ends():
+    bodies = BodiesConfig(algorithm="exhaustive", smallest=2, largest=4, children=10)
+    run = evolve_bodies(make_config(bodies=bodies, iterations=100), simulate=landscape)
+    tried = [lesson.pupil.body.text for lesson in run.record.lessons if lesson.rung == 2]
+    assert sorted(tried) == sorted(body.text for count in (2, 3, 4) for body in enumerate_bodies(count))
+    assert len(run.history) == 4
+
+
+def test_what_a_body_learns_depends_on_no_other():
+    alone = make_config(bodies=BodiesConfig(algorithm="exhaustive", smallest=3, largest=3, children=1))
+    together = make_config(bodies=BodiesConfig(algorithm="exhaustive", smallest=1, largest=3, children=99))
+    first, second = (evolve_bodies(config, simulate=landscape).record for config in (alone, together))
+    for lesson in first.lessons:
+        assert second.find(lesson.pupil.key, lesson.rung) == lesson
+
+
+def test_successive_halving_spends_little_on_most_bodies():
+    run = evolve_bodies(make_config(iterations=20), simulate=landscape)
+    counts = [sum(lesson.rung == rung for lesson in run.record.lessons) for rung in range(3)]
+    assert counts[0] > 2 * counts[1] > 4 * counts[2] > 0
+
+
+def test_the_fitness_of_a_body_is_that_of_its_exam():
+    """The best sample of learning is flattered by its luck; the exam has other conditions."""
+    run = evolve_bodies(make_config(), simulate=landscape)
+    flattery = [max(lesson.curve) - lesson.fitness for lesson in run.record.lessons]
+    assert np.mean(flattery) != 0.0
+    assert all(lesson.trials == LEARNING.exam_trials for lesson in run.record.lessons)
+
+
+def test_lamarckian_learning_begins_with_the_genes_of_the_parent():
+    config = replace(LEARNING, is_inherited=True)
+    darwin, lamarck = (
+        evolve_bodies(make_config(learning=learning, iterations=10), simulate=landscape)
+        for learning in (LEARNING, config)
+    )
+    assert not any(lesson.pupil.genes for lesson in darwin.record.lessons)
+    children = [lesson for lesson in lamarck.record.lessons if lesson.pupil.genes]
+    assert children
+    child = children[0]
+    parents = [inherit(lesson) for lesson in lamarck.record.lessons]
+    assert child.pupil.genes in parents
+    known = dict(child.pupil.genes)
+    controller = ev.find_controller(
+        "oscillators", child.pupil.body.to_organism(), num_tracks=2 * child.pupil.body.num_modules
+    )
+    start = Learning(child.pupil, controller, config, "zero", 0).best
+    assert [known.get(name, 0.0) for name in controller.parameters] == pytest.approx(start.tolist())
+
+
+def test_mirror_images_are_one_pupil():
+    one, other = Pupil(parse_genome("l(b(.))")), Pupil(parse_genome("r(b(.))"))
+    assert one.key == other.key
+    assert Pupil(one.body, (("a", 1.0),)).key != one.key
+
+
+def test_the_champion_is_a_champion_as_of_any_run(tmp_path):
+    run = evolve_bodies(make_config(folder=tmp_path / "run"), simulate=landscape)
+    champion = ev.load_champion(tmp_path / "run")
+    assert champion == run.champion
+    assert champion.body.find_organism().num_modules == run.best.pupil.body.num_modules
+
+
+def test_a_record_of_another_configuration_is_refused(tmp_path):
+    evolve_bodies(make_config(folder=tmp_path / "run", iterations=1), simulate=landscape)
+    path = tmp_path / "run" / "config.json"
+    content = json.loads(path.read_text())
+    content["config"]["seed"] = 7
+    path.write_text(json.dumps(content))
+    with pytest.raises(RunError, match="another configuration"):
+        resume_bodies(tmp_path / "run", simulate=landscape)
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", b'{"format": "symbrion bodies 9"}', b"[1]", b"\x00\xff"])
+def test_a_damaged_record_is_refused(content):
+    with pytest.raises(RunError, match=r"damaged|has format"):
+        BodyRecord.from_bytes(content, "digest", "record.json")
+
+
+def test_folders_are_refused_in_one_line(tmp_path):
+    with pytest.raises(RunError, match="contains no run"):
+        resume_bodies(tmp_path / "nothing", simulate=landscape)
+    assert not (tmp_path / "nothing").exists()
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "record.json").write_text("mine")
+    with pytest.raises(RunError, match=r"contains record\.json"):
+        evolve_bodies(make_config(folder=tmp_path / "notes"), simulate=landscape)
+    assert (tmp_path / "notes" / "record.json").read_text() == "mine"
+    with pytest.raises(RunError, match="cannot change"):
+        resume_bodies(tmp_path / "notes", seed=3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"modules": 5}, "modules is given, and bodies are searched"),
+        ({"track_control": "constant"}, "bodies of 1 module have no hinge"),
+        ({"bodies": BodiesConfig(), "algorithm": "luck"}, "luck"),
+        ({"smallest": 5, "largest": 2}, "got 5 and 2"),
+        ({"operators": ("fly",)}, "fly"),
+        ({"arena": 3}, "arena is int"),
+    ],
+)
+def test_configurations_that_cannot_be_are_refused(change, message):
+    with pytest.raises(RunError, match=message):
+        make_config(**change)
+
+
+@pytest.mark.parametrize("rungs", [(), (0, 1), (3, 3), (4, 2)])
+def test_rungs_rise(rungs):
+    with pytest.raises(RunError, match="rungs is"):
+        LearningConfig(rungs=rungs)
+
+
+@pytest.mark.parametrize("algorithm", ["map_elites", "cma_mae"])
+def test_archives_keep_an_elite_of_each_kind(algorithm):
+    config = make_config(bodies=replace(BODIES, algorithm=algorithm))
+    if find_spec("ribs") is None:
+        with pytest.raises(MissingExtraError, match=r"symbrion-gym\[ribs\]"):
+            evolve_bodies(config, simulate=landscape)
+        pytest.skip("the extra 'ribs' is not installed")
+    run = evolve_bodies(config, simulate=landscape)
+    again = evolve_bodies(run.config, simulate=landscape)
+    assert find_bytes(run) == find_bytes(again)
+    assert len({lesson.pupil.body.num_modules for lesson in run.record.lessons}) > 3
+
+
+def test_every_algorithm_has_a_maker():
+    from evolution.body_search.algorithms.making import _MAKERS
+
+    assert tuple(_MAKERS) == ALGORITHMS
