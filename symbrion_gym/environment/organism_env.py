@@ -61,13 +61,15 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
     | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
+    | `goal_direction`* | 2      | its bearing, positive to the left [rad], and distance [m], by dead reckoning | -π, 0 ... π, 100 |
 
     * optional: part of the observation only if `sensors` names it.
 
     `odometry` is what an external localization would measure. `track_odometry` is the robot's own estimate: it begins
     with the start position on the map (without a pit, relative to the origin of the map), and in every tick adds the
     distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
-    and `stretch`.
+    and `stretch`. `goal_direction` is an estimate likewise, in the plane: the speeds of all tracks and the tilt of the
+    modules turn and move a pose from the start on the map. `goal` is the truth.
 
     ## Reward
 

@@ -53,6 +53,19 @@ class ReachPlaces:
         """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`."""
         return find_path(arena, organism, start, self.places, self.distance)
 
+    def list_places(
+        self, route: Route, length: float
+    ) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
+        """Return the corners and places of a way in turn, and how near each is passed [m].
+
+        Args:
+            route: as `find` returned it.
+            length: length of a module [m].
+        """
+        path, tolerance = _read_path(route), length if self.tolerance is None else self.tolerance
+        loose = max(_PASSING * length, tolerance)
+        return np.array(path.corners), np.array([tolerance if exact else loose for exact in path.is_place])
+
     def _find_tolerance(self, state: TaskState) -> float:
         return state.organism.scout.size[0] if self.tolerance is None else self.tolerance
 
@@ -97,13 +110,18 @@ class ReachPlaces:
             has_arrived[rows] = (away <= tolerance + find_size(state)) & find_standing(state, rows)
         return has_arrived
 
+    def _list_radii(self, state: TaskState) -> Float[np.ndarray, "N C"]:
+        length = state.organism.scout.size[0]
+        return np.array(
+            [_repeat_last(self.list_places(scene.route, length)[1].tolist()) for scene in state.scenes]
+        )
+
     def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, and how near they are passed [m]."""
-        tolerance = self._find_tolerance(state)
         return (
             state.remember("reach_corners", _list_corners),
             state.remember("reach_rest", lambda state: _measure_rest(_list_corners(state))),
-            state.remember("reach_radius", lambda state: _list_radii(state, tolerance)),
+            state.remember("reach_radius", self._list_radii),
         )
 
 
@@ -120,7 +138,7 @@ def _read_path(route: Route) -> PathRoute:
     return route
 
 
-def _repeat_last(values: tuple[Any, ...]) -> list[Any]:
+def _repeat_last(values: Sequence[Any]) -> list[Any]:
     """Return as many values for every path, so that simulations with others fit into one array."""
     return [*values, *[values[-1]] * (MAX_CORNERS - len(values))]
 
@@ -130,17 +148,6 @@ def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C
     rest = np.zeros(corners.shape[:2])
     rest[:, :-1] = np.cumsum(legs[:, ::-1], axis=1)[:, ::-1]
     return rest
-
-
-def _list_radii(state: TaskState, tolerance: float) -> Float[np.ndarray, "N C"]:
-    """Return how near each corner has to be passed [m]: places within the tolerance, others loosely."""
-    loose = max(_PASSING * state.organism.scout.size[0], tolerance)
-    return np.array(
-        [
-            [tolerance if exact else loose for exact in _repeat_last(_read_path(scene.route).is_place)]
-            for scene in state.scenes
-        ]
-    )
 
 
 def make_reach(
