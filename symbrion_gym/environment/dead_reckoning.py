@@ -104,7 +104,7 @@ class DeadReckoning:
         if len(rows):
             self._integrate(physics, rows)
             self._has_driven[:] = False
-        x, y, heading = self._pose.T
+        heading = self._pose[:, 2]
         c, s = np.cos(heading), np.sin(heading)
         ahead, left = self._middle
         to_x, to_y = (self._target - self._pose[:, :2]).T

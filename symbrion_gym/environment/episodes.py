@@ -17,6 +17,7 @@ from symbrion_gym.environment.commands import Commands
 from symbrion_gym.environment.dead_reckoning import DeadReckoning
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
+from symbrion_gym.tasks.checked_terms import check_function
 from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.tasks.state import MEASURES, TaskState, Views
 from symbrion_gym.tasks.task import Task
@@ -112,9 +113,10 @@ class Episodes:
         terms = list(enumerate(zip(task.rewards, factors, strict=True)))
         self._given = [index for index, (term, _) in terms if not term.at_end]
         self._tick_length = np.full(num, self._dt)
-        self._rewards = [(term.function, factor) for _, (term, factor) in terms if not term.at_end]
+        functions = [check_function(f"reward {term.name!r}", term.function) for term in task.rewards]
+        self._rewards = [(functions[index], factor) for index, (term, factor) in terms if not term.at_end]
         self._final_rewards = [
-            (index, term.function, factor) for index, (term, factor) in terms if term.at_end
+            (index, functions[index], factor) for index, (term, factor) in terms if term.at_end
         ]
         self._last_reward = 3 + len(task.rewards)
         self._has_final = False

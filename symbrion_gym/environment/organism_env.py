@@ -30,7 +30,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     ## Action
 
     `Box(-1, 1, (A,))`. A control step (tick) lasts `timestep * frame_skip`, 20 ms. Values beyond ±1 are clipped;
-    NaN keeps the previous command of that entry; another shape is a `ValueError`.
+    NaN, infinity or another shape is a `ValueError`.
 
     | index    | meaning                                                        | -1 ... 1             |
     |----------|----------------------------------------------------------------|----------------------|
@@ -61,7 +61,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
     | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
-    | `goal_direction`* | 2      | its bearing, positive to the left [rad], and distance [m], by dead reckoning | -π, 0 ... π, 100 |
+    | `goal_direction`* | 2      | its bearing (left is positive) and distance, by dead reckoning [rad, m] | ±π, 100 |
 
     * optional: part of the observation only if `sensors` names it.
 

@@ -23,6 +23,8 @@ from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import make_terminations
 
+_ROOM = 0.5
+"""At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
 _PASSING = 2.5
 """A corner of the path is passed within this many lengths of a module."""
 
@@ -50,8 +52,31 @@ class ReachPlaces:
         object.__setattr__(self, "places", tuple(tuple(map(float, place)) for place in self.places))
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
-        """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`."""
-        return find_path(arena, organism, start, self.places, self.distance)
+        """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`.
+
+        Raises:
+            TaskError: all places are where the body starts.
+        """
+        path = find_path(arena, organism, start, self.places, self.distance)
+        self._refuse_near_places(path, organism)
+        return path
+
+    def _refuse_near_places(self, path: PathRoute, organism: Organism) -> None:
+        poses, length = organism.find_poses(), organism.scout.size[0]
+        tolerance = length if self.tolerance is None else self.tolerance
+        least = tolerance + _ROOM * length
+        middle = np.mean([(pose.x, pose.y) for pose in poses], axis=0)
+        start = np.array(path.place(path.start + middle[0], middle[1]))
+        places = np.array(
+            [corner for corner, exact in zip(path.corners, path.is_place, strict=True) if exact]
+        )
+        away = float(np.linalg.norm(places - start, axis=1).max())
+        if away < least:
+            x, y = places[-1].tolist()
+            raise TaskError(
+                f"the goal ({x:.2f}, {y:.2f}) is {away:.2f} m from the middle of the body at the start, and counts as "
+                f"reached within {tolerance:.2f} m; give one at least {least:.2f} m away, or a smaller tolerance"
+            )
 
     def list_places(
         self, route: Route, length: float
