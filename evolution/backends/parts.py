@@ -34,7 +34,8 @@ class BodyConfig:
     """The body.
 
     Attributes:
-        modules: number of modules of a snake, 8 unless it or `organism` is given; an `Organism` is taken for `organism`.
+        modules: number of modules of a snake, 8 unless it or `organism` is given; an `Organism` is taken for
+            `organism`.
         organism: any other body: an `Organism`, or what names one, such as "H", "cross", a body plan or a file.
         body_lengths: smallest and largest number of modules of a snake, if evolution selects it by an additional
             integer gene; None keeps `modules`. Once a body succeeds reliably, the search continues with shorter ones.
@@ -146,8 +147,9 @@ class ControlConfig:
 
     Attributes:
         controller: name of a law of ours, or a controller of a user: an object, a class or function of the organism,
-            or "module:name"; see `find_controller`. Runs have "path" by default, with which a search from zero crosses the
-            pit; single trials and an `Evaluator` have "reactive", whose eight genes fit any body and need no map.
+            or "module:name"; see `find_controller`. Runs have "path" by default, with which a search from zero
+            crosses the pit; single trials and an `Evaluator` have "reactive", whose eight genes fit any body and
+            need no map.
         controller_config: parameters of the laws of ours that are not evolved.
         origin: genotype at which the search begins, "zero" (no knowledge) or "hint" (set by hand for the controller;
             then a sigma of 0.15 fits better).
@@ -185,7 +187,8 @@ def check_body_options(values: Mapping[str, Any]) -> None:
     count = read_organism(organism).num_modules
     if modules != count:
         raise RunError(
-            f"modules is {modules!r} and organism, too, is given, of {format_count(count, 'module')}; leave out one of them"
+            f"modules is {modules!r} and organism, too, is given, of {format_count(count, 'module')}; leave out one of "
+            "them"
         )
 
 

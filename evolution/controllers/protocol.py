@@ -97,9 +97,9 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
 def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"], stacklevel: int = 3) -> None:
     """Warn of genes beyond the bounds of a controller, which `evolve` never tries.
 
-    CMA-ES of `evolve` maps what it samples into the bounds, and learns from what was tried. Genotypes of other searches
-    are neither refused, as laws act beyond their bounds, too, nor clipped: a search that does not know of it would learn
-    from genotypes that were never tried.
+    CMA-ES of `evolve` maps samples into the bounds, and learns from what was tried. Genotypes of other searches
+    are neither refused, as laws act beyond their bounds, too, nor clipped: a search that does not know of it would
+    learn from genotypes that were never tried.
 
     Args:
         controller: whose bounds.
@@ -116,9 +116,9 @@ def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"],
     gene = first[-1]
     name, low, high = (getattr(controller, each)[gene] for each in ("parameters", "lower", "upper"))
     warnings.warn(
-        f"{np.count_nonzero(beyond)} of {beyond.size} genes lie beyond the bounds of controller {controller.name!r}, the "
-        f"first is {name} = {genotypes[first]:.4g}, not in {low:g} to {high:g}; they are tried as they are. Give the bounds "
-        "`controller.lower` and `controller.upper` to the search",
+        f"{np.count_nonzero(beyond)} of {beyond.size} genes lie beyond the bounds of controller {controller.name!r}, "
+        f"the first is {name} = {genotypes[first]:.4g}, not in {low:g} to {high:g}; they are tried as they are. Give "
+        "the bounds `controller.lower` and `controller.upper` to the search",
         OutOfBoundsWarning,
         stacklevel,
     )

@@ -13,15 +13,13 @@ from reconstruction.range_checks import check_positive
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
@@ -181,14 +179,7 @@ def make_reach(
     distance: float | None = None,
     tolerance: float | None = None,
     start: StartName | Point = "floor",
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
+    **terms: Any,
 ) -> Task:
     """Make the task of reaching a place, or several in turn, over drivable ground.
 
@@ -202,22 +193,7 @@ def make_reach(
         distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
         tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
         start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
     wanted = (*places, *(() if goal is None else (goal,)))
-    return Task(
-        name="reach",
-        start=Start(start),
-        goal=ReachPlaces(wanted, distance, tolerance),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    return UsualTerms(**terms).make_task("reach", Start(start), ReachPlaces(wanted, distance, tolerance))

@@ -231,8 +231,8 @@ def refuse_start_beyond_gap(
         reached = x * np.cos(heading) + y * np.sin(heading)
     if reached > far:
         raise TaskError(
-            f"the start ({x:g}, {y:g}) lies beyond the pit of arena {arena.name!r}, whose far edge is {far:.2f} m along the "
-            f"heading {np.degrees(heading):.0f}°; start before its near edge, at {near:.2f} m, or give a goal"
+            f"the start ({x:g}, {y:g}) lies beyond the pit of arena {arena.name!r}, whose far edge is {far:.2f} m "
+            f"along the heading {np.degrees(heading):.0f}°; start before its near edge, at {near:.2f} m, or give a goal"
         )
 
 

@@ -13,7 +13,8 @@ def make(name: str, **options) -> None:
 
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])
 def test_a_start_beyond_the_pit_is_refused_with_its_edges(arena):
-    with pytest.raises(TaskError, match=r"start \(0.6, 0\) lies beyond the pit .* far edge is 0.2\d m .* near edge, at -0.2"):
+    message = r"start \(0.6, 0\) lies beyond the pit .* far edge is 0.2\d m .* near edge, at -0.2"
+    with pytest.raises(TaskError, match=message):
         make("SnakePit-v1", arena=arena, start=(0.6, 0.0), modules=2)
     make("SnakePit-v1", arena=arena, start=(-0.6, 0.0), modules=2)
 
