@@ -98,7 +98,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
-    | `default_ends`        | None      | SnakeTerrain-v0: start and goal in a named arena, if neither is given |
+    | `default_ends`        | None      | SnakeTerrain: start and goal in a named arena, if neither is given |
     | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |
     | `progress`            | None      | called while a surface in a file is made an arena; None: logged |

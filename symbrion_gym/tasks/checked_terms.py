@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from symbrion_gym.errors import TaskError
-
-if TYPE_CHECKING:
-    from symbrion_gym.tasks.state import TaskState
 
 _OURS = f"{__name__.partition('.')[0]}."
 """Functions of this package return what they should, and are called without a check, which saves time."""
@@ -19,7 +16,7 @@ _OURS = f"{__name__.partition('.')[0]}."
 
 @dataclass(frozen=True, eq=False)
 class CheckedFunction:
-    """A function of the state whose result has one value for each simulation.
+    """A function of a `TaskState` whose result has one value for each simulation.
 
     Attributes:
         what: name of the term, for the message.
@@ -27,9 +24,9 @@ class CheckedFunction:
     """
 
     what: str
-    function: Callable[[TaskState], Any]
+    function: Callable[[Any], Any]
 
-    def __call__(self, state: TaskState) -> Any:
+    def __call__(self, state: Any) -> Any:
         """Return what the function returns.
 
         Raises:
@@ -46,7 +43,7 @@ class CheckedFunction:
         return value
 
 
-def check_function(what: str, function: Callable[[TaskState], Any]) -> Callable[[TaskState], Any]:
+def check_function(what: str, function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Return a function of a task as it is, or with a check of what it returns if a user wrote it.
 
     Args:

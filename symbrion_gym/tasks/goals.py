@@ -67,8 +67,8 @@ def _refuse_near_goal(route: Route, organism: Organism, place: Point) -> None:
     Raises:
         TaskError: less than a module's length is left.
     """
-    tail, least = -min(pose.x for pose in organism.find_poses()), organism.scout.size[0]
-    left = route.finish - (route.start - tail)
+    least, length = organism.scout.size[0], (organism.num_modules - 1) * organism.scout.pitch
+    left = route.finish + length - route.start
     if left < least:
         raise TaskError(
             f"the goal {tuple(place)} is {max(left, 0.0):.2f} m ahead of the head at the start; give one at least "

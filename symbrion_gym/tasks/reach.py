@@ -53,17 +53,28 @@ class ReachPlaces:
         """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`.
 
         Raises:
-            TaskError: all places are where the body starts.
+            TaskError: all places are where the body starts, or the distance is as short.
         """
+        least = self._find_least(organism)
+        if self.distance is not None and self.distance < least:
+            raise TaskError(
+                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m the "
+                f"place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
+            )
         path = find_path(arena, organism, start, self.places, self.distance)
         self._refuse_near_places(path, organism)
         return path
 
+    def _measure_tolerance(self, organism: Organism) -> float:
+        return organism.scout.size[0] if self.tolerance is None else self.tolerance
+
+    def _find_least(self, organism: Organism) -> float:
+        """Return how far from the middle of the body the goal has to be at the start [m]."""
+        return self._measure_tolerance(organism) + _ROOM * organism.scout.size[0]
+
     def _refuse_near_places(self, path: PathRoute, organism: Organism) -> None:
-        poses, length = organism.find_poses(), organism.scout.size[0]
-        tolerance = length if self.tolerance is None else self.tolerance
-        least = tolerance + _ROOM * length
-        middle = np.mean([(pose.x, pose.y) for pose in poses], axis=0)
+        least, tolerance = self._find_least(organism), self._measure_tolerance(organism)
+        middle = np.mean([(pose.x, pose.y) for pose in organism.find_poses()], axis=0)
         start = np.array(path.place(path.start + middle[0], middle[1]))
         places = np.array(
             [corner for corner, exact in zip(path.corners, path.is_place, strict=True) if exact]
@@ -90,7 +101,7 @@ class ReachPlaces:
         return np.array(path.corners), np.array([tolerance if exact else loose for exact in path.is_place])
 
     def _find_tolerance(self, state: TaskState) -> float:
-        return state.organism.scout.size[0] if self.tolerance is None else self.tolerance
+        return self._measure_tolerance(state.organism)
 
     def find_target(self, state: TaskState) -> Float[np.ndarray, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""

@@ -29,7 +29,7 @@ def test_a_goal_at_the_start_is_refused_with_the_least_distance():
     message = r"goal \(-2.\d+, -?0.0\d\) is 0.0\d m from the middle .* within 0.1\d m; give one at least 0.16 m away"
     with pytest.raises(TaskError, match=message):
         make("Reach-v0", arena="truth", start=(-2.5, 0.0), goal=(-2.45, 0.0))
-    with pytest.raises(TaskError, match="at least"):
+    with pytest.raises(TaskError, match=r"distance 0.05 m is too short, .* at least 0.16 m"):
         make("Reach-v0", distance=0.05)
     make("Reach-v0", arena="truth", start=(-2.5, 0.0), goal=(-2.2, 0.0))
     make("Reach-v0", arena="truth", start=(-2.5, 0.0), places=((-2.0, 0.0),), goal=(-2.5, 0.0))
