@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from evolution.champions.policy import ChampionPolicy
     from evolution.controllers.config import ControllerConfig
     from evolution.controllers.finding import find_controller
-    from evolution.controllers.protocol import Controller
+    from evolution.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
@@ -41,6 +41,7 @@ __all__ = [
     "EvolutionConfig",
     "EvolutionError",
     "LearningConfig",
+    "OutOfBoundsWarning",
     "Outcome",
     "Randomization",
     "Recording",

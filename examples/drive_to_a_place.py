@@ -1,4 +1,4 @@
-"""A Scout drives to a place over drivable ground; its tracks run left and right."""
+"""A Scout drives to a place over drivable ground by its true pose; its tracks run left and right."""
 
 import numpy as np
 

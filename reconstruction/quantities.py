@@ -1,4 +1,4 @@
-"""Distances and shares as text for people: in fitting units, without powers of ten."""
+"""Distances, shares and counts as text for people: in fitting units, without powers of ten."""
 
 
 def format_distance(distance: float) -> str:
@@ -16,6 +16,11 @@ def format_share(share: float) -> str:
     """Return a share as text in percent, with three digits; one that is not 0 but below 0.01 % says so."""
     percent = 100.0 * share
     return "below 0.01 %" if 0.0 < percent < 0.01 else f"{_round(percent)} %"
+
+
+def format_count(count: int, noun: str) -> str:
+    """Return a number of things as text: "1 module", "2 modules"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _round(value: float) -> str:

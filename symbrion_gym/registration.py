@@ -16,6 +16,8 @@ _RANDOMIZE = {
     "yaw": (-0.0873, 0.0873),
 }
 """What differs from episode to episode: friction, strength of the hinges, start [m] and heading [rad]."""
+_LOW_FRICTION = (0.55, 0.7)
+"""Where it is higher, a body whose tracks always run gets out of the pit by jerking its hinges at random."""
 _TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
 
 
@@ -32,19 +34,24 @@ def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], 
 
 
 _SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
+_DRIVEN = {**_SNAKE_V1, "track_control": "body"}
+_PLATEAUS = ((-1.9, -0.4), (-0.35, 0.3))
 _CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
 _LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
 _FALLEN = {"default_organism": "cross", "track_control": "skid"}
 _GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
 _SPECS: dict[str, tuple[dict[str, Any], float]] = {
     "SnakePit-v0": ({"default_pit": 0.40}, 3.2),
-    "SnakePit-v1": (_SNAKE_V1, 3.3),
+    "SnakePit-v1": ({**_SNAKE_V1, "randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
     "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 4.2),
     "SnakeStairs-v0": ({"arena": "stairs"}, 2.6),
     "SnakeTerrain-v0": (
-        {"arena": "gsrm", "default_pit": 0.40, "default_ends": ((-1.9, -0.4), (-0.35, 0.3))},
+        {"arena": "gsrm", "default_pit": 0.40, "default_ends": _PLATEAUS},
         2.0,
     ),
+    "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
+    "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
+    "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": _PLATEAUS}, 2.0),
     "CrossGap-easy-v0": _task("cross_gap", 3.2, track_control="body", default_pit=0.35),
     "CrossGap-v0": _task("cross_gap", 3.3, track_control="body"),
     "CrossGap-hard-v0": _task(

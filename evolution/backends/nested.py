@@ -1,7 +1,7 @@
 """Configurations made of parts, whose fields can also be given and read as if they were the configuration's own."""
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, fields, replace
 from typing import Any, ClassVar
 
@@ -30,6 +30,7 @@ class Nested:
         if len(arguments) > len(self.POSITIONAL):
             raise TypeError(f"{type(self).__name__} takes {len(self.POSITIONAL)} fields without a name")
         values |= dict(zip(self.POSITIONAL, arguments, strict=False))
+        self.check_given(values)
         names = self.list_names()
         others = {name: values.pop(name) for name in list(values) if name not in names}
         for each in fields(self):  # pyright: ignore[reportArgumentType]
@@ -46,6 +47,9 @@ class Nested:
 
     def __post_init__(self) -> None:
         """Check the fields."""
+
+    def check_given(self, values: Mapping[str, Any]) -> None:
+        """Refuse values that were given together and contradict each other; a default is not among them."""
 
     def take_others(self, others: dict[str, Any]) -> None:
         """Take values that no field has.

@@ -1,6 +1,7 @@
 """Parts of a configuration that a run, its champion and trials have in common: body, episode, control."""
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any
@@ -16,6 +17,7 @@ from evolution.controllers.finding import find_controller
 from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
 from evolution.limits import MAX_MAGNITUDE, MAX_MODULES
+from reconstruction.quantities import format_count
 from reconstruction.range_checks import as_floats, as_integers, check_choice, coerce_integers
 from symbrion_gym.environment.config import STARTS
 from symbrion_gym.errors import OrganismError
@@ -32,7 +34,8 @@ class BodyConfig:
     """The body.
 
     Attributes:
-        modules: number of modules of a snake, where `organism` is None; an `Organism` is taken for `organism`.
+        modules: number of modules of a snake, 8 unless it or `organism` is given; an `Organism` is taken for
+            `organism`.
         organism: any other body: an `Organism`, or what names one, such as "H", "cross", a body plan or a file.
         body_lengths: smallest and largest number of modules of a snake, if evolution selects it by an additional
             integer gene; None keeps `modules`. Once a body succeeds reliably, the search continues with shorter ones.
@@ -144,7 +147,9 @@ class ControlConfig:
 
     Attributes:
         controller: name of a law of ours, or a controller of a user: an object, a class or function of the organism,
-            or "module:name"; see `find_controller`.
+            or "module:name"; see `find_controller`. Runs have "path" by default, with which a search from zero
+            crosses the pit; single trials and an `Evaluator` have "reactive", whose eight genes fit any body and
+            need no map.
         controller_config: parameters of the laws of ours that are not evolved.
         origin: genotype at which the search begins, "zero" (no knowledge) or "hint" (set by hand for the controller;
             then a sigma of 0.15 fits better).
@@ -165,6 +170,26 @@ class ControlConfig:
         """
         num_tracks = count_tracks(episode.track_control, organism.num_modules)
         return find_controller(self.controller, organism, self.controller_config, num_tracks)
+
+
+def check_body_options(values: Mapping[str, Any]) -> None:
+    """Refuse two bodies: a number of modules, and an organism with another number.
+
+    Args:
+        values: the options that were given, by name.
+
+    Raises:
+        RunError: both are given.
+    """
+    modules, organism = values.get("modules"), values.get("organism")
+    if modules is None or organism is None or isinstance(modules, Organism | str):
+        return
+    count = read_organism(organism).num_modules
+    if modules != count:
+        raise RunError(
+            f"modules is {modules!r} and organism, too, is given, of {format_count(count, 'module')}; leave out one of "
+            "them"
+        )
 
 
 def take_environment(config: Nested, others: dict[str, Any]) -> None:

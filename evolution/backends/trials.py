@@ -6,7 +6,7 @@ influence. That is why batch, processes and a Ray cluster give equal results.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
@@ -19,7 +19,13 @@ from evolution.backends.descriptors import check_descriptors
 from evolution.backends.environment_options import Options as Options
 from evolution.backends.nested import Nested
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
-from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
+from evolution.backends.parts import (
+    BodyConfig,
+    ControlConfig,
+    EpisodeConfig,
+    check_body_options,
+    take_environment,
+)
 from evolution.backends.scoring import Scoring as Scoring
 from evolution.controllers.protocol import Controller
 from evolution.errors import RunError
@@ -155,6 +161,10 @@ class Trials(Nested):
     trial: TrialConfig = field(default_factory=TrialConfig)
     count: int = 2
     seed: tuple[int, ...] = (0,)
+
+    def check_given(self, values: Mapping[str, Any]) -> None:
+        """Refuse two bodies."""
+        check_body_options(values)
 
     def take_others(self, others: dict[str, Any]) -> None:
         """Take further options of the environment."""

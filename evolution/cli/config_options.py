@@ -19,6 +19,7 @@ from symbrion_gym.environment.config import STARTS
 Place = tuple[float, float]
 """x and y [m]."""
 CLI_TYPES: Mapping[str, Any] = {
+    "modules": int | None,
     "organism": str | None,
     "task": str | None,
     "start": Literal[STARTS] | Place | None,

@@ -33,6 +33,7 @@ from evolution.controllers.protocol import Controller as Controller
 from evolution.controllers.protocol import Structure as Structure
 from evolution.controllers.protocol import check_genotypes
 from evolution.errors import RunError
+from reconstruction.quantities import format_count
 from reconstruction.range_checks import check_choice
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
@@ -195,7 +196,7 @@ def make_law(
     check_choice("controller", name, CONTROLLERS, RunError)
     if not organism.hinges and not num_tracks:
         raise RunError(
-            f"a body of {organism.num_modules} modules without a hinge has nothing to control; "
+            f"a body of {format_count(organism.num_modules, 'module')} without a hinge has nothing to control; "
             "dock modules by their fronts, or make tracks part of the action: track_control='skid'"
         )
     config = config or ControllerConfig()

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from evolution.controllers.protocol import Structure
 from evolution.errors import RunError
+from reconstruction.quantities import format_count
 from reconstruction.range_checks import check_choice
 from symbrion_gym.environment.config import SENSORS
 
@@ -120,7 +121,7 @@ def make_drive(organism: Organism, num_tracks: int, bound: float) -> Drive:
     count = organism.num_modules
     if num_tracks not in (0, 1, count, 2 * count):
         raise RunError(
-            f"num_tracks is {num_tracks}; a body of {count} modules has 0, 1, {count} or {2 * count}"
+            f"num_tracks is {num_tracks}; a body of {format_count(count, 'module')} has 0, 1, {count} or {2 * count}"
         )
     if num_tracks <= 1:
         return Drive(np.ones(num_tracks), np.zeros(num_tracks), bound)

@@ -1,5 +1,6 @@
 """What a controller is: the protocol that laws of this package and controllers of users follow."""
 
+import warnings
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
@@ -12,6 +13,10 @@ Structure = Mapping[str, slice]
 """Where each quantity lies in an observation, as in `SnakePitEnv.observation_structure`."""
 MAX_NAMED_GENES = 12
 """Genes that a message names."""
+
+
+class OutOfBoundsWarning(UserWarning):
+    """A genotype lies beyond the bounds of its controller."""
 
 
 @runtime_checkable
@@ -87,6 +92,36 @@ def check_genotypes(controller: Controller, genotypes: Float[np.ndarray, "*P G"]
         )
     if not np.all(np.isfinite(genotypes)):
         raise RunError("a genotype has a number that is not finite")
+
+
+def warn_of_bounds(controller: Controller, genotypes: Float[np.ndarray, "*P G"], stacklevel: int = 3) -> None:
+    """Warn of genes beyond the bounds of a controller, which `evolve` never tries.
+
+    CMA-ES of `evolve` maps samples into the bounds, and learns from what was tried. Genotypes of other searches
+    are neither refused, as laws act beyond their bounds, too, nor clipped: a search that does not know of it would
+    learn from genotypes that were never tried.
+
+    Args:
+        controller: whose bounds.
+        genotypes: finite, one per row.
+        stacklevel: as of `warnings.warn`.
+
+    Warns:
+        OutOfBoundsWarning: with the first such gene.
+    """
+    beyond = (genotypes < np.array(controller.lower)) | (genotypes > np.array(controller.upper))
+    if not beyond.any():
+        return
+    first = tuple(np.argwhere(beyond)[0])
+    gene = first[-1]
+    name, low, high = (getattr(controller, each)[gene] for each in ("parameters", "lower", "upper"))
+    warnings.warn(
+        f"{np.count_nonzero(beyond)} of {beyond.size} genes lie beyond the bounds of controller {controller.name!r}, "
+        f"the first is {name} = {genotypes[first]:.4g}, not in {low:g} to {high:g}; they are tried as they are. Give "
+        "the bounds `controller.lower` and `controller.upper` to the search",
+        OutOfBoundsWarning,
+        stacklevel,
+    )
 
 
 def reset_rows(

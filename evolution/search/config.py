@@ -2,13 +2,20 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
 from evolution.backends.nested import Nested
-from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
+from evolution.backends.parts import (
+    BodyConfig,
+    ControlConfig,
+    EpisodeConfig,
+    check_body_options,
+    take_environment,
+)
 from evolution.backends.scoring import Scoring, find_scoring
 from evolution.backends.trials import RolloutConfig, TrialConfig
 from evolution.controllers.controller import ControllerConfig
@@ -30,6 +37,7 @@ from evolution.search.stored_config import (
 )
 from evolution.search.validation import FORMER_VALIDATION_NAMES, Validation
 from reconstruction.deprecation import accept_former_fields, rename_keys
+from reconstruction.quantities import format_count
 from reconstruction.range_checks import coerce_integers
 
 RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
@@ -110,6 +118,10 @@ class EvolutionConfig(Nested):
     validation: Validation = field(default_factory=Validation)
     execution: ExecutionConfig = field(default_factory=ExecutionConfig)
 
+    def check_given(self, values: Mapping[str, Any]) -> None:
+        """Refuse two bodies."""
+        check_body_options(values)
+
     def take_others(self, others: dict[str, Any]) -> None:
         """Take further options of the environment."""
         take_environment(self, others)
@@ -136,7 +148,8 @@ class EvolutionConfig(Nested):
         self.set_field("controller", controller)
         if not (organism.hinges or num_tracks):
             raise RunError(
-                f"the body has {organism.num_modules} module and no hinge; give more modules, or drive the tracks, "
+                f"the body has {format_count(organism.num_modules, 'module')} and no hinge; give more modules, or "
+                "drive the tracks, "
                 "for example by track_control='skid'"
             )
 

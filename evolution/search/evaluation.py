@@ -13,7 +13,7 @@ from evolution.backends.outcome import Outcome, check_tried
 from evolution.backends.scoring import Scoring, ScoringFunction, compute_fitness, find_scoring
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials, find_trial_controller
-from evolution.controllers.protocol import Controller, check_genotypes
+from evolution.controllers.protocol import Controller, check_genotypes, warn_of_bounds
 from evolution.errors import RunError
 from evolution.limits import MAX_TRIALS
 from reconstruction.deprecation import accept_former_arguments
@@ -52,7 +52,7 @@ class Evaluator:
 
     Args:
         arena: name, folder, file, or an `Arena` (backend "batch").
-        modules: number of modules of a snake, or an `Organism`.
+        modules: number of modules of a snake, or an `Organism`; None: 8, unless `organism` is given.
         seed: seed of the conditions.
         trials: number of trials of each genotype.
         scoring: a `Scoring`, a function of (outcome, body), or "module:name" of one; None means a `Scoring` without
@@ -61,8 +61,8 @@ class Evaluator:
         workers: threads, processes or actors.
         address: address of an existing Ray cluster; None starts a local one.
         simulate: the function that tries jobs; None means physics.
-        options: fields of `Trials`, such as `controller`, `start`, `organism` or `randomization`; all others are
-            options of the environment.
+        options: fields of `Trials`, such as `controller` ("reactive" by default; that of `evolve` is "path"), `start`,
+            `organism` or `randomization`; all others are options of the environment.
 
     Attributes:
         trials: the trials of each genotype.
@@ -76,7 +76,7 @@ class Evaluator:
     def __init__(
         self,
         arena: "ArenaSource" = "truth",
-        modules: "int | Organism" = 8,
+        modules: "int | Organism | None" = None,
         *,
         seed: int = 0,
         trials: int = 2,
@@ -91,7 +91,9 @@ class Evaluator:
             del options["randomization"]
         (trials,) = as_integers("trials", [trials], 1, MAX_TRIALS, RunError)
         (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
-        self.trials = Trials(arena=arena, modules=modules, count=trials, seed=(seed,), **options)
+        if modules is not None:
+            options["modules"] = modules
+        self.trials = Trials(arena=arena, count=trials, seed=(seed,), **options)
         self.controller: Controller = find_trial_controller(self.trials)
         self._scoring = find_scoring(Scoring(module=0.0) if scoring is None else scoring)
         self._backend = make_backend(backend, workers, address, simulate)
@@ -118,11 +120,15 @@ class Evaluator:
 
         Raises:
             RunError: the genotypes do not fit the controller, none of them could be tried, or the evaluator is closed.
+
+        Warns:
+            OutOfBoundsWarning: a gene lies beyond the bounds of the controller. It is tried as it is.
         """
         if self._is_closed:
             raise RunError("this evaluator is closed; make another one")
         genotypes = np.atleast_2d(np.asarray(genotypes, dtype=float))
         check_genotypes(self.controller, genotypes)
+        warn_of_bounds(self.controller, genotypes)
         trials = self.trials
         if seed is not None:
             (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
@@ -137,7 +143,7 @@ class Evaluator:
 def evaluate(
     genotypes: Genotypes,
     arena: "ArenaSource" = "truth",
-    modules: "int | Organism" = 8,
+    modules: "int | Organism | None" = None,
     seed: int = 0,
     **options: Any,
 ) -> Evaluation:
@@ -146,7 +152,7 @@ def evaluate(
     Args:
         genotypes: one genotype per row, or a single one.
         arena: name, folder, file, or an `Arena` (backend "batch").
-        modules: number of modules of a snake, or an `Organism`.
+        modules: number of modules of a snake, or an `Organism`; None: 8, unless `organism` is given.
         seed: seed of the conditions.
         options: as of `Evaluator`.
 

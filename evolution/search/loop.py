@@ -22,13 +22,15 @@ from evolution.backends.rollout import warm_up
 from evolution.backends.scoring import compute_fitness
 from evolution.backends.simulation import Simulate
 from evolution.backends.trials import Job, Trials
+from evolution.controllers.source import ControllerSource
 from evolution.errors import RunError
+from evolution.search.champions_of_record import find_champion, find_champions, is_solved
 from evolution.search.config import RUNTIME_FIELDS, EvolutionConfig
 from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, TIMES, VALIDATION, Entry, Record
 from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
 from evolution.search.stages import Stage
-from evolution.search.validation import Champion, select_champion
+from evolution.search.validation import Champion
 from reconstruction.progress import Progress, silent
 
 OnGeneration = Callable[[Run], None]
@@ -130,11 +132,15 @@ def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
 def load_run(folder: str | Path) -> Run:
     """Read a run without continuing it; also while another process writes it.
 
+    Nothing that a user wrote is imported: the record of a run with a controller of a user is read, but not replayed.
+
     Raises:
         RunError: there is no run, or it is damaged or contradicts its configuration.
     """
     run_folder = RunFolder(folder)
     config = run_folder.read_config()
+    if isinstance(config.controller, ControllerSource):
+        return run_folder.read_run(config)
     evolution = _Evolution(config, run_folder.read_record(config), None)
     evolution.replay()
     return evolution.make_run(Path(folder))
@@ -254,13 +260,13 @@ class _Evolution:
 
     def make_run(self, folder: Path | None) -> Run:
         """Return the run so far."""
-        stages = range(len(self._stage_starts))
-        champions = [champion for stage in stages if (champion := self._find_champion(stage)) is not None]
+        names = self._search.controller.parameters
+        champions = find_champions(self._config, self._record, len(self._stage_starts), names)
         return Run(
             config=self._config,
             record=self._record,
             champion=champions[-1] if champions else None,
-            stage_champions=tuple(champions),
+            stage_champions=champions,
             is_solved=self._is_solved(),
             folder=folder,
         )
@@ -350,34 +356,11 @@ class _Evolution:
             logger.info("stage %d begins in %s", stage + 1, stages[stage + 1].arena)
 
     def _find_champion(self, stage: int) -> Champion | None:
-        config = self._config
-        is_in_stage = list(self._record.history["stage"] == stage)
-        sufficient_rate = config.validation.success_threshold if config.body_lengths is not None else None
-        entry = select_champion(self._record, is_in_stage, sufficient_rate)
-        if entry is None:
-            return None
-        is_validated = entry.kind == VALIDATION
-        return Champion(
-            genotype=tuple(self._search.select_controller_genes(entry.genotype).tolist()),
-            names=self._search.controller.parameters,
-            control=config.control,
-            body=config.body if config.body_lengths is None else BodyConfig(entry.modules),
-            episode=config.episode,
-            arena=config.all_stages[stage].arena,
-            generation=entry.generation,
-            fitness=entry.fitness,
-            successes=entry.outcome.successes if is_validated else 0,
-            trials=entry.outcome.trials if is_validated else 0,
-        )
+        return find_champion(self._config, self._record, stage, self._search.controller.parameters)
 
     def _is_solved(self) -> bool:
         stage = len(self._stage_starts) - 1
-        champion = self._find_champion(stage) if stage + 1 == len(self._config.all_stages) else None
-        return (
-            champion is not None
-            and self._config.validation.is_solved(champion.successes, champion.trials)
-            and (self._config.body_lengths is None or champion.modules == self._config.body_lengths[0])
-        )
+        return is_solved(self._config, self._find_champion(stage), stage)
 
     @property
     def _stage(self) -> Stage:

@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from evolution.errors import RunError
+from evolution.search.champions_of_record import find_champions, is_solved
 from evolution.search.config import EvolutionConfig
 from evolution.search.provenance import find_revision
 from evolution.search.record import HISTORY, Record
@@ -185,6 +186,22 @@ class RunFolder:
                 "undo the change, or start again in another folder"
             )
         return record
+
+    def read_run(self, config: EvolutionConfig) -> Run:
+        """Return the run as its record says, without replaying it: no controller is needed, nor imported.
+
+        Args:
+            config: as returned by `read_config`.
+
+        Raises:
+            RunError: as `read_record`; or the champion's file is damaged, from which the names of the genes are.
+        """
+        record = self.read_record(config)
+        stage = int(record.history["stage"].max(initial=0))
+        names = load_champion(self.path).names if record.num_generations else ()
+        champions = find_champions(config, record, stage + 1, names)
+        champion = champions[-1] if champions else None
+        return Run(config, record, champion, champions, is_solved(config, champion, stage), self.path)
 
     def _refuse_lost_record(self) -> None:
         existing = [name for name in (HISTORY_FILE, CHAMPION) if (self.path / name).exists()]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import isfinite
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.environment.world import World
+from symbrion_gym.errors import OptionError
 
 
 class Commands:
@@ -60,7 +61,7 @@ class Commands:
     ) -> tuple[Float[np.ndarray, "N h"], Float[np.ndarray, "N tracks"]]:
         """Take actions: move the servos' targets at their speed.
 
-        NaN keeps the previous command of that entry; other values are clipped to ±1.
+        Values are clipped to ±1.
 
         Args:
             actions: actions of all simulations.
@@ -69,10 +70,13 @@ class Commands:
         Returns:
             Targets [rad] and track speeds [m/s]: one per simulation, one per module, or with "skid" the left and the
             right one of each module.
+
+        Raises:
+            OptionError: a number is NaN or infinite.
         """
         used = self.action
-        if isnan(np.vdot(actions, actions)):
-            actions = np.where(np.isnan(actions), used, actions)
+        if not isfinite(np.vdot(actions, actions)):
+            self._refuse_infinite(actions, active)
         if active is not None:
             actions = np.where(active[:, None], actions, used)
         np.maximum(actions, self._lowest_action, out=used)
@@ -87,6 +91,22 @@ class Commands:
         else:
             np.add(target, turn, out=target, where=active[:, None])
         return target, self.find_track_speed()
+
+    def _refuse_infinite(
+        self, actions: Float[np.ndarray, "N A"], active: Bool[np.ndarray, " N"] | None
+    ) -> None:
+        """Refuse what is no number in the simulations that are stepped."""
+        wrong = ~np.isfinite(actions)
+        if active is not None:
+            wrong &= active[:, None]
+        if wrong.any():
+            row, column = (int(each) for each in np.argwhere(wrong)[0])
+            where = f" of simulation {row}" if len(actions) > 1 else ""
+            hinges = self._num_hinges
+            what = f"hinge {column}" if column < hinges else f"track speed {column - hinges}"
+            raise OptionError(
+                f"action[{column}]{where} ({what}) is {actions[row, column]}; a number from -1 to 1 is needed"
+            )
 
     def find_track_speed(self) -> np.ndarray:
         """Return commanded track speeds [m/s], `[N, 1, n or 2n]`."""

@@ -64,6 +64,8 @@ TASK_OPTIONS = (
     "pit_search",
 )
 """Options that are parameters of the task; None is the task's own value."""
+_INTERNAL = "default_"
+"""Options of this prefix are for registered ids; messages do not list them."""
 _NOT_NEGATIVE = ("track_speed", "noise")
 _POSITIVE = ("stretch", "hinge_torque", "timestep")
 _NOT_NEGATIVE_IF_GIVEN = (
@@ -227,7 +229,9 @@ class EnvironmentConfig:
         own = () if given.keys() <= set(names) else cls._find_parameters(given)
         parameters = {name: given.pop(name) for name in list(given) if name in own and name not in names}
         for name in given:
-            check_choice("option", name, [*names, *(each for each in own if each not in names)], OptionError)
+            listed = [each for each in dict.fromkeys([*names, *own]) if not each.startswith(_INTERNAL)]
+            if name not in names and name not in own:
+                check_choice("option", name, listed, OptionError)
         check_organism_options(given)
         if parameters:
             given["task_parameters"] = {**given.get("task_parameters", {}), **parameters}

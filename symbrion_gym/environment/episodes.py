@@ -14,8 +14,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.environment.commands import Commands
+from symbrion_gym.environment.dead_reckoning import DeadReckoning
 from symbrion_gym.environment.observation import Observer
 from symbrion_gym.environment.world import Physics, World, make_slice
+from symbrion_gym.tasks.checked_terms import check_function
 from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.tasks.state import MEASURES, TaskState, Views
 from symbrion_gym.tasks.task import Task
@@ -76,6 +78,7 @@ class Episodes:
         commands: what the actions command.
         observer: how observations are read.
         state: what the terms of the task see.
+        reckoning: where the bodies believe they are; None where they do not observe `goal_direction`.
         number_names: names of the numbers of `info`.
         flag_names: names of the flags of `info`.
         info_names: both.
@@ -92,6 +95,10 @@ class Episodes:
         self.num_tracks, self.num_actions = self.commands.num_tracks, self.commands.num_actions
         self.target, self.action = self.commands.target, self.commands.action
         self.observer = Observer(world, self.action, self.target)
+        is_reckoned = "goal_direction" in self.observer.structure
+        self.reckoning = (
+            DeadReckoning(world, self.commands, self.observer.goal_direction) if is_reckoned else None
+        )
         self.scene = world.scene
         criteria = task.find_criteria(world.organism)
         self.state = TaskState(self.scene, task.goal, num, self._dt, criteria, self.action)
@@ -106,9 +113,10 @@ class Episodes:
         terms = list(enumerate(zip(task.rewards, factors, strict=True)))
         self._given = [index for index, (term, _) in terms if not term.at_end]
         self._tick_length = np.full(num, self._dt)
-        self._rewards = [(term.function, factor) for _, (term, factor) in terms if not term.at_end]
+        functions = [check_function(f"reward {term.name!r}", term.function) for term in task.rewards]
+        self._rewards = [(functions[index], factor) for index, (term, factor) in terms if not term.at_end]
         self._final_rewards = [
-            (index, term.function, factor) for index, (term, factor) in terms if term.at_end
+            (index, functions[index], factor) for index, (term, factor) in terms if term.at_end
         ]
         self._last_reward = 3 + len(task.rewards)
         self._has_final = False
@@ -158,6 +166,8 @@ class Episodes:
             self.commands.begin(row, physics.qpos[row, self.world.hinge_qpos], speed)
             self.observer.track_odometry[row] = self.scene.start_on_map
         scenes = [start.scene or state.scenes[start.row] for start in starts]
+        if self.reckoning is not None:
+            self.reckoning.begin(rows, scenes)
         state.begin(rows, scenes, [start.track_speed for start in starts])
         self._watch.begin(rows)
         self._start_head[rows] = state.along[rows, 0]
@@ -186,6 +196,8 @@ class Episodes:
         target, speed = self.commands.take(actions, active)
         if self.observer.has_track_odometry:
             self._has_driven[:] = True if active is None else active
+        if self.reckoning is not None:
+            self.reckoning.take(active)
         return target, speed
 
     def observe(self, physics: Physics) -> Float[np.ndarray, "N O"]:
@@ -196,6 +208,8 @@ class Episodes:
             self._integrate_track_odometry(physics)
         if self.observer.has_goal:
             self._find_goal()
+        if self.reckoning is not None:
+            self.reckoning.observe(physics)
         return self.observer.read(physics)
 
     def _find_goal(self) -> None:

@@ -60,6 +60,7 @@ def _find_bounds(
         "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
         "laser": (scout.laser_beams, 0.0, scout.laser_range),
         "goal": (2, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "goal_direction": (2, np.array([-pi, 0.0]), np.array([pi, _LARGEST_DISTANCE])),
     }
 
 
@@ -82,6 +83,7 @@ class Observer:
         track_odometry: `[N, 1]` position of the head by its tracks [m], kept up to date by the caller.
         has_goal: whether the observation contains it.
         goal: `[N, 2]` place to head for, ahead of the head and to its left [m], kept up to date by the caller.
+        goal_direction: `[N, 2]` bearing and distance of the goal by dead reckoning [rad, m], likewise.
         noise: `[size]` standard deviations, scaled by the option `noise`.
     """
 
@@ -106,13 +108,14 @@ class Observer:
             [np.full(size, getattr(deviations, name, 0.0)) for name, size, _, _ in selected]
         )
         self.odometry, self.track_odometry = np.zeros((2, len(action), 1))
-        self.goal = np.zeros((len(action), 2))
+        self.goal, self.goal_direction = np.zeros((2, len(action), 2))
         self._internal = {
             "previous_action": action,
             "hinge_target": target,
             "odometry": self.odometry,
             "track_odometry": self.track_odometry,
             "goal": self.goal,
+            "goal_direction": self.goal_direction,
         }
         self._raw_low, self._raw_high = (np.tile(bound, (len(action), 1)) for bound in (self.low, self.high))
         if "pitch" in self.structure:

@@ -30,7 +30,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     ## Action
 
     `Box(-1, 1, (A,))`. A control step (tick) lasts `timestep * frame_skip`, 20 ms. Values beyond ±1 are clipped;
-    NaN keeps the previous command of that entry; another shape is a `ValueError`.
+    NaN, infinity or another shape is a `ValueError`.
 
     | index    | meaning                                                        | -1 ... 1             |
     |----------|----------------------------------------------------------------|----------------------|
@@ -61,13 +61,15 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
     | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
+    | `goal_direction`* | 2      | its bearing (left is positive) and distance, by dead reckoning [rad, m] | ±π, 100 |
 
     * optional: part of the observation only if `sensors` names it.
 
     `odometry` is what an external localization would measure. `track_odometry` is the robot's own estimate: it begins
     with the start position on the map (without a pit, relative to the origin of the map), and in every tick adds the
     distance that the head's tracks run, times the cosine of its pitch. It does not contain slip, `start_offset`, `yaw`
-    and `stretch`.
+    and `stretch`. `goal_direction` is an estimate likewise, in the plane: the speeds of all tracks and the tilt of the
+    modules turn and move a pose from the start on the map. `goal` is the truth.
 
     ## Reward
 
@@ -96,7 +98,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `modules`             | 8         | length of the snake, or an `Organism`                           |
     | `pit`                 | None      | width of the pit [m], of the named courses; `default_pit` if None |
     | `default_pit`         | None      | None: 0.45 m; SnakePit-v0 and SnakeTerrain-v0 give 0.40         |
-    | `default_ends`        | None      | SnakeTerrain-v0: start and goal in a named arena, if neither is given |
+    | `default_ends`        | None      | SnakeTerrain: start and goal in a named arena, if neither is given |
     | `course`              | {}        | sizes of an arena made in code, of `Course` or `StairsCourse`   |
     | `default_course`      | {}        | name of such an arena -> sizes that an id sets                  |
     | `progress`            | None      | called while a surface in a file is made an arena; None: logged |

@@ -15,5 +15,6 @@ SENSORS = (
     "track_odometry",
     "laser",
     "goal",
+    "goal_direction",
 )
 DEFAULT_SENSORS = SENSORS[:8]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from typing import Any, cast
 
 from symbrion_gym.errors import OptionError, TaskError
@@ -16,6 +17,7 @@ from symbrion_gym.tasks.snake_pit import make_snake_pit
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.traverse import make_traverse
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 TASKS: dict[str, Callable[..., Task]] = {
     "snake_pit": make_snake_pit,
@@ -37,7 +39,9 @@ def find_parameters(name: str) -> tuple[str, ...]:
     """
     if name not in TASKS:
         raise TaskError(f"no task {name!r}; there are: {', '.join(TASKS)}")
-    return tuple(inspect.signature(TASKS[name]).parameters)
+    parameters = inspect.signature(TASKS[name]).parameters.values()
+    own = tuple(each.name for each in parameters if each.kind is not inspect.Parameter.VAR_KEYWORD)
+    return own if len(own) == len(parameters) else (*own, *(each.name for each in fields(UsualTerms)))
 
 
 def make_task(name: str, **parameters: Any) -> Task:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from reconstruction.range_checks import check_choice
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.features import Way, find_ramp, find_stairs, find_step
 from symbrion_gym.tasks.goals import PassFinish
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
+from symbrion_gym.tasks.usual_terms import UsualTerms
 from symbrion_gym.tasks.ways import make_route
 
 OBSTACLES = ("stairs", "step", "ramp")
@@ -71,18 +70,7 @@ def _find(kind: str, arena: Arena, organism: Organism) -> tuple[Way, float, floa
     return ramp.way, ramp.foot, ramp.crest
 
 
-def make_climb(
-    obstacle: str = "any",
-    start: StartName | Point = "floor",
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
-) -> Task:
+def make_climb(obstacle: str = "any", start: StartName | Point = "floor", **terms: Any) -> Task:
     """Make the task of climbing the first step, stairs or ramp on the way across a surface.
 
     Success: every corner of every module past the edge of the top, upright, on the ground, the body no faster than its
@@ -91,21 +79,6 @@ def make_climb(
     Args:
         obstacle: "stairs", "step" or "ramp"; "any" for the first kind that is there, in this order.
         start: "floor": before the obstacle; or (x, y) [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
-    return Task(
-        name="climb",
-        start=Start(start),
-        goal=OnTop(obstacle=obstacle),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    return UsualTerms(**terms).make_task("climb", Start(start), OnTop(obstacle=obstacle))

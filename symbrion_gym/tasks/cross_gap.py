@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.features import GapSearch, find_gap
 from symbrion_gym.tasks.goals import PassFinish
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import TouchedPit, make_terminations
 from symbrion_gym.tasks.terms import Termination
+from symbrion_gym.tasks.usual_terms import UsualTerms
 from symbrion_gym.tasks.ways import make_route
 
 
@@ -44,15 +44,8 @@ class BeyondGap(PassFinish):
 def make_cross_gap(
     start: StartName | Point = "floor",
     bottomless: bool = False,
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
     search: GapSearch | None = None,
+    **terms: Any,
 ) -> Task:
     """Make the task of crossing the first gap on the way across a surface.
 
@@ -62,23 +55,10 @@ def make_cross_gap(
     Args:
         start: "floor": before the ramp; "pit": before the gap; or (x, y) [m].
         bottomless: whether touching the floor of the gap is a failure.
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
         search: what counts as a gap; None for the defaults.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
+    usual = UsualTerms(**terms)
     touched = Termination("touched_pit", TouchedPit(bottomless))
-    return Task(
-        name="cross_gap",
-        start=Start(start),
-        goal=BeyondGap(search=search),
-        terminations=make_terminations(stuck_time, stuck_progress, touched=touched),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    terminations = make_terminations(usual.stuck_time, usual.stuck_progress, touched=touched)
+    return usual.make_task("cross_gap", Start(start), BeyondGap(search=search), terminations)

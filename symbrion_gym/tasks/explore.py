@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,15 +13,13 @@ from reconstruction.range_checks import check_positive
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError, TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import find_ground_map, find_path
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.standing import find_honest, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 _SIGHT = 4.0
 """Modules see as far as this many of their lengths."""
@@ -172,17 +170,7 @@ def _read_areas(state: TaskState) -> list[AreaRoute]:
 
 
 def make_explore(
-    share: float = 0.6,
-    sight: float | None = None,
-    start: StartName | Point = "floor",
-    duration: float = 180.0,
-    stuck_time: float = 20.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
+    share: float = 0.6, sight: float | None = None, start: StartName | Point = "floor", **terms: Any
 ) -> Task:
     """Make the task of seeing the ground that the body can reach.
 
@@ -193,21 +181,7 @@ def make_explore(
         share: share of the ground that has to be seen.
         sight: how far module 0 sees [m]; None for four lengths of a module.
         start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time in which nothing new is seen after which it is truncated as well [s].
-        stuck_progress: smallest new area that counts [m²]; None for a fifth of a module's length.
-        forward_weight: reward per square meter.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
-    return Task(
-        name="explore",
-        start=Start(start),
-        goal=SeeGround(share, sight),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    usual = UsualTerms(**{"duration": 180.0, "stuck_time": 20.0, **terms})
+    return usual.make_task("explore", Start(start), SeeGround(share, sight))

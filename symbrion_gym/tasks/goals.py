@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.features.gap import GapSearch
-from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route
+from symbrion_gym.tasks.route import Point, Route, RouteMargins, find_route, refuse_start_beyond_gap
 from symbrion_gym.tasks.standing import find_honest_along, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
@@ -35,8 +36,17 @@ class PassFinish:
             object.__setattr__(self, "place", tuple(float(each) for each in self.place))
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
-        """Find the way; see `symbrion_gym.tasks.route.find_route`."""
-        return find_route(arena, organism, start.place, self.place, self.margins, self.pit_search)
+        """Find the way; see `symbrion_gym.tasks.route.find_route`.
+
+        Raises:
+            TaskError: there is nothing to do: the start lies beyond the pit, or the body at the goal.
+        """
+        route = find_route(arena, organism, start.place, self.place, self.margins, self.pit_search)
+        if self.place is not None:
+            _refuse_near_goal(route, organism, self.place)
+        elif not isinstance(start.place, str) and route.pit is None:
+            refuse_start_beyond_gap(arena, organism, start.place, self.pit_search)
+        return route
 
     def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
         """Return the mean position of the modules along the way, each counted up to the finish [m]."""
@@ -49,6 +59,21 @@ class PassFinish:
     def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
         """Return whether every module is wholly beyond the finish, upright and on the ground."""
         return pass_strictly(state)
+
+
+def _refuse_near_goal(route: Route, organism: Organism, place: Point) -> None:
+    """Refuse a goal that the body has nearly passed where it starts.
+
+    Raises:
+        TaskError: less than a module's length is left.
+    """
+    least, length = organism.scout.size[0], (organism.num_modules - 1) * organism.scout.pitch
+    left = route.finish + length - route.start
+    if left < least:
+        raise TaskError(
+            f"the goal {tuple(place)} is {max(left, 0.0):.2f} m ahead of the head at the start; give one at least "
+            f"{least:.2f} m ahead, or a start farther back"
+        )
 
 
 def pass_strictly(state: TaskState) -> Bool[np.ndarray, " N"]:

@@ -13,16 +13,16 @@ from reconstruction.range_checks import check_positive
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
+_ROOM = 0.5
+"""At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
 _PASSING = 2.5
 """A corner of the path is passed within this many lengths of a module."""
 
@@ -50,11 +50,58 @@ class ReachPlaces:
         object.__setattr__(self, "places", tuple(tuple(map(float, place)) for place in self.places))
 
     def find(self, arena: Arena, organism: Organism, start: Start) -> PathRoute:
-        """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`."""
-        return find_path(arena, organism, start, self.places, self.distance)
+        """Find the path on the map; see `symbrion_gym.tasks.paths.find_path`.
+
+        Raises:
+            TaskError: all places are where the body starts, or the distance is as short.
+        """
+        least = self._find_least(organism)
+        if self.distance is not None and self.distance < least:
+            raise TaskError(
+                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m the "
+                f"place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
+            )
+        path = find_path(arena, organism, start, self.places, self.distance)
+        self._refuse_near_places(path, organism)
+        return path
+
+    def _measure_tolerance(self, organism: Organism) -> float:
+        return organism.scout.size[0] if self.tolerance is None else self.tolerance
+
+    def _find_least(self, organism: Organism) -> float:
+        """Return how far from the middle of the body the goal has to be at the start [m]."""
+        return self._measure_tolerance(organism) + _ROOM * organism.scout.size[0]
+
+    def _refuse_near_places(self, path: PathRoute, organism: Organism) -> None:
+        least, tolerance = self._find_least(organism), self._measure_tolerance(organism)
+        middle = np.mean([(pose.x, pose.y) for pose in organism.find_poses()], axis=0)
+        start = np.array(path.place(path.start + middle[0], middle[1]))
+        places = np.array(
+            [corner for corner, exact in zip(path.corners, path.is_place, strict=True) if exact]
+        )
+        away = float(np.linalg.norm(places - start, axis=1).max())
+        if away < least:
+            x, y = places[-1].tolist()
+            raise TaskError(
+                f"the goal ({x:.2f}, {y:.2f}) is {away:.2f} m from the middle of the body at the start, and counts as "
+                f"reached within {tolerance:.2f} m; give one at least {least:.2f} m away, or a smaller tolerance"
+            )
+
+    def list_places(
+        self, route: Route, length: float
+    ) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
+        """Return the corners and places of a way in turn, and how near each is passed [m].
+
+        Args:
+            route: as `find` returned it.
+            length: length of a module [m].
+        """
+        path, tolerance = _read_path(route), length if self.tolerance is None else self.tolerance
+        loose = max(_PASSING * length, tolerance)
+        return np.array(path.corners), np.array([tolerance if exact else loose for exact in path.is_place])
 
     def _find_tolerance(self, state: TaskState) -> float:
-        return state.organism.scout.size[0] if self.tolerance is None else self.tolerance
+        return self._measure_tolerance(state.organism)
 
     def find_target(self, state: TaskState) -> Float[np.ndarray, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
@@ -97,13 +144,18 @@ class ReachPlaces:
             has_arrived[rows] = (away <= tolerance + find_size(state)) & find_standing(state, rows)
         return has_arrived
 
+    def _list_radii(self, state: TaskState) -> Float[np.ndarray, "N C"]:
+        length = state.organism.scout.size[0]
+        return np.array(
+            [_repeat_last(self.list_places(scene.route, length)[1].tolist()) for scene in state.scenes]
+        )
+
     def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, and how near they are passed [m]."""
-        tolerance = self._find_tolerance(state)
         return (
             state.remember("reach_corners", _list_corners),
             state.remember("reach_rest", lambda state: _measure_rest(_list_corners(state))),
-            state.remember("reach_radius", lambda state: _list_radii(state, tolerance)),
+            state.remember("reach_radius", self._list_radii),
         )
 
 
@@ -120,7 +172,7 @@ def _read_path(route: Route) -> PathRoute:
     return route
 
 
-def _repeat_last(values: tuple[Any, ...]) -> list[Any]:
+def _repeat_last(values: Sequence[Any]) -> list[Any]:
     """Return as many values for every path, so that simulations with others fit into one array."""
     return [*values, *[values[-1]] * (MAX_CORNERS - len(values))]
 
@@ -132,31 +184,13 @@ def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C
     return rest
 
 
-def _list_radii(state: TaskState, tolerance: float) -> Float[np.ndarray, "N C"]:
-    """Return how near each corner has to be passed [m]: places within the tolerance, others loosely."""
-    loose = max(_PASSING * state.organism.scout.size[0], tolerance)
-    return np.array(
-        [
-            [tolerance if exact else loose for exact in _repeat_last(_read_path(scene.route).is_place)]
-            for scene in state.scenes
-        ]
-    )
-
-
 def make_reach(
     goal: Point | None = None,
     places: Sequence[Point] = (),
     distance: float | None = None,
     tolerance: float | None = None,
     start: StartName | Point = "floor",
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
+    **terms: Any,
 ) -> Task:
     """Make the task of reaching a place, or several in turn, over drivable ground.
 
@@ -170,22 +204,7 @@ def make_reach(
         distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
         tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
         start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
     wanted = (*places, *(() if goal is None else (goal,)))
-    return Task(
-        name="reach",
-        start=Start(start),
-        goal=ReachPlaces(wanted, distance, tolerance),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    return UsualTerms(**terms).make_task("reach", Start(start), ReachPlaces(wanted, distance, tolerance))

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import find_path
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName
 from symbrion_gym.tasks.standing import find_honest, find_standing
 from symbrion_gym.tasks.starts import Start
@@ -19,6 +18,7 @@ from symbrion_gym.tasks.state import TaskState, add_up
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terminations import FellOff, Stuck
 from symbrion_gym.tasks.terms import Termination
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 _RIGHTING = 0.05
 """Change of the mean uprightness that counts as progress."""
@@ -54,16 +54,7 @@ class StandUp:
 
 
 def make_recover(
-    least: float = 2.0,
-    most: float = np.pi,
-    start: StartName | Point = "floor",
-    duration: float = 30.0,
-    stuck_time: float = 15.0,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
+    least: float = 2.0, most: float = np.pi, start: StartName | Point = "floor", **terms: Any
 ) -> Task:
     """Make the task of standing up after a tumble.
 
@@ -74,23 +65,9 @@ def make_recover(
         least: smallest angle by which the body is turned about the axis of its head [rad].
         most: largest angle [rad].
         start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time in which the modules right themselves no further after which it is truncated as well [s].
-        forward_weight: reward per unit of mean uprightness, of which there are two.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
-    return Task(
-        name="recover",
-        start=Start(start, (least, most)),
-        goal=StandUp(),
-        terminations=(
-            Termination("fell", FellOff()),
-            Termination("stuck", Stuck(stuck_time, _RIGHTING), truncates=True),
-        ),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    usual = UsualTerms(**{"duration": 30.0, "stuck_progress": _RIGHTING, **terms})
+    fell = Termination("fell", FellOff())
+    stuck = Termination("stuck", Stuck(usual.stuck_time, usual.stuck_progress), truncates=True)
+    return usual.make_task("recover", Start(start, (least, most)), StandUp(), (fell, stuck))

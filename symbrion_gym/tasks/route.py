@@ -203,6 +203,39 @@ def _finish_beyond_gap(route: Route, arena: Arena, organism: Organism, search: G
     return replace(route, finish=gap.find_finish(organism), pit=(gap.near, gap.far, gap.floor))
 
 
+def refuse_start_beyond_gap(
+    arena: Arena, organism: Organism, start: Point, search: GapSearch | None = None
+) -> None:
+    """Refuse a given start beyond the pit of an arena, where crossing it is done already.
+
+    Args:
+        arena: arena of the pit.
+        organism: body that crosses it.
+        start: (x, y) or (x, y, z) of the head [m].
+        search: what counts as a pit on a surface; None for the defaults.
+
+    Raises:
+        TaskError: the start lies beyond the far edge; the message says where the near one is.
+    """
+    x, y = np.asarray(start, dtype=np.float64)[:2].tolist()
+    if isinstance(arena.course, Course):
+        (near, far), heading, reached = arena.course.pit_edges, 0.0, x
+        if arena.course.pit == 0.0:
+            return
+    else:
+        try:
+            gap = find_gap(arena, organism, search=search)
+        except TaskError:
+            return
+        near, far, heading = gap.near, gap.far, gap.way.heading
+        reached = x * np.cos(heading) + y * np.sin(heading)
+    if reached > far:
+        raise TaskError(
+            f"the start ({x:g}, {y:g}) lies beyond the pit of arena {arena.name!r}, whose far edge is {far:.2f} m "
+            f"along the heading {np.degrees(heading):.0f}°; start before its near edge, at {near:.2f} m, or give a goal"
+        )
+
+
 def _follow_surface(
     arena: Arena, organism: Organism, start: StartName | Point, goal: Point | None, margins: RouteMargins
 ) -> Route:

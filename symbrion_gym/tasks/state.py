@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism
+from symbrion_gym.tasks.checked_terms import check_function
 from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
@@ -100,6 +101,7 @@ class TaskState:
     ) -> None:
         count = scene.organism.num_modules
         self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
+        self._find_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
         self.progress, self.tick, self.rear = self.measures[: _REAR + 1]
@@ -221,7 +223,7 @@ class TaskState:
         np.absolute(powers, powers)
         _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
         np.multiply(self._to_finish, self._share, self.mean_to_finish)
-        self.progress[...] = self._goal.progress(self)
+        self.progress[...] = self._find_progress(self)
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.goals import PassFinish
-from symbrion_gym.tasks.rewards import make_rewards
 from symbrion_gym.tasks.route import Point, Route, StartName, find_route
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 _SAMPLES = 0.02
 """Spacing of the heights along the way [m]."""
@@ -63,17 +62,7 @@ class FarEnd(PassFinish):
 
 
 def make_traverse(
-    share: float = 0.9,
-    start: StartName | Point = "floor",
-    goal: Point | None = None,
-    duration: float = 120.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
+    share: float = 0.9, start: StartName | Point = "floor", goal: Point | None = None, **terms: Any
 ) -> Task:
     """Make the task of traversing the ground straight ahead as far as possible.
 
@@ -84,21 +73,7 @@ def make_traverse(
         share: share of the way to the far end of the ground, a wall or a drop.
         start: "floor": where the way begins; or (x, y) [m].
         goal: (x, y) that the head has to reach [m]; None for the far end.
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
+        terms: fields of `UsualTerms`, such as `duration`.
     """
-    return Task(
-        name="traverse",
-        start=Start(start),
-        goal=FarEnd(goal, share=share),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
-    )
+    usual = UsualTerms(**{"duration": 120.0, **terms})
+    return usual.make_task("traverse", Start(start), FarEnd(goal, share=share))

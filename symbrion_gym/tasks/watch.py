@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 
+from symbrion_gym.tasks.checked_terms import check_function
 from symbrion_gym.tasks.state import MEASURES, UPPER_MEASURES, TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
@@ -35,9 +37,14 @@ class Watch:
 
     def __init__(self, task: Task, state: TaskState) -> None:
         num = state.num
-        self._state, self._task = state, task
-        self._terms = [term.function for term in task.terminations]
-        self._all = [*self._terms, task.goal]
+        self._state = state
+        self._terms = [
+            check_function(f"termination {term.name!r}", term.function) for term in task.terminations
+        ]
+        self._has_arrived = check_function(
+            f"has_arrived of {type(task.goal).__name__}", task.goal.has_arrived
+        )
+        self._all: list[Any] = [*(term.function for term in task.terminations), task.goal]
         self._goal_index = len(self._terms)
         self._kinds = [(term.is_failure, term.truncates) for term in task.terminations]
         self.flags = np.zeros((len(BASE_FLAGS) + len(self._terms), num), dtype=bool)
@@ -182,6 +189,6 @@ class Watch:
     def _hold(self, is_possible: Bool[np.ndarray, " N"], is_called: bool) -> Bool[np.ndarray, " N"]:
         """Count for how many ticks each body has arrived; return whether that is long enough."""
         if is_called:
-            has_arrived = self._task.goal.has_arrived(self._state) & is_possible
+            has_arrived = self._has_arrived(self._state) & is_possible
             np.copyto(self._held, np.where(has_arrived, self._held + 1.0, 0.0))
         return self._held >= self._hold_ticks

@@ -77,9 +77,20 @@ def test_a_run_whose_controller_is_gone_is_refused(tmp_path, monkeypatch):
     module.write_text("from own_controllers import Wave\n\n\nclass Mine(Wave):\n    name = 'mine'\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     folder = tmp_path / "run"
-    ev.evolve(ev.EvolutionConfig(controller="vanishing_controller:Mine", folder=str(folder), **TINY))
+    run = ev.evolve(ev.EvolutionConfig(controller="vanishing_controller:Mine", folder=str(folder), **TINY))
     module.unlink()
     monkeypatch.delitem(sys.modules, "vanishing_controller")
+    read = ev.load_run(folder)
+    assert (read.history == run.history).all()
+    assert (read.champion, read.stage_champions, read.is_solved) == (
+        run.champion,
+        run.stage_champions,
+        run.is_solved,
+    )
+    with pytest.raises(SystemExit) as end:
+        main(["compare", str(folder)])
+    assert not end.value.code
+    assert "vanishing_controller" not in sys.modules
     with pytest.raises(ev.RunError, match="'vanishing_controller' cannot be imported"):
         ev.resume(folder, generations=3)
 

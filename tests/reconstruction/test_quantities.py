@@ -2,7 +2,7 @@
 
 import pytest
 
-from reconstruction.quantities import format_distance, format_share
+from reconstruction.quantities import format_count, format_distance, format_share
 
 
 @pytest.mark.parametrize(
@@ -27,3 +27,7 @@ def test_distances(distance, text):
 )
 def test_shares(share, text):
     assert format_share(share) == text
+
+
+def test_one_thing_is_not_many():
+    assert [format_count(count, "module") for count in (0, 1, 2)] == ["0 modules", "1 module", "2 modules"]

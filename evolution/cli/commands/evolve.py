@@ -21,6 +21,7 @@ from evolution.cli.config_options import make_config, make_options, read_environ
 from evolution.cli.console import Console
 from evolution.search.search_config import ExecutionConfig, SearchConfig
 from evolution.search.validation import Validation
+from reconstruction.quantities import format_count
 from symbrion_gym.assets import SCANNED_PITS
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ MODELS_OF_TRUTH = ("truth", "simple", *SCANNED_PITS)
 BodyOptions, EpisodeOptions, ControlOptions, TrialOptions, SearchOptions = (
     make_options(kind, **defaults)
     for kind, defaults in (
-        (BodyConfig, {}),
+        (BodyConfig, {"modules": None}),
         (EpisodeConfig, {"start": None}),
         (ControlConfig, {}),
         (TrialConfig, {}),
@@ -107,6 +108,8 @@ class Evolve(SeededCommand):
         """
         parts = (self.body, self.episode, self.control, self.trial, self.search, self.execution)
         fields = {each.name: getattr(part, each.name) for part in parts for each in dataclasses.fields(part)}
+        if fields["modules"] is None:
+            del fields["modules"]
         fields |= {
             "environment": read_environment(fields["environment"]),
             "arena": self.arena,
@@ -153,7 +156,9 @@ class Evolve(SeededCommand):
 
 def describe_body(config: "ev.EvolutionConfig") -> str:
     """Return the size of the body of a run in words."""
-    return f"{' to '.join(map(str, config.body_lengths or (config.modules,)))} modules"
+    if config.body_lengths is None:
+        return format_count(config.modules, "module")
+    return f"{' to '.join(map(str, config.body_lengths))} modules"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -225,7 +230,7 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
     )
     if run.champion and run.champion.trials:
         rate = f"{run.champion.successes} of {run.champion.trials}"
-        body = f"{run.champion.modules} modules"
+        body = format_count(run.champion.modules, "module")
         console.print_line(f"champion, {body}: succeeds in {rate} fresh trials in {run.champion.arena}")
         arena = find_replay_arena(run.champion.arena)
         console.print_line(f"next: symbrion replay {run.folder} --arena {arena} --video champion.mp4")

@@ -88,6 +88,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--goal", "1"], "`FLOAT FLOAT`; see symbrion"),
         (["evolve", "--organism", "SF0F0000"], "the body has 1 module and no hinge"),
+        (["evolve", "--organism", "H", "--modules", "8"], "modules is 8 and organism, too, is given"),
         (["evolve", "--workers", "0"], "--workers 0"),
         (["resume", "absent"], "contains no run"),
         (["resume", "absent", "--seed", "1"], "--seed"),

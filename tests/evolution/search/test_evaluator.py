@@ -1,12 +1,16 @@
 """An evaluator stays warm between calls and equals a single call; what does not fit is refused at once."""
 
+import warnings
+
 import numpy as np
 import pytest
 import toys
 
 from evolution.backends import rollout
 from evolution.backends.trials import RolloutConfig
+from evolution.controllers.protocol import OutOfBoundsWarning
 from evolution.errors import RunError
+from evolution.search.config import EvolutionConfig
 from evolution.search.evaluation import Evaluator, evaluate
 from symbrion_gym.robot.organism import cross, snake
 
@@ -49,6 +53,37 @@ def test_worker_processes_stay_between_calls(monkeypatch):
         two = evaluator(list(np.zeros((4, 8))))
         assert evaluator._backend.process_ids == ids
     assert one.outcomes == two.outcomes == evaluate(np.zeros((4, 8)), simulate=toys.bowl).outcomes
+
+
+def test_genes_beyond_the_bounds_are_tried_as_they_are_with_a_warning():
+    tried = []
+
+    def simulate(jobs, threads):
+        tried.extend(job.genotype.tolist() for job in jobs)
+        return toys.bowl(jobs, threads)
+
+    far = np.zeros((2, 8))
+    far[1, 3] = -2.0
+    with Evaluator(simulate=simulate) as evaluator:
+        message = r"1 of 16 genes .* 'reactive', the first is pitch_ahead = -2, not in -1.5 to 1.5"
+        with pytest.warns(OutOfBoundsWarning, match=message):
+            evaluator(far)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            evaluator(np.full(8, 1.5))
+    assert tried == [*far.tolist(), [1.5] * 8]
+
+
+@pytest.mark.parametrize("modules", [8, 6])
+def test_two_bodies_are_refused_by_name(modules):
+    for make in (Evaluator, EvolutionConfig):
+        with pytest.raises(
+            RunError, match=rf"modules is {modules} and organism, too, is given, of 7 modules"
+        ):
+            make(modules=modules, organism="H")
+    config = EvolutionConfig(modules=7, organism="H")
+    assert EvolutionConfig.from_json(config.to_json()) == config == EvolutionConfig(organism="H")
+    assert Evaluator(organism="H").trials.modules == 7
 
 
 def test_seeds_give_conditions():

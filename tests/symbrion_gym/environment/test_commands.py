@@ -5,6 +5,7 @@ import pytest
 
 from symbrion_gym.environment.commands import Commands
 from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym.errors import OptionError
 
 
 def find_heading(env):
@@ -61,10 +62,13 @@ def test_the_speed_of_the_head_is_the_mean_of_its_sides():
     assert commands.find_head_speed() == pytest.approx(0.1 * 0.25)
 
 
-def test_what_is_not_a_number_keeps_the_last_command():
+def test_what_is_not_a_number_is_refused_where_a_simulation_is_stepped():
     commands = Commands(SnakePitEnv(modules=1, track_control="skid").world, 2)
     for row in range(2):
         commands.begin(row, np.zeros(0), 0.1)
     commands.take(np.array([[0.5, -2.0], [0.1, 0.2]]))
-    _, speed = commands.take(np.array([[np.nan, 1.0], [0.3, np.nan]]), np.array([True, False]))
-    np.testing.assert_allclose(speed, [[0.05, 0.1], [0.01, 0.02]])
+    _, speed = commands.take(np.array([[1e200, 1.0], [0.3, np.nan]]), np.array([True, False]))
+    np.testing.assert_allclose(speed, [[0.1, 0.1], [0.01, 0.02]])
+    with pytest.raises(OptionError, match=r"action\[1\] of simulation 1 \(track speed 1\) is nan"):
+        commands.take(np.array([[0.5, 1.0], [0.3, np.nan]]))
+    assert commands.action.tolist() == [[1.0, 1.0], [0.1, 0.2]]

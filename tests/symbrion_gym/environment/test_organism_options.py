@@ -7,7 +7,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym.environment.config import SnakePitConfig
+from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 from symbrion_gym.errors import OptionError, OrganismError
@@ -110,3 +110,11 @@ def test_vector_and_single_agree_to_the_bit(options):
     for i, single in enumerate(singles):
         np.testing.assert_array_equal(first[i], single.reset(seed=3 + i)[0])
     assert_equal_ticks(vector, singles, 60, np.random.default_rng(0))
+
+
+def test_messages_do_not_list_what_registered_ids_set():
+    with pytest.raises(OptionError, match="there is no 'stat'") as error:
+        EnvironmentConfig.from_options({"stat": 1})
+    assert "default_" not in str(error.value)
+    assert "start" in str(error.value)
+    assert "stuck_progress" in str(error.value)

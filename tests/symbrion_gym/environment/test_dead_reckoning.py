@@ -1,0 +1,133 @@
+"""Where a body believes the goal is."""
+
+from math import pi
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.dead_reckoning import find_motion
+from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.robot.organism import cross, snake
+
+LONE = {"organism": 1, "track_control": "skid", "arena": "truth", "sensors": ("goal_direction", "goal")}
+FLAT = {**LONE, "start": (-2.7, 0.0), "goal": (-1.9, 0.0)}
+
+
+def make(**options) -> OrganismEnv:
+    return OrganismEnv(**{**FLAT, **options})
+
+
+def read(env: OrganismEnv, observation: np.ndarray) -> tuple[float, float]:
+    bearing, distance = observation[env.observation_structure["goal_direction"]]
+    return float(bearing), float(distance)
+
+
+def run(env: OrganismEnv, action: tuple[float, float], ticks: int) -> np.ndarray:
+    observation = np.zeros(0)
+    for _ in range(ticks):
+        observation = env.step(np.array(action))[0]
+    return observation
+
+
+def test_straight_ahead_the_distance_shrinks_by_what_the_tracks_run():
+    env = make()
+    observation, _ = env.reset(seed=0)
+    assert read(env, observation) == pytest.approx((0.0, 0.8), abs=1e-6)
+    assert read(env, run(env, (1.0, 1.0), 100)) == pytest.approx((0.0, 0.6), abs=1e-3)
+
+
+def test_a_place_to_the_left_has_a_positive_bearing():
+    env = make(task="reach", goal=(-1.9, 0.6))
+    env.reset(seed=0)
+    observation = run(env, (0.0, 0.0), 3)  # corners nearby are passed first
+    ahead, left = observation[env.observation_structure["goal"]]
+    assert read(env, observation) == pytest.approx((np.arctan2(left, ahead), np.hypot(ahead, left)), abs=1e-3)
+
+
+def test_turning_to_the_left_turns_the_goal_to_the_right_at_half_the_rate_without_slip():
+    env = make()
+    env.reset(seed=0)
+    bearing, distance = read(env, run(env, (-1.0, 1.0), 25))
+    half_width = env.world.organism.scout.size[1] / 2 - env.world.organism.scout.track_radius
+    assert bearing == pytest.approx(-0.5 * 0.5 * 0.10 / half_width, rel=1e-6)
+    assert distance == pytest.approx(0.8, abs=1e-3)
+    rotation = env.physics.rotation[0, 0]
+    assert np.arctan2(rotation[3], rotation[0]) == pytest.approx(-bearing, rel=0.1)
+
+
+def test_the_noise_of_the_start_is_not_known():
+    readings = []
+    for seed in range(3):
+        env = make(
+            randomize={"start_offset": (-0.05, 0.05), "start_lateral": (-0.05, 0.05), "yaw": (-0.5, 0.5)}
+        )
+        readings.append(read(env, env.reset(seed=seed)[0]))
+    assert readings == [readings[0]] * 3
+
+
+def test_the_true_pose_is_not_read():
+    """A body that is carried away notices nothing."""
+    env = make()
+    env.reset(seed=0)
+    before = read(env, run(env, (0.0, 0.0), 5))
+    env.data.qpos[1] += 0.3
+    assert read(env, run(env, (0.0, 0.0), 5)) == pytest.approx(before, abs=1e-6)
+
+
+def test_corners_are_passed_by_the_estimate():
+    env = make(task="reach", start=(-2.7, -0.5), goal=(-1.9, 0.5), places=((-2.4, 0.2),))
+    env.reset(seed=0)
+    reckoning = env._episodes.reckoning
+    assert reckoning is not None
+    for corner in env.world.route.corners[:-1]:
+        reckoning.pose[0] = *corner, 0.0
+        bearing, distance = read(env, run(env, (0.0, 0.0), 2))
+        assert distance > 0.05
+    last = env.world.route.corners[-1]
+    reckoning.pose[0] = last[0] - 0.3, last[1] - 0.3, 0.0
+    bearing, distance = read(env, run(env, (0.0, 0.0), 5))
+    assert (bearing, distance) == pytest.approx((pi / 4, np.hypot(0.3, 0.3)), abs=1e-6)
+    reckoning.pose[0] = *last, 0.0
+    assert read(env, run(env, (0.0, 0.0), 5))[1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_single_and_many_are_equal_to_the_bit_and_equal_seeds_too():
+    options = {**LONE, "task": "reach", "distance": 0.5, "arena": "gsrm", "start": (-2.5, -0.3)}
+    noise = {"yaw": (-0.5, 0.5), "start_offset": (-0.02, 0.02)}
+    for body in (1, "cross"):
+        own = {**options, "organism": body, "start": "floor", "randomize": noise}
+        envs = gym.make_vec(
+            "symbrion_gym/Reach-v0", num_envs=3, vectorization_mode="vector_entry_point", **own
+        )
+        many, _ = envs.reset(seed=4)
+        single = OrganismEnv(**own)
+        one, _ = single.reset(seed=5)
+        rng = np.random.default_rng(0)
+        for _ in range(30):
+            assert many[1].tolist() == one.tolist()
+            actions = rng.uniform(-1, 1, envs.action_space.shape)
+            many, one = envs.step(actions)[0], single.step(actions[1])[0]
+        envs.close()
+
+
+def test_observations_stay_within_their_bounds():
+    env = make(task="reach", goal=None, start="floor", arena="gsrm", distance=0.8)
+    env.reset(seed=1)
+    for _ in range(200):
+        observation = env.step(env.action_space.sample())[0]
+        assert env.observation_space.contains(observation)
+    assert env.observation_space.low[0] == -pi
+
+
+def test_motion_of_a_straight_body():
+    ahead, left, turn = find_motion(snake(1))
+    half_width = 0.105 / 2 - 0.02
+    assert ahead == pytest.approx([0.5, 0.5])
+    assert left == pytest.approx([0.0, 0.0])
+    assert turn == pytest.approx([-1 / (4 * half_width), 1 / (4 * half_width)])
+    ahead, left, turn = find_motion(snake(4))
+    assert ahead.sum() == pytest.approx(1.0)
+    assert turn[1] > 0 > turn[0]
+    assert left[1] > 0  # the head lies before the middle
+    assert find_motion(cross(1))[0].sum() == pytest.approx(0.2)  # arms look at the middle

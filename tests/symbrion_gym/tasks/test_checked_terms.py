@@ -1,0 +1,85 @@
+"""Terms of a user that return the wrong thing are named."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.errors import TaskError
+from symbrion_gym.tasks.checked_terms import CheckedFunction, check_function
+from symbrion_gym.tasks.goals import PassFinish
+from symbrion_gym.tasks.rewards import gain_progress
+from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.terms import Reward, Termination
+
+
+class Column(PassFinish):
+    """Progress of each module instead of each body."""
+
+    def progress(self, state):
+        return state.along
+
+
+class Never(PassFinish):
+    """Arrives in the first simulation alone."""
+
+    limits = None
+
+    def has_arrived(self, state):
+        return state.rear[0] > state.finish[0]
+
+
+def run(task: Task, num_envs: int = 3) -> None:
+    envs = gym.make_vec(
+        "symbrion_gym/SnakePit-v1",
+        num_envs=num_envs,
+        vectorization_mode="vector_entry_point",
+        task=task,
+        modules=2,
+    )
+    envs.reset(seed=0)
+    envs.step(np.zeros(envs.action_space.shape))
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        (
+            {"rewards": (Reward("rise", lambda state: state.position[:, :, 2]),)},
+            r"reward 'rise' returned .*\(3, 2\)",
+        ),
+        ({"rewards": (Reward("one", lambda state: 1.0),)}, r"reward 'one' returned an array of shape \(\)"),
+        ({"rewards": (Reward("none", lambda state: None),)}, "reward 'none' returned None"),
+        (
+            {"terminations": (Termination("low", lambda state: state.height < 0.0),)},
+            r"termination 'low' .*shape \(3, 2\)",
+        ),
+        ({"goal": Column()}, r"progress of Column returned an array of shape \(3, 2\)"),
+        ({"goal": Never()}, r"has_arrived of Never returned an array of shape \(\).* 3 simulations.*\(3,\)"),
+    ],
+)
+def test_a_wrong_shape_is_told_with_the_name_of_the_term(parts, message):
+    with pytest.raises(TaskError, match=message):
+        run(Task("mine", **parts))
+
+
+def test_a_reward_at_the_end_is_checked_when_it_is_called():
+    task = Task("mine", rewards=(Reward("last", lambda state: state.up, at_end=True),), duration=0.02)
+    with pytest.raises(TaskError, match="reward 'last'"):
+        run(task)
+
+
+def test_terms_of_ours_are_called_as_they_are():
+    assert check_function("reward", gain_progress) is gain_progress
+    task = Task("mine")
+    assert check_function("progress", task.goal.progress) == task.goal.progress
+    for term in task.terminations:
+        assert check_function("termination", term.function) is term.function
+    assert isinstance(check_function("reward", lambda state: state.tick), CheckedFunction)
+    assert isinstance(check_function("progress", Column().progress), CheckedFunction)
+
+
+def test_a_term_of_the_right_shape_counts():
+    env = OrganismEnv(task=Task("mine", rewards=(Reward("tick", lambda state: state.tick, 2.0),)), modules=2)
+    env.reset(seed=0)
+    assert env.step(np.zeros(1))[1] == 2.0
