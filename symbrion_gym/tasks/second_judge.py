@@ -20,6 +20,7 @@ from symbrion_gym.tasks.audit import (
     Trajectory,
     find_bad_hinges,
     find_bad_motion,
+    find_bad_pace,
     find_overlaps,
     find_unsteady_end,
 )
@@ -92,7 +93,7 @@ def audit_task(
     faults = [
         *find_bad_hinges(hinges, scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(case.motion, limits, rolled_over),
-        *_find_bad_pace(case, track_speed),
+        *find_bad_pace(case.motion, track_speed, limits),
         *find_overlaps(case.motion.centers, height, limits),
         *find_unsteady_end(case.motion, height, limits),
         *_find_bad_goal(case, goal),
@@ -107,13 +108,6 @@ def _find_height(scene: Scene):
         return scene.arena.elevation.height_below(x, y, np.full(np.shape(x), scene.route.start_height + 0.25))
 
     return height
-
-
-def _find_bad_pace(case: _Case, track_speed: float) -> list[str]:
-    motion, limits = case.motion, case.limits
-    away = np.linalg.norm(case.middle - case.middle[0], axis=1)
-    path = track_speed * (motion.time - motion.time[0]) * limits.track_slip
-    return ["the body was faster than its tracks"] if (away > path + limits.speed_slack).any() else []
 
 
 def _find_bad_goal(case: _Case, goal: object) -> list[str]:

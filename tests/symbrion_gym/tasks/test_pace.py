@@ -1,0 +1,108 @@
+"""No faster than its tracks, on the whole path: both judges, on motions made by hand."""
+
+import numpy as np
+import pytest
+
+from symbrion_gym.environment.config import EnvironmentConfig
+from symbrion_gym.environment.world import World
+from symbrion_gym.tasks.audit import AuditLimits, Motion, find_bad_pace, find_unsteady_end
+from symbrion_gym.tasks.standing import find_honest, find_honest_along
+from symbrion_gym.tasks.state import TaskState, Views
+from symbrion_gym.tasks.watch import Watch
+
+TRACK_SPEED, DT, COUNT = 0.1, 0.02, 3
+TICKS = 50
+UPRIGHT = np.tile(np.eye(3).ravel(), (COUNT, 1))
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World(EnvironmentConfig(modules=COUNT, pit=0.2))
+
+
+def make_path(ahead: float, drop: float, ends_ahead: bool = False) -> np.ndarray:
+    """Return centers `[T, n, 3]` of a body that is ahead of its tracks, and lower, in the second fifth of the time."""
+    tick = np.arange(TICKS)
+    start = np.array([[0.2 - 0.1254 * index, 0.0, 0.3] for index in range(COUNT)])
+    is_ahead = (tick >= 10) & ((tick < 20) | ends_ahead)
+    shift = np.zeros((TICKS, 3))
+    shift[:, 0] = TRACK_SPEED * DT * tick + ahead * is_ahead
+    shift[:, 2] = -drop * is_ahead
+    return start + shift[:, None]
+
+
+def is_honest(world: World, path: np.ndarray, count: int = 1) -> np.ndarray:
+    """Return whether the success check finds bodies honest at the end of a path; the first one alone goes along it."""
+    position = np.repeat(path[:1], count, axis=0)
+    rotation = np.repeat(UPRIGHT[None], count, axis=0)
+    criteria = world.task.find_criteria(world.organism)
+    state = TaskState(world.scene, world.task.goal, count, DT, criteria, np.zeros((count, COUNT - 1)))
+    state.bind(Views(position, rotation, np.zeros((count, 8)), *np.zeros((2, count, COUNT - 1))))
+    watch = Watch(world.task, state)
+    state.begin(range(count), [world.scene] * count, [TRACK_SPEED] * count)
+    watch.begin(range(count))
+    for centers in path[1:]:
+        position[0] = centers
+        state.advance(None, is_sound=True)
+        watch.look(None, is_sound=True)
+    np.testing.assert_array_equal(find_honest(state), find_honest_along(state))
+    return find_honest(state)
+
+
+def is_clean(path: np.ndarray) -> bool:
+    """Return whether the audit finds nothing."""
+    rotations = np.broadcast_to(np.eye(3), (*path.shape[:2], 3, 3))
+    return not find_bad_pace(Motion(np.arange(len(path)) * DT, path, rotations), TRACK_SPEED, AuditLimits())
+
+
+@pytest.mark.parametrize(
+    ("ahead", "drop", "ends_ahead", "expected"),
+    [
+        (0.0, 0.0, False, True),
+        (0.04, 0.0, False, True),
+        (0.08, 0.0, False, False),
+        (0.08, -0.05, False, False),
+        (0.08, 0.05, False, True),
+        (0.14, 0.05, False, False),
+        (0.08, 0.05, True, False),
+    ],
+    ids=["with its tracks", "falling", "thrown", "thrown up", "pulled down", "farther than that", "at the end"],
+)
+def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, ahead, drop, ends_ahead, expected):
+    path = make_path(ahead, drop, ends_ahead)
+    assert bool(is_honest(world, path)[0]) is expected
+    assert is_clean(path) is expected
+
+
+def test_a_lead_is_noted_of_the_body_that_has_it(world):
+    np.testing.assert_array_equal(is_honest(world, make_path(0.08, 0.0), 3), [False, True, True])
+
+
+def test_a_new_episode_forgets_it(world):
+    criteria = world.task.find_criteria(world.organism)
+    state = TaskState(world.scene, world.task.goal, 1, DT, criteria, np.zeros((1, COUNT - 1)))
+    position = make_path(0.0, 0.0)[:1]
+    state.bind(Views(position, UPRIGHT[None], np.zeros((1, 8)), *np.zeros((2, 1, COUNT - 1))))
+    state.begin([0], [world.scene], [TRACK_SPEED])
+    position[..., 0] += 0.2
+    state.advance(None, is_sound=True)
+    state.note_lead()
+    assert state.was_ahead[0]
+    assert state.lead[0] == pytest.approx(0.2 - TRACK_SPEED * DT)
+    state.begin([0], [world.scene], [TRACK_SPEED])
+    assert not state.was_ahead[0]
+    state.advance(None, is_sound=True)
+    assert state.lead[0] == pytest.approx(-TRACK_SPEED * DT)
+
+
+@pytest.mark.parametrize(("x", "faults"), [(0.96, 0), (1.01, 1)], ids=["over its rim", "beyond it"])
+def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, faults):
+    """Ground ends at x = 1; the corners of a module reach 5 cm from its center, and one leads."""
+    time = np.arange(TICKS) * DT
+    tilt = np.array([[np.cos(0.1), 0.0, np.sin(0.1)], [0.0, 1.0, 0.0], [-np.sin(0.1), 0.0, np.cos(0.1)]])
+    centers = np.tile([x, 0.0, 0.055], (TICKS, 1, 1))
+    motion = Motion(time, centers, np.tile(tilt, (TICKS, 1, 1, 1)))
+    found = find_unsteady_end(motion, lambda x, y: np.where(x < 1.0, 0.0, np.nan), AuditLimits())
+    assert len(found) == faults
+    lifted = motion._replace(centers=centers + [0.0, 0.0, 0.06])
+    assert find_unsteady_end(lifted, lambda x, y: np.where(x < 1.0, 0.0, np.nan), AuditLimits())
