@@ -35,10 +35,10 @@ TASKS = ("cross_gap", "climb", "reach", "traverse", "explore", "recover")
 ARENAS = ("truth", "gsrm", "gg", "wide")
 RANDOM_LANES = 40
 """Random episodes of a round."""
-POPULATION = 8
-GENERATIONS = 4
+POPULATION = 6
+GENERATIONS = 3
 """Generations of a short evolution; those after the first are audited."""
-DURATION, STUCK_TIME = 30.0, 4.0
+DURATION, STUCK_TIME = 30.0, 3.0
 """Episodes are cut off after so long, and after so long without progress [s]."""
 _LAWS = ("reactive", "travelling", "path", "posture")
 _SENSORS = ("hinge_angle", "pitch", "roll", "contact", "track_odometry")

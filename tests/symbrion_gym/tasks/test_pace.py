@@ -74,6 +74,13 @@ def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, ahead, drop,
     assert is_clean(path) is expected
 
 
+def test_a_later_lead_that_a_fall_explains_excuses_no_earlier_one(world):
+    path = make_path(0.08, 0.0)
+    path[25:35] += [0.08, 0.0, -0.05]
+    assert not is_honest(world, path)[0]
+    assert not is_clean(path)
+
+
 def test_a_lead_is_noted_of_the_body_that_has_it(world):
     np.testing.assert_array_equal(is_honest(world, make_path(0.08, 0.0), 3), [False, True, True])
 
