@@ -253,17 +253,17 @@ def _find_last_corners(motion: Motion, limits: AuditLimits) -> Float[np.ndarray,
 def find_unsteady_end(motion: Motion, height: Height, limits: AuditLimits) -> list[str]:
     """Return whether a module does not end upright, or not on the ground.
 
-    It is on the ground if the surface lies below its center, which is what keeps it from tipping over a rim, and close
-    below the lowest of its corners that have any below them.
+    It is on the ground if its lowest corner is close above the ground below this corner or below its center, whichever
+    is higher: over a rim or the edge of a gap, a corner may have nothing below it, and what carries the module lies
+    below its center. Below the center there has to be ground.
     """
     faults, corners = [], _find_last_corners(motion, limits)
     last = _find_end(motion.time, limits)
     if motion.rotations[last][:, :, 2, 2].min() < limits.upright:
         faults.append("a module does not end upright")
-    above = corners[..., 2] - height(corners[..., 0], corners[..., 1])
-    low = np.where(np.isfinite(above), corners[..., 2], np.inf).argmin(axis=2)
-    clearance = np.take_along_axis(above, low[..., None], axis=2)
-    x, y, _ = np.moveaxis(motion.centers[last], -1, 0)
-    if not (np.isfinite(height(x, y)).all() and np.max(clearance) < limits.clearance):
+    lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
+    below_center = height(*np.moveaxis(motion.centers[last][..., :2], -1, 0))
+    ground = np.fmax(height(lowest[..., 0], lowest[..., 1]), below_center)
+    if not (np.isfinite(below_center).all() and np.max(lowest[..., 2] - ground) < limits.clearance):
         faults.append("a module does not end on the ground")
     return faults

@@ -66,7 +66,15 @@ def is_clean(path: np.ndarray) -> bool:
         (0.14, 0.05, False, False),
         (0.08, 0.05, True, False),
     ],
-    ids=["with its tracks", "falling", "thrown", "thrown up", "pulled down", "farther than that", "at the end"],
+    ids=[
+        "with its tracks",
+        "falling",
+        "thrown",
+        "thrown up",
+        "pulled down",
+        "farther than that",
+        "at the end",
+    ],
 )
 def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, ahead, drop, ends_ahead, expected):
     path = make_path(ahead, drop, ends_ahead)
@@ -102,14 +110,19 @@ def test_a_new_episode_forgets_it(world):
     assert state.lead[0] == pytest.approx(-TRACK_SPEED * DT)
 
 
+@pytest.mark.parametrize("beyond", [np.nan, -0.25], ids=["nothing", "a gap"])
 @pytest.mark.parametrize(("x", "faults"), [(0.96, 0), (1.01, 1)], ids=["over its rim", "beyond it"])
-def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, faults):
-    """Ground ends at x = 1; the corners of a module reach 5 cm from its center, and one leads."""
+def test_a_module_on_a_rim_stands_on_the_ground_while_its_center_is_over_it(x, faults, beyond):
+    """Ground ends at x = 1; the corners of a module reach 5 cm from its center, and those ahead are lowest."""
+
+    def height(x, y):
+        return np.where(x < 1.0, 0.0, beyond)
+
     time = np.arange(TICKS) * DT
     tilt = np.array([[np.cos(0.1), 0.0, np.sin(0.1)], [0.0, 1.0, 0.0], [-np.sin(0.1), 0.0, np.cos(0.1)]])
     centers = np.tile([x, 0.0, 0.055], (TICKS, 1, 1))
     motion = Motion(time, centers, np.tile(tilt, (TICKS, 1, 1, 1)))
-    found = find_unsteady_end(motion, lambda x, y: np.where(x < 1.0, 0.0, np.nan), AuditLimits())
+    found = find_unsteady_end(motion, height, AuditLimits())
     assert len(found) == faults
-    lifted = motion._replace(centers=centers + [0.0, 0.0, 0.06])
-    assert find_unsteady_end(lifted, lambda x, y: np.where(x < 1.0, 0.0, np.nan), AuditLimits())
+    lifted = motion._replace(centers=centers + np.array([0.0, 0.0, 0.06]))
+    assert find_unsteady_end(lifted, height, AuditLimits())
