@@ -43,9 +43,9 @@ class AuditLimits:
         hinge_slack: how far hinges give beyond their range under load [rad].
         track_slip: an organism is faster than its tracks by no more than this factor.
         speed_slack: what it may be ahead of their path besides, for falling forwards [m].
-        fall_lead: what it may be ahead besides until the end is held, per meter by which the middle of its modules is
-            below its highest place so far: what slides at a friction of 1 while it falls. At the end nothing is
-            excused.
+        fall_lead: what it may be ahead besides until the end is held, per meter by which the mean height of its
+            modules is below that of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end
+            nothing is excused.
 
     Raises:
         OptionError: a number is out of range.
@@ -157,7 +157,10 @@ def audit(
     faults = [
         *find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(motion, limits),
-        *_find_bad_course(motion, track_speed, half_width, limits),
+        *_find_bad_course(motion, half_width),
+        *find_bad_pace(
+            motion, track_speed, limits, find_progress(motion.centers[:, :, 0], far_edge + scout.pitch / 2)
+        ),
         *find_overlaps(motion.centers, height, limits),
         *_find_bad_end(motion, height, far_edge, limits),
     ]
@@ -189,30 +192,41 @@ def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | No
     return faults
 
 
-def _find_bad_course(motion: Motion, track_speed: float, half_width: float, limits: AuditLimits) -> list[str]:
-    faults = []
-    if np.abs(motion.centers[:, :, 1]).max() > half_width:
-        faults.append("a module left the course at the side")
-    return faults + find_bad_pace(motion, track_speed, limits)
+def _find_bad_course(motion: Motion, half_width: float) -> list[str]:
+    is_beside = np.abs(motion.centers[:, :, 1]).max() > half_width
+    return ["a module left the course at the side"] if is_beside else []
 
 
-def find_bad_pace(motion: Motion, track_speed: float, limits: AuditLimits) -> list[str]:
+def find_progress(ahead: Float[np.ndarray, "T n"], finish: float) -> Float[np.ndarray, " T"]:
+    """Return the mean position of the modules along a way, each counted up to the finish [m]."""
+    return np.minimum(ahead, finish).mean(axis=1)
+
+
+def find_bad_pace(
+    motion: Motion,
+    track_speed: float,
+    limits: AuditLimits,
+    progress: Float[np.ndarray, " T"] | None = None,
+) -> list[str]:
     """Return whether the body was faster than its tracks.
 
-    Its middle may be no farther from its start, in plan, than the tracks can have taken it. A body that falls or is
-    pulled down by a part that hangs slides, as long as the height lost pays for the friction; that lead has to be
-    gone when the end is held.
+    Its middle may be no farther from its start, in plan, than the tracks can have taken it. Until the end is held, a
+    body that is pulled by modules that hang may have slid ahead, as far as their loss of height pays for the friction.
+
+    Args:
+        motion: what the modules did.
+        track_speed: [m/s].
+        limits: limits of an honest motion.
+        progress: progress along a straight way, which counts until the end [m]; None where the way is not straight.
     """
-    time, middle = motion.time, motion.centers.mean(axis=1)
-    way = np.linalg.norm(middle[:, :2] - middle[0, :2], axis=1)
-    lead = way - track_speed * (time - time[0]) * limits.track_slip
-    drop = np.maximum.accumulate(middle[:, 2]) - middle[:, 2]
-    drop[_find_end(time, limits)] = 0.0
-    return (
-        ["the body was faster than its tracks"]
-        if (lead > limits.speed_slack + limits.fall_lead * drop).any()
-        else []
-    )
+    time, middle, height = motion.time, motion.centers.mean(axis=1), motion.centers[:, :, 2]
+    tracks = track_speed * (time - time[0]) * limits.track_slip + limits.speed_slack
+    away = np.linalg.norm(middle[:, :2] - middle[0, :2], axis=1)
+    way = away if progress is None else progress - progress[0]
+    hang = height.max(axis=1) - height.mean(axis=1)
+    was_ahead = (way > tracks + limits.fall_lead * hang).any()
+    ends_ahead = (away > tracks)[_find_end(time, limits)].any()
+    return ["the body was faster than its tracks"] if was_ahead or ends_ahead else []
 
 
 def _find_end(time: Float[np.ndarray, " T"], limits: AuditLimits) -> Bool[np.ndarray, " T"]:

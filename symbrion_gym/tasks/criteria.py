@@ -27,8 +27,8 @@ class SuccessCriteria:
         ground_band: height of a module's center above the ground that counts as standing on it [m]: half a module's
             height is 0.0525, one stacked on another is above 0.1.
         speed_slack: distance that an organism may be ahead of the path of its tracks, for falling forwards [m].
-        fall_lead: how far it may be ahead besides before it arrives, per meter by which the middle of its modules is
-            below its highest place so far: 1 is what pays for sliding at a friction of 1, more than tracks have.
+        fall_lead: how far it may be ahead besides before it arrives, per meter by which the mean height of its modules
+            is below that of the highest: 1 is what pays for sliding at a friction of 1, more than tracks have.
         corner: half the edge of the cube in a module that must be beyond the far edge however it is turned [m].
         touch_band: a module this close to the floor of the pit touches it [m].
         max_rate: a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing

@@ -22,6 +22,7 @@ from symbrion_gym.tasks.audit import (
     find_bad_motion,
     find_bad_pace,
     find_overlaps,
+    find_progress,
     find_unsteady_end,
 )
 from symbrion_gym.tasks.explore import AreaRoute, SeeGround
@@ -93,7 +94,7 @@ def audit_task(
     faults = [
         *find_bad_hinges(hinges, scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(case.motion, limits, rolled_over),
-        *find_bad_pace(case.motion, track_speed, limits),
+        *find_bad_pace(case.motion, track_speed, limits, _find_progress(case, goal)),
         *find_overlaps(case.motion.centers, height, limits),
         *find_unsteady_end(case.motion, height, limits),
         *_find_bad_goal(case, goal),
@@ -108,6 +109,12 @@ def _find_height(scene: Scene):
         return scene.arena.elevation.height_below(x, y, np.full(np.shape(x), scene.route.start_height + 0.25))
 
     return height
+
+
+def _find_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
+    if not isinstance(goal, PassFinish):
+        return None
+    return find_progress(case.find_along(case.motion.centers)[0], case.scene.route.finish)
 
 
 def _find_bad_goal(case: _Case, goal: object) -> list[str]:

@@ -14,13 +14,13 @@ from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
 
-UPPER_MEASURES = ("progress", "tick", "lead", "rear")
+UPPER_MEASURES = ("progress", "way", "tick", "rear")
 LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")
 MEASURES = UPPER_MEASURES + LOWER_MEASURES
-"""What is measured of every simulation in every tick: progress; ticks since the start; how much farther the middle of
-the body is from its start than its tracks can have taken it [m]; of the modules the position least far along the way,
-least far to the left of its middle, the lowest height [m], the least z of an up axis, and the position least far to the
-right [m]. A term may name limits: upper ones of the first four, lower ones of the others."""
+"""What is measured of every simulation in every tick: progress; the way that its tracks have to account for [m]; ticks
+since the start; of the modules the position least far along the way, least far to the left of its middle, the lowest
+height [m], the least z of an up axis, and the position least far to the right [m]. A term may name limits: upper ones
+of the first four, lower ones of the others."""
 _REAR = MEASURES.index("rear")
 _find_least = np.minimum.reduceat
 _add_up = np.add.accumulate
@@ -69,9 +69,11 @@ class TaskState:
         previous_progress: `[N]` that of the tick before.
         start_progress: `[N]` that at the start.
         start_position: `[N, n, 3]` positions at the start [m].
-        tick: `[N]` ticks since the start.
-        lead: `[N]` way of the middle of the modules from its start, in plan, less the way of the tracks [m].
+        way: `[N]` progress along a straight way; else the distance of the middle of the body from its start, in plan
+            [m].
+        start_way: `[N]` that at the start.
         was_ahead: `[N]` whether the body was at any time farther ahead of its tracks than a fall explains.
+        tick: `[N]` ticks since the start.
         rear: `[N]` position of the last module along the way [m].
         least_left: `[N]` how far to the left of the way's middle the module is that is least so [m].
         least_right: `[N]` how far to the right the module is that is least so [m].
@@ -105,23 +107,23 @@ class TaskState:
         self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
-        self.progress, self.tick, self.lead, self.rear = self.measures[: _REAR + 1]
+        self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
+        self._progress_and_way = self.measures[:2]
+        self._is_straight = getattr(goal, "is_straight", False)
         self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
         self._least = self.measures[_REAR:]
         places = np.zeros((5, count, num))
         self._places, self._firsts = places.reshape(5 * count, num), np.arange(0, 5 * count, count)
-        self._centers, self._coordinates = places[:3], places[:3].transpose(2, 1, 0)
+        self._coordinates = places[:3].transpose(2, 1, 0)
         self._ahead, self._beside, _, up, self._right = places
         self._up = up.T
         self._share = np.full(num, 1.0 / count)
         self.mean_to_finish = np.zeros(num)
-        self.previous_progress, self.start_progress, self.track_speed = np.zeros((3, num))
+        self.previous_progress, self.start_progress, self.start_way, self.track_speed = np.zeros((4, num))
+        self.was_ahead = np.zeros(num, dtype=bool)
         self.start_position = np.zeros((num, count, 3))
         self.start_mean = np.zeros(num)
         self.finish, self.half_width, self.deepest = np.zeros((3, num))
-        self._plan, self._start_plan = np.zeros((2, 2, num))
-        self._track_way, self._track_step, self._highest = np.zeros((3, num))
-        self.was_ahead = np.zeros(num, dtype=bool)
         self._finish_of_each = np.zeros((count, num))
         self._ones = np.ones(num)
         self.is_sound = np.ones(num, dtype=bool)
@@ -139,11 +141,9 @@ class TaskState:
         self.up = self.rotation[:, :, 8]
         hinges, modules = self.torque.shape[1], self.position.shape[1]
         self._torques, self._hinge_rates = self.torque.T, self.hinge_rate.T
-        self._addends, self._sums = np.zeros((2, 5, max(hinges, modules), self.num))
+        self._addends, self._sums = np.zeros((2, 2, max(hinges, modules), self.num))
         self._clipped, self._powers = self._addends[0, :modules], self._addends[1, :hinges]
-        self._places_to_add = self._addends[2:, :modules]
         self._to_finish, self.power = self._sums[0, modules - 1], self._sums[1, -1]
-        self._plan_sums, self._height_sum = self._sums[2:4, modules - 1], self._sums[4, modules - 1]
         self._find_local()
 
     def _find_local(self) -> None:
@@ -171,8 +171,7 @@ class TaskState:
         self._is_along_x = all(scene.is_along_x for scene in self.scenes)
         self._find_local()
         rows = list(rows)
-        self.tick[rows] = self._track_way[rows] = 0.0
-        self._track_step[rows] = self.track_speed[rows] * self.dt
+        self.tick[rows] = 0.0
         self.success[rows] = self.failed[rows] = self.was_ahead[rows] = False
         self.is_sound[rows] = True
         self.start_position[rows] = self.position[rows]
@@ -183,9 +182,8 @@ class TaskState:
             before[rows] = self.progress[rows]
             now[:] = before
         self.start_progress[rows] = self.progress[rows]
+        self.start_way[rows] = self.way[rows]
         self.start_mean[rows] = self.find_mean_along()[rows]
-        self._start_plan[:, rows], self._highest[rows] = self._plan_sums[:, rows], self._height_sum[rows]
-        self.lead[rows] = 0.0
         self._forget(rows)
 
     def _forget(self, rows: Sequence[int]) -> None:
@@ -202,8 +200,6 @@ class TaskState:
         self.previous_progress[...] = self.progress
         tick = self.tick
         np.add(tick, self._ones if active is None else active, tick)
-        step = self._track_step if active is None else self._track_step * active
-        np.add(self._track_way, step, self._track_way)
         self.measure()
         if not (is_sound and self._was_sound):
             self._distrust()
@@ -232,28 +228,29 @@ class TaskState:
         powers = self._powers
         np.multiply(self._torques, self._hinge_rates, powers)
         np.absolute(powers, powers)
-        self._places_to_add[...] = self._centers
         _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
         np.multiply(self._to_finish, self._share, self.mean_to_finish)
-        self._measure_lead()
-        self.progress[...] = self._goal.progress(self)
+        if self._is_straight:
+            self._progress_and_way[...] = self._goal.progress(self)
+        else:
+            self.progress[...] = self._goal.progress(self)
+            x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
+            np.hypot(x, y, self.way)
 
-    def _measure_lead(self) -> None:
-        x, y = np.subtract(self._plan_sums, self._start_plan, self._plan)
-        np.hypot(x, y, self.lead)
-        np.multiply(self.lead, self._share, self.lead)
-        np.subtract(self.lead, self._track_way, self.lead)
-        np.maximum(self._highest, self._height_sum, out=self._highest)
+    def find_pace(self) -> Float[np.ndarray, " N"]:
+        """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
+        return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
     def note_lead(self) -> None:
         """Remember the bodies that are farther ahead of their tracks than a fall explains.
 
-        Beyond the way of its tracks a body slides. It can do so as long as what its middle has lost of its greatest
-        height pays for the work of friction: over h / mu at most, where mu is the friction and h this drop.
+        Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
+        edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
+        h / mu at most, where mu is the friction.
         """
-        criteria = self.criteria
-        drop = (self._highest - self._height_sum) * self._share
-        self.was_ahead |= self.lead > criteria.speed_slack + criteria.fall_lead * drop
+        height = self.position[:, :, 2]
+        hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
+        self.was_ahead |= self.way > self.find_pace() + self.criteria.fall_lead * hang
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]

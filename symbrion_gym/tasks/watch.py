@@ -11,7 +11,7 @@ from symbrion_gym.tasks.state import MEASURES, UPPER_MEASURES, TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 
-_TICK, _LEAD = MEASURES.index("tick"), MEASURES.index("lead")
+_TICK, _WAY = MEASURES.index("tick"), MEASURES.index("way")
 _NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
 _MOST_KEPT = 128
 """What is called is kept for this many combinations of limits that were reached."""
@@ -54,7 +54,6 @@ class Watch:
         self._quiet = self._is_quiet.tobytes()
         self._widest = np.where(is_lower, -np.inf, np.inf)[:, None] * np.ones(num)
         self._widest[_TICK] = self._last_tick - 0.5
-        self._widest[_LEAD] = state.criteria.speed_slack
         self._own: list[dict[int, np.ndarray | float]] = [{} for _ in self._all]
         self._called_for: dict[bytes, tuple[tuple[int, ...], bool]] = {}
         self._is_always = [getattr(term, "limits", None) is None for term in self._all]
@@ -70,8 +69,14 @@ class Watch:
             self._read_limits(index)
         if before != [own.keys() for own in self._own]:
             self._called_for.clear()
+        self._read_pace()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
+
+    def _read_pace(self) -> None:
+        """Find the way up to which no body is ahead of its tracks, from now on."""
+        state = self._state
+        self._widest[_WAY] = np.where(state.was_ahead, np.inf, state.find_pace())
 
     def _read_limits(self, index: int) -> None:
         """Ask a term for its limits."""
@@ -83,7 +88,7 @@ class Watch:
         """Find the narrowest limit of a measure."""
         narrowest = self._limits[measure]
         given = [own[measure] for own in self._own if measure in own]
-        is_watched = measure in (_TICK, _LEAD)
+        is_watched = measure in (_TICK, _WAY)
         narrowest[...] = given.pop() if given and not is_watched else self._widest[measure]
         for each in given:
             (np.maximum if measure >= len(UPPER_MEASURES) else np.minimum)(narrowest, each, out=narrowest)
@@ -110,8 +115,10 @@ class Watch:
         is_quiet = is_sound and seen == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
-        if self._seen[_LEAD].any():
+        if self._seen[_WAY].any():
             self._state.note_lead()
+            self._read_pace()
+            self._join_limits(_WAY)
         called, is_late = self._find_called(active, seen)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
         if is_sound and not self._is_eventful and self._goal_index not in called:

@@ -20,15 +20,19 @@ def world() -> World:
     return World(EnvironmentConfig(modules=COUNT, pit=0.2))
 
 
-def make_path(ahead: float, drop: float, ends_ahead: bool = False) -> np.ndarray:
-    """Return centers `[T, n, 3]` of a body that is ahead of its tracks, and lower, in the second fifth of the time."""
+def make_path(ahead: float, hang: float = 0.0, rise: float = 0.0, ends_ahead: bool = False) -> np.ndarray:
+    """Return centers `[T, n, 3]` of a body that is ahead of its tracks in the second fifth of the time.
+
+    Then its last module is lifted, and the others hang below it; their mean height is that of the last less `hang`.
+    """
     tick = np.arange(TICKS)
-    start = np.array([[0.2 - 0.1254 * index, 0.0, 0.3] for index in range(COUNT)])
+    start = np.array([[-0.5 - 0.1254 * index, 0.0, 0.3] for index in range(COUNT)])
     is_ahead = (tick >= 10) & ((tick < 20) | ends_ahead)
-    shift = np.zeros((TICKS, 3))
-    shift[:, 0] = TRACK_SPEED * DT * tick + ahead * is_ahead
-    shift[:, 2] = -drop * is_ahead
-    return start + shift[:, None]
+    shift = np.zeros((TICKS, COUNT, 3))
+    shift[:, :, 0] = (TRACK_SPEED * DT * tick + ahead * is_ahead)[:, None]
+    shift[is_ahead, :, 2] = rise
+    shift[is_ahead, :-1, 2] -= hang * COUNT / (COUNT - 1)
+    return start + shift
 
 
 def is_honest(world: World, path: np.ndarray, count: int = 1) -> np.ndarray:
@@ -56,58 +60,61 @@ def is_clean(path: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("ahead", "drop", "ends_ahead", "expected"),
+    ("expected", "motion"),
     [
-        (0.0, 0.0, False, True),
-        (0.04, 0.0, False, True),
-        (0.08, 0.0, False, False),
-        (0.08, -0.05, False, False),
-        (0.08, 0.05, False, True),
-        (0.14, 0.05, False, False),
-        (0.08, 0.05, True, False),
+        (True, {"ahead": 0.0}),
+        (True, {"ahead": 0.04}),
+        (False, {"ahead": 0.08}),
+        (False, {"ahead": 0.08, "rise": 0.05}),
+        (False, {"ahead": 0.08, "rise": -0.05}),
+        (True, {"ahead": 0.08, "hang": 0.05}),
+        (False, {"ahead": 0.14, "hang": 0.05}),
+        (False, {"ahead": 0.08, "hang": 0.05, "ends_ahead": True}),
     ],
     ids=[
         "with its tracks",
-        "falling",
+        "tipping",
         "thrown",
         "thrown up",
-        "pulled down",
+        "flat below",
+        "pulled",
         "farther than that",
         "at the end",
     ],
 )
-def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, ahead, drop, ends_ahead, expected):
-    path = make_path(ahead, drop, ends_ahead)
+def test_both_judges_agree_on_who_was_faster_than_its_tracks(world, expected, motion):
+    path = make_path(**motion)
     assert bool(is_honest(world, path)[0]) is expected
     assert is_clean(path) is expected
 
 
 def test_a_later_lead_that_a_fall_explains_excuses_no_earlier_one(world):
-    path = make_path(0.08, 0.0)
-    path[25:35] += [0.08, 0.0, -0.05]
+    path = make_path(0.08)
+    path[25:35] = make_path(0.08, 0.05)[10:20] + np.array([15 * TRACK_SPEED * DT, 0.0, 0.0])
     assert not is_honest(world, path)[0]
     assert not is_clean(path)
 
 
 def test_a_lead_is_noted_of_the_body_that_has_it(world):
-    np.testing.assert_array_equal(is_honest(world, make_path(0.08, 0.0), 3), [False, True, True])
+    np.testing.assert_array_equal(is_honest(world, make_path(0.08), 3), [False, True, True])
 
 
 def test_a_new_episode_forgets_it(world):
     criteria = world.task.find_criteria(world.organism)
     state = TaskState(world.scene, world.task.goal, 1, DT, criteria, np.zeros((1, COUNT - 1)))
-    position = make_path(0.0, 0.0)[:1]
+    position = make_path(0.0)[:1]
     state.bind(Views(position, UPRIGHT[None], np.zeros((1, 8)), *np.zeros((2, 1, COUNT - 1))))
     state.begin([0], [world.scene], [TRACK_SPEED])
     position[..., 0] += 0.2
     state.advance(None, is_sound=True)
     state.note_lead()
     assert state.was_ahead[0]
-    assert state.lead[0] == pytest.approx(0.2 - TRACK_SPEED * DT)
+    assert state.way[0] - state.start_way[0] == pytest.approx(0.2)
     state.begin([0], [world.scene], [TRACK_SPEED])
     assert not state.was_ahead[0]
     state.advance(None, is_sound=True)
-    assert state.lead[0] == pytest.approx(-TRACK_SPEED * DT)
+    assert state.way[0] == state.start_way[0]
+    assert state.find_pace()[0] == state.start_way[0] + TRACK_SPEED * DT + state.criteria.speed_slack
 
 
 @pytest.mark.parametrize("beyond", [np.nan, -0.25], ids=["nothing", "a gap"])
