@@ -241,16 +241,24 @@ class TaskState:
         """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
         return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
 
-    def note_lead(self) -> None:
+    def note_lead(self) -> Float[np.ndarray, " N"]:
         """Remember the bodies that are farther ahead of their tracks than a fall explains.
+
+        Returns:
+            The way up to which nothing is to be noted from now on [m].
 
         Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
         edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
         h / mu at most, where mu is the friction.
         """
-        height = self.position[:, :, 2]
-        hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
-        self.was_ahead |= self.way > self.find_pace() + self.criteria.fall_lead * hang
+        pace = self.find_pace()
+        if np.count_nonzero(self.way > pace):
+            height = self.position[:, :, 2]
+            hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
+            self.was_ahead |= self.way > pace + self.criteria.fall_lead * hang
+        if np.count_nonzero(self.was_ahead):
+            pace[self.was_ahead] = np.inf
+        return pace
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]

@@ -69,14 +69,9 @@ class Watch:
             self._read_limits(index)
         if before != [own.keys() for own in self._own]:
             self._called_for.clear()
-        self._read_pace()
+        self._widest[_WAY] = self._state.note_lead()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
-
-    def _read_pace(self) -> None:
-        """Find the way up to which no body is ahead of its tracks, from now on."""
-        state = self._state
-        self._widest[_WAY] = np.where(state.was_ahead, np.inf, state.find_pace())
 
     def _read_limits(self, index: int) -> None:
         """Ask a term for its limits."""
@@ -96,11 +91,13 @@ class Watch:
     def _refresh(self, called: Sequence[int]) -> None:
         """Ask terms that have just been called for their limits, which may have moved."""
         for index in called:
-            before = self._own[index]
+            before = self._own[index].keys()
             self._read_limits(index)
-            if before.keys() != self._own[index].keys():
+            measures = self._own[index].keys()
+            if before != measures:
                 self._called_for.clear()
-            for measure in before.keys() | self._own[index].keys():
+                measures = before | measures
+            for measure in measures:
                 self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
@@ -116,8 +113,7 @@ class Watch:
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
         if self._seen[_WAY].any():
-            self._state.note_lead()
-            self._read_pace()
+            self._widest[_WAY] = self._state.note_lead()
             self._join_limits(_WAY)
         called, is_late = self._find_called(active, seen)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
