@@ -1,19 +1,24 @@
 """Success of zero actions and of random genotypes on the course, by which the default pit was selected.
 
     python -m benchmarks.baselines [--quick] [--only NAME ...]
+    python -m benchmarks.baselines --only learning [--ids ID ...] [--algorithms NAME ...] [--seeds N ...] [--minutes M]
 
 All trials are randomized and start on the floor of the true course.
 `python docs/pictures.py results` draws the success by width, modules and friction.
 """
 
 import argparse
+import time
 from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from itertools import product
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from benchmarks.evolution_runs import Results
+from benchmarks.material.learning import ALGORITHMS, Budget, learn
 from evolution.backends.trials import Randomization
 from evolution.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
 from evolution.search.evaluation import evaluate
@@ -33,6 +38,11 @@ DEFAULT_TRIALS = 200
 """Trials on the default course."""
 STARTS = 50
 """Starts of each id with zero and with random actions."""
+DEFAULT_IDS = (
+    *("Reach-v0", "CrossGap-v0", "Climb-v0", "Traverse-v0", "Recover-v0", "Explore-v0"),
+    "SnakePit-v1",
+)
+"""The default variant of each task."""
 RANDOM_GENOTYPES = 50
 RANDOM_STEP = 0.5
 """Standard deviation of random genotypes [rad]: the first step of a search from zero."""
@@ -108,6 +118,25 @@ def count_successes(name: str, starts: int, policy: str) -> int:
     return successes
 
 
+@dataclass(frozen=True)
+class Lessons:
+    """Runs of learning: of each algorithm, with each seed, of each id, in this order.
+
+    Attributes:
+        ids: names of environments without the namespace; the default variants first.
+        algorithms: of `benchmarks.material.learning.ALGORITHMS`.
+        seeds: one run each.
+        minutes: no run begins after this time [min].
+        budget: of each run.
+    """
+
+    ids: tuple[str, ...] = DEFAULT_IDS
+    algorithms: tuple[str, ...] = ALGORITHMS
+    seeds: tuple[int, ...] = (0, 1, 2)
+    minutes: float = 600.0
+    budget: Budget = field(default_factory=Budget)
+
+
 class Baselines:
     """The parts, each a method of its name.
 
@@ -115,10 +144,17 @@ class Baselines:
         results: where they write.
         quick: few trials.
         report: called with each figure as text.
+        lessons: runs of learning that are wanted, and their budgets.
     """
 
-    def __init__(self, results: Results, quick: bool, report: Callable[[str], None]) -> None:
-        self._results, self._report = results, report
+    def __init__(
+        self,
+        results: Results,
+        quick: bool,
+        report: Callable[[str], None],
+        lessons: Lessons | None = None,
+    ) -> None:
+        self._results, self._report, self._lessons = results, report, lessons or Lessons()
         self._trials = 4 if quick else 60
         self._map_trials = 4 if quick else 30
         self._friction_trials = 4 if quick else 12
@@ -157,6 +193,22 @@ class Baselines:
             short = name.removeprefix("symbrion_gym/")
             self._put(f"ids/{short}", {"starts": self._starts, **figures})
 
+    def learning(self) -> None:
+        """Learn ids by CMA-ES, PPO and SAC; a run that is stored with as large a budget is not repeated."""
+        lessons, began = self._lessons, time.monotonic()
+        for algorithm, seed, name in product(lessons.algorithms, lessons.seeds, lessons.ids):
+            part = f"learning/{name}/{algorithm}/{seed}"
+            if self._is_learned(part) or time.monotonic() - began > 60 * lessons.minutes:
+                continue
+            self._put(part, learn(f"symbrion_gym/{name}", algorithm, seed, lessons.budget))
+
+    def _is_learned(self, part: str) -> bool:
+        stored = self._results.content.get(part)
+        if stored is None:
+            return False
+        had, wanted = stored["budget"], asdict(self._lessons.budget)
+        return stored["solved"] or all(had[name] >= wanted[name] for name in wanted)
+
     def other_tasks(self) -> None:
         """Measure zero actions with six modules, and over a bottomless pit."""
         zero, count = np.zeros(len(REACTIVE_HINT)), self._trials
@@ -184,15 +236,16 @@ class Baselines:
 PARTS = tuple(name for name in vars(Baselines) if not name.startswith("_"))
 
 
-def run(quick: bool = False, only: tuple[str, ...] = ()) -> dict[str, Any]:
+def run(quick: bool = False, only: tuple[str, ...] = (), lessons: Lessons | None = None) -> dict[str, Any]:
     """Measure, print, store and return the figures.
 
     Args:
         quick: few trials.
         only: names of the parts to measure; all by default.
+        lessons: runs of the part "learning".
     """
     results = Results("baselines")
-    baselines = Baselines(results, quick, lambda text: print(text, flush=True))
+    baselines = Baselines(results, quick, lambda text: print(text, flush=True), lessons)
     for name in only or PARTS:
         getattr(baselines, name)()
     return results.content
@@ -207,8 +260,19 @@ def main() -> None:
     )
     parser.add_argument("--quick", action="store_true", help="few trials")
     parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to measure")
+    known = [name.removeprefix("symbrion_gym/") for name in ENVIRONMENTS]
+    group = parser.add_argument_group("learning", "runs that are not stored yet")
+    group.add_argument("--ids", nargs="*", default=Lessons.ids, choices=known, metavar="ID")
+    group.add_argument("--algorithms", nargs="*", default=ALGORITHMS, choices=ALGORITHMS)
+    group.add_argument("--seeds", nargs="*", type=int, default=Lessons.seeds)
+    group.add_argument("--minutes", type=float, default=Lessons.minutes, help="no run begins after this time")
+    usual = Budget()
+    group.add_argument("--run-minutes", type=float, default=usual.minutes, help="processor time of a run")
+    group.add_argument("--robot-seconds", type=float, default=usual.robot_seconds, help="of a run")
     options = parser.parse_args()
-    run(options.quick, tuple(options.only))
+    budget = Budget(options.robot_seconds, options.run_minutes)
+    wanted = (tuple(options.ids), tuple(options.algorithms), tuple(options.seeds))
+    run(options.quick, tuple(options.only), Lessons(*wanted, options.minutes, budget))
 
 
 if __name__ == "__main__":

@@ -30,7 +30,6 @@ class Beams(NamedTuple):
     directions: Float[np.ndarray, "B 3"]
     ranges: Float[np.ndarray, " B"]
 
-
     def near(self, center: Float[np.ndarray, " 3"], radius: float, most: int | None = None) -> Beams:
         """Return those whose lines pass a ball [m]; with more than `most` every second, third, ... of them."""
         offset = center - self.origins

@@ -9,8 +9,8 @@ from typing import Any, Literal, NamedTuple
 from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
-from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.arenas.friction_map import FrictionMap
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 

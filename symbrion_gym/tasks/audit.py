@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from reconstruction.geometry.pose import make_rotation, to_rotation
 from reconstruction.range_checks import check_not_negative
@@ -43,6 +43,9 @@ class AuditLimits:
         hinge_slack: how far hinges give beyond their range under load [rad].
         track_slip: an organism is faster than its tracks by no more than this factor.
         speed_slack: what it may be ahead of their path besides, for falling forwards [m].
+        fall_lead: what it may be ahead besides until the end is held, per meter by which the mean height of its
+            modules is below that of the highest: so far it slides at a friction of 1, pulled by what hangs. At the end
+            nothing is excused.
 
     Raises:
         OptionError: a number is out of range.
@@ -59,6 +62,7 @@ class AuditLimits:
     hinge_slack: float = 0.12
     track_slip: float = 1.02
     speed_slack: float = 0.06
+    fall_lead: float = 1.0
 
     def __post_init__(self) -> None:
         names = [each.name for each in fields(self) if each.name not in ("upright", "rolled_over")]
@@ -153,7 +157,10 @@ def audit(
     faults = [
         *find_bad_hinges(trajectory.qpos[:, 7:], scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(motion, limits),
-        *_find_bad_course(motion, track_speed, half_width, limits),
+        *_find_bad_course(motion, half_width),
+        *find_bad_pace(
+            motion, track_speed, limits, find_progress(motion.centers[:, :, 0], far_edge + scout.pitch / 2)
+        ),
         *find_overlaps(motion.centers, height, limits),
         *_find_bad_end(motion, height, far_edge, limits),
     ]
@@ -185,15 +192,46 @@ def find_bad_motion(motion: Motion, limits: AuditLimits, rolled_over: float | No
     return faults
 
 
-def _find_bad_course(motion: Motion, track_speed: float, half_width: float, limits: AuditLimits) -> list[str]:
-    faults, (time, centers, _) = [], motion
-    if np.abs(centers[:, :, 1]).max() > half_width:
-        faults.append("a module left the course at the side")
-    middle = centers[:, :, 0].mean(axis=1)
-    path = track_speed * (time - time[0]) * limits.track_slip
-    if ((middle - middle[0]) > path + limits.speed_slack).any():
-        faults.append("the body was faster than its tracks")
-    return faults
+def _find_bad_course(motion: Motion, half_width: float) -> list[str]:
+    is_beside = np.abs(motion.centers[:, :, 1]).max() > half_width
+    return ["a module left the course at the side"] if is_beside else []
+
+
+def find_progress(ahead: Float[np.ndarray, "T n"], finish: float) -> Float[np.ndarray, " T"]:
+    """Return the mean position of the modules along a way, each counted up to the finish [m]."""
+    return np.minimum(ahead, finish).mean(axis=1)
+
+
+def find_bad_pace(
+    motion: Motion,
+    track_speed: float,
+    limits: AuditLimits,
+    progress: Float[np.ndarray, " T"] | None = None,
+) -> list[str]:
+    """Return whether the body was faster than its tracks.
+
+    Its middle may be no farther from its start, in plan, than the tracks can have taken it. Until the end is held, a
+    body that is pulled by modules that hang may have slid ahead, as far as their loss of height pays for the friction.
+
+    Args:
+        motion: what the modules did.
+        track_speed: [m/s].
+        limits: limits of an honest motion.
+        progress: progress along a straight way, which counts until the end [m]; None where the way is not straight.
+    """
+    time, middle, height = motion.time, motion.centers.mean(axis=1), motion.centers[:, :, 2]
+    tracks = track_speed * (time - time[0]) * limits.track_slip + limits.speed_slack
+    away = np.linalg.norm(middle[:, :2] - middle[0, :2], axis=1)
+    way = away if progress is None else progress - progress[0]
+    hang = height.max(axis=1) - height.mean(axis=1)
+    was_ahead = (way > tracks + limits.fall_lead * hang).any()
+    ends_ahead = (away > tracks)[_find_end(time, limits)].any()
+    return ["the body was faster than its tracks"] if was_ahead or ends_ahead else []
+
+
+def _find_end(time: Float[np.ndarray, " T"], limits: AuditLimits) -> Bool[np.ndarray, " T"]:
+    """Return which times belong to the end that is held."""
+    return time > time[-1] - limits.hold_time + _ROUNDING
 
 
 def find_overlaps(centers: Float[np.ndarray, "T n 3"], height: Height, limits: AuditLimits) -> list[str]:
@@ -220,20 +258,26 @@ def _find_bad_end(motion: Motion, height: Height, far_edge: float, limits: Audit
 
 def _find_last_corners(motion: Motion, limits: AuditLimits) -> Float[np.ndarray, "L n 8 3"]:
     """Return the corners of all modules while the success was held."""
-    last = motion.time > motion.time[-1] - limits.hold_time + _ROUNDING
+    last = _find_end(motion.time, limits)
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     turned = np.einsum("tnij,cj->tnci", motion.rotations[last], signs * limits.corner)
     return motion.centers[last][:, :, None] + turned
 
 
 def find_unsteady_end(motion: Motion, height: Height, limits: AuditLimits) -> list[str]:
-    """Return whether a module does not end upright, or not on the ground."""
+    """Return whether a module does not end upright, or not on the ground.
+
+    It is on the ground if its lowest corner is close above the ground below this corner or below its center, whichever
+    is higher: over a rim or the edge of a gap, a corner may have nothing below it, and what carries the module lies
+    below its center. Below the center there has to be ground.
+    """
     faults, corners = [], _find_last_corners(motion, limits)
-    last = motion.time > motion.time[-1] - limits.hold_time + _ROUNDING
+    last = _find_end(motion.time, limits)
     if motion.rotations[last][:, :, 2, 2].min() < limits.upright:
         faults.append("a module does not end upright")
     lowest = np.take_along_axis(corners, corners[..., 2].argmin(axis=2)[..., None, None], axis=2)[:, :, 0]
-    above = lowest[..., 2] - height(lowest[..., 0], lowest[..., 1])
-    if not np.max(above) < limits.clearance:
+    below_center = height(*np.moveaxis(motion.centers[last][..., :2], -1, 0))
+    ground = np.fmax(height(lowest[..., 0], lowest[..., 1]), below_center)
+    if not (np.isfinite(below_center).all() and np.max(lowest[..., 2] - ground) < limits.clearance):
         faults.append("a module does not end on the ground")
     return faults

@@ -27,6 +27,8 @@ class SuccessCriteria:
         ground_band: height of a module's center above the ground that counts as standing on it [m]: half a module's
             height is 0.0525, one stacked on another is above 0.1.
         speed_slack: distance that an organism may be ahead of the path of its tracks, for falling forwards [m].
+        fall_lead: how far it may be ahead besides before it arrives, per meter by which the mean height of its modules
+            is below that of the highest: 1 is what pays for sliding at a friction of 1, more than tracks have.
         corner: half the edge of the cube in a module that must be beyond the far edge however it is turned [m].
         touch_band: a module this close to the floor of the pit touches it [m].
         max_rate: a coordinate faster than this [m/s or rad/s] means that the simulation has diverged; nothing
@@ -41,12 +43,15 @@ class SuccessCriteria:
     rolled_over: float = -0.3
     ground_band: tuple[float, float] = (0.02, 0.075)
     speed_slack: float = 0.05
+    fall_lead: float = 1.0
     corner: float = 0.05
     touch_band: float = 0.01
     max_rate: float = 50.0
 
     def __post_init__(self) -> None:
-        check_not_negative(self, ("hold_time", "speed_slack", "corner", "touch_band"), OptionError)
+        check_not_negative(
+            self, ("hold_time", "speed_slack", "fall_lead", "corner", "touch_band"), OptionError
+        )
         check_positive(self, ("max_rate",), OptionError)
         for name in ("upright", "rolled_over"):
             if not -1.0 <= getattr(self, name) <= 1.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,6 +28,8 @@ class PassFinish:
         pit_search: what counts as a pit; None for the defaults.
     """
 
+    is_straight: ClassVar[bool] = True
+    """Progress is the way that the tracks account for."""
     place: Point | None = None
     margins: RouteMargins | None = None
     pit_search: GapSearch | None = None

@@ -20,7 +20,9 @@ from symbrion_gym.tasks.audit import (
     Trajectory,
     find_bad_hinges,
     find_bad_motion,
+    find_bad_pace,
     find_overlaps,
+    find_progress,
     find_unsteady_end,
 )
 from symbrion_gym.tasks.explore import AreaRoute, SeeGround
@@ -92,7 +94,7 @@ def audit_task(
     faults = [
         *find_bad_hinges(hinges, scout.hinge_range + limits.hinge_slack),
         *find_bad_motion(case.motion, limits, rolled_over),
-        *_find_bad_pace(case, track_speed),
+        *find_bad_pace(case.motion, track_speed, limits, _find_progress(case, goal)),
         *find_overlaps(case.motion.centers, height, limits),
         *find_unsteady_end(case.motion, height, limits),
         *_find_bad_goal(case, goal),
@@ -109,11 +111,10 @@ def _find_height(scene: Scene):
     return height
 
 
-def _find_bad_pace(case: _Case, track_speed: float) -> list[str]:
-    motion, limits = case.motion, case.limits
-    away = np.linalg.norm(case.middle - case.middle[0], axis=1)
-    path = track_speed * (motion.time - motion.time[0]) * limits.track_slip
-    return ["the body was faster than its tracks"] if (away > path + limits.speed_slack).any() else []
+def _find_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
+    if not isinstance(goal, PassFinish):
+        return None
+    return find_progress(case.find_along(case.motion.centers)[0], case.scene.route.finish)
 
 
 def _find_bad_goal(case: _Case, goal: object) -> list[str]:

@@ -28,18 +28,19 @@ def find_standing(state: TaskState, rows: Int[np.ndarray, " M"]) -> Bool[np.ndar
 
 
 def find_honest(state: TaskState) -> Bool[np.ndarray, " N"]:
-    """Return whether each body is no farther from where it started than its tracks can have taken it.
+    """Return whether each body is no farther from where it started than its tracks can have taken it, and never was.
 
-    What counts is the way of the middle of its modules, in plan.
+    What counts is the way of the middle of its modules, in plan. On the way, a fall excuses a lead; see
+    `TaskState.note_lead`.
     """
     way = np.hypot(*(state.middle - state.start_position.mean(axis=1))[:, :2].T)
-    return way <= state.track_speed * state.time + state.criteria.speed_slack
+    return (way <= state.track_speed * state.time + state.criteria.speed_slack) & ~state.was_ahead
 
 
 def find_honest_along(state: TaskState) -> Bool[np.ndarray, " N"]:
-    """Return whether each body is no farther along the way than its tracks can have taken it."""
+    """Return whether each body is no farther along the way than its tracks can have taken it, and never was."""
     farthest = state.start_mean + state.track_speed * state.time + state.criteria.speed_slack
-    return state.find_mean_along() <= farthest
+    return (state.find_mean_along() <= farthest) & ~state.was_ahead
 
 
 def find_size(state: TaskState) -> float:

@@ -15,12 +15,13 @@ from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
 
-UPPER_MEASURES = ("progress", "tick", "rear")
+UPPER_MEASURES = ("progress", "way", "tick", "rear")
 LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")
 MEASURES = UPPER_MEASURES + LOWER_MEASURES
-"""What is measured of every simulation in every tick: progress; ticks since the start; of the modules the position
-least far along the way, least far to the left of its middle, the lowest height [m], the least z of an up axis, and the
-position least far to the right [m]. A term may name limits: upper ones of the first three, lower ones of the others."""
+"""What is measured of every simulation in every tick: progress; the way that its tracks have to account for [m]; ticks
+since the start; of the modules the position least far along the way, least far to the left of its middle, the lowest
+height [m], the least z of an up axis, and the position least far to the right [m]. A term may name limits: upper ones
+of the first four, lower ones of the others."""
 _REAR = MEASURES.index("rear")
 _find_least = np.minimum.reduceat
 _add_up = np.add.accumulate
@@ -64,11 +65,15 @@ class TaskState:
         hinge_rate: `[N, h]` [rad/s].
         torque: `[N, h]` torque of the hinges [N m].
         action: `[N, A]` the last action, after clipping.
-        measures: `[7, N]` values of `MEASURES`.
+        measures: `[8, N]` values of `MEASURES`.
         progress: `[N]` progress by the goal.
         previous_progress: `[N]` that of the tick before.
         start_progress: `[N]` that at the start.
         start_position: `[N, n, 3]` positions at the start [m].
+        way: `[N]` progress along a straight way; else the distance of the middle of the body from its start, in plan
+            [m].
+        start_way: `[N]` that at the start.
+        was_ahead: `[N]` whether the body was at any time farther ahead of its tracks than a fall explains.
         tick: `[N]` ticks since the start.
         rear: `[N]` position of the last module along the way [m].
         least_left: `[N]` how far to the left of the way's middle the module is that is least so [m].
@@ -104,7 +109,9 @@ class TaskState:
         self._find_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
         self.scenes: list[Scene] = [scene] * num
         self.measures = np.zeros((len(MEASURES), num))
-        self.progress, self.tick, self.rear = self.measures[: _REAR + 1]
+        self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
+        self._progress_and_way = self.measures[:2]
+        self._is_straight = getattr(goal, "is_straight", False)
         self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
         self._least = self.measures[_REAR:]
         places = np.zeros((5, count, num))
@@ -114,7 +121,8 @@ class TaskState:
         self._up = up.T
         self._share = np.full(num, 1.0 / count)
         self.mean_to_finish = np.zeros(num)
-        self.previous_progress, self.start_progress, self.track_speed = np.zeros((3, num))
+        self.previous_progress, self.start_progress, self.start_way, self.track_speed = np.zeros((4, num))
+        self.was_ahead = np.zeros(num, dtype=bool)
         self.start_position = np.zeros((num, count, 3))
         self.start_mean = np.zeros(num)
         self.finish, self.half_width, self.deepest = np.zeros((3, num))
@@ -166,7 +174,7 @@ class TaskState:
         self._find_local()
         rows = list(rows)
         self.tick[rows] = 0.0
-        self.success[rows] = self.failed[rows] = False
+        self.success[rows] = self.failed[rows] = self.was_ahead[rows] = False
         self.is_sound[rows] = True
         self.start_position[rows] = self.position[rows]
         kept = self.progress.copy(), self.previous_progress.copy()
@@ -176,6 +184,7 @@ class TaskState:
             before[rows] = self.progress[rows]
             now[:] = before
         self.start_progress[rows] = self.progress[rows]
+        self.start_way[rows] = self.way[rows]
         self.start_mean[rows] = self.find_mean_along()[rows]
         self._forget(rows)
 
@@ -223,7 +232,35 @@ class TaskState:
         np.absolute(powers, powers)
         _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
         np.multiply(self._to_finish, self._share, self.mean_to_finish)
-        self.progress[...] = self._find_progress(self)
+        if self._is_straight:
+            self._progress_and_way[...] = self._find_progress(self)
+        else:
+            self.progress[...] = self._find_progress(self)
+            x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
+            np.hypot(x, y, self.way)
+
+    def find_pace(self) -> Float[np.ndarray, " N"]:
+        """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
+        return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
+
+    def note_lead(self) -> Float[np.ndarray, " N"]:
+        """Remember the bodies that are farther ahead of their tracks than a fall explains.
+
+        Returns:
+            The way up to which nothing is to be noted from now on [m].
+
+        Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
+        edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
+        h / mu at most, where mu is the friction.
+        """
+        pace = self.find_pace()
+        if np.count_nonzero(self.way > pace):
+            height = self.position[:, :, 2]
+            hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
+            self.was_ahead |= self.way > pace + self.criteria.fall_lead * hang
+        if np.count_nonzero(self.was_ahead):
+            pace[self.was_ahead] = np.inf
+        return pace
 
     def _turn(self) -> None:
         (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]

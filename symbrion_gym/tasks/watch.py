@@ -13,7 +13,7 @@ from symbrion_gym.tasks.state import MEASURES, UPPER_MEASURES, TaskState
 from symbrion_gym.tasks.task import Task
 from symbrion_gym.tasks.terms import BASE_FLAGS
 
-_TICK = MEASURES.index("tick")
+_TICK, _WAY = MEASURES.index("tick"), MEASURES.index("way")
 _NUMBER_OF = {name: number for number, name in enumerate(MEASURES)}
 _MOST_KEPT = 128
 """What is called is kept for this many combinations of limits that were reached."""
@@ -76,6 +76,7 @@ class Watch:
             self._read_limits(index)
         if before != [own.keys() for own in self._own]:
             self._called_for.clear()
+        self._widest[_WAY] = self._state.note_lead()
         for measure in range(len(MEASURES)):
             self._join_limits(measure)
 
@@ -89,18 +90,21 @@ class Watch:
         """Find the narrowest limit of a measure."""
         narrowest = self._limits[measure]
         given = [own[measure] for own in self._own if measure in own]
-        narrowest[...] = given.pop() if given and measure != _TICK else self._widest[measure]
+        is_watched = measure in (_TICK, _WAY)
+        narrowest[...] = given.pop() if given and not is_watched else self._widest[measure]
         for each in given:
             (np.maximum if measure >= len(UPPER_MEASURES) else np.minimum)(narrowest, each, out=narrowest)
 
     def _refresh(self, called: Sequence[int]) -> None:
         """Ask terms that have just been called for their limits, which may have moved."""
         for index in called:
-            before = self._own[index]
+            before = self._own[index].keys()
             self._read_limits(index)
-            if before.keys() != self._own[index].keys():
+            measures = self._own[index].keys()
+            if before != measures:
                 self._called_for.clear()
-            for measure in before.keys() | self._own[index].keys():
+                measures = before | measures
+            for measure in measures:
                 self._join_limits(measure)
 
     def look(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> bool:
@@ -115,6 +119,9 @@ class Watch:
         is_quiet = is_sound and seen == self._quiet
         if is_quiet and not self._is_eventful and not self._has_always:
             return False
+        if self._seen[_WAY].any():
+            self._widest[_WAY] = self._state.note_lead()
+            self._join_limits(_WAY)
         called, is_late = self._find_called(active, seen)
         found = [(index, self._terms[index](self._state)) for index in called if index < self._goal_index]
         if is_sound and not self._is_eventful and self._goal_index not in called:
