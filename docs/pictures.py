@@ -1,9 +1,9 @@
-"""Draw the pictures of the pages: `python docs/pictures.py [results | course | rover]`, from the repository's root.
+"""Draw the pictures of the pages: `python docs/pictures.py [results | course | rover | bodies]`, from the root.
 Without a display, films need the environment variable `MUJOCO_GL=egl`.
 
 "results" draws only what comes from `benchmarks/results`: the success of zero actions by the width of the pit, and the
 crossing of the first champion. "course" draws only the course and its success check,
-"rover" only the rover of the examples.
+"rover" only the rover of the examples, "bodies" only all small bodies.
 """
 
 import io
@@ -28,6 +28,9 @@ from PIL import Image
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
+from evolution.bodies.enumeration import enumerate_bodies
+from evolution.report.bodies import draw_bodies
+from evolution.report.pictures import to_png
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
@@ -291,11 +294,20 @@ def _write_film(frames: list[np.ndarray], name: str) -> None:
     first.save(FOLDER / name, save_all=True, append_images=others, duration=80, loop=0, optimize=True)
 
 
+def draw_small_bodies() -> None:
+    """Draw all bodies of 1 to 4 modules."""
+    bodies = [body for count in range(1, 5) for body in enumerate_bodies(count)]
+    figure = draw_bodies(bodies, [body.text for body in bodies], columns=8)
+    (FOLDER / "bodies.png").write_bytes(to_png(figure))
+
+
 def main() -> None:
     """Survey, reconstruct, decompose, draw."""
     if sys.argv[1:] in ([], ["rover"]):
         draw_rover()
-    if sys.argv[1:] == ["rover"]:
+    if sys.argv[1:] in ([], ["bodies"]):
+        draw_small_bodies()
+    if sys.argv[1:] in (["rover"], ["bodies"]):
         return
     draw_course()
     if sys.argv[1:] == ["course"]:

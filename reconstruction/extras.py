@@ -21,6 +21,11 @@ class MissingExtraError(ReconstructionPackageError, RuntimeError):
     """An optional dependency is not installed; the message says how to install it."""
 
 
+def find_missing(extra: str) -> list[str]:
+    """Return the modules of an extra that are not installed."""
+    return [module for module in EXTRAS[extra] if find_spec(module) is None]
+
+
 def require_extras(purpose: str, *extras: str) -> None:
     """Refuse in one line, before any work is done, what needs packages that are not installed.
 
@@ -31,7 +36,7 @@ def require_extras(purpose: str, *extras: str) -> None:
     Raises:
         MissingExtraError: a module of one of these extras is not installed.
     """
-    missing = {name: found for name in extras if (found := [m for m in EXTRAS[name] if find_spec(m) is None])}
+    missing = {name: found for name in extras if (found := find_missing(name))}
     if missing:
         names = " and ".join(f"'{name}'" for name in missing)
         modules = ", ".join(module for found in missing.values() for module in found)

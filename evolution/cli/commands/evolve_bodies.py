@@ -12,13 +12,19 @@ from evolution.cli.command import UsageError
 from evolution.cli.config_options import name_flag
 from evolution.cli.console import Console
 from evolution.errors import RunError
+from reconstruction.extras import find_missing
+from reconstruction.files.atomic_write import write_atomically
 
 if TYPE_CHECKING:
+    from evolution.body_search.learning import Lesson
     from evolution.body_search.run import BodyRun
 
 DEFAULT_CONTROLLER = "oscillators"
 """The law of bodies of any shape, unless another is named."""
 _PART_NAMES = ("episode", "control", "trial", "execution")
+PICTURE = "bodies.png"
+"""The fittest bodies, in the run folder."""
+MAX_DRAWN = 24
 _OTHER_PARTS = ("body", "search")
 """Options that are those of one body alone."""
 
@@ -106,8 +112,25 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
             f"best body, {modules} {unit}, {summary['plan']}: succeeds in {best.successes} of {best.trials} trials of "
             f"its exam, fitness {best.fitness:.2f}"
         )
+        if run.folder is not None and not find_missing("report"):
+            _draw_best(run, run.folder / PICTURE)
+            console.print_line(f"the best bodies: {run.folder / PICTURE}")
         console.print_line(f"next: symbrion replay {run.folder} --video champion.mp4")
     return summary
+
+
+def _draw_best(run: BodyRun, path: Path) -> None:
+    """Draw the fittest bodies with their fitness."""
+    from evolution.report.bodies import draw_bodies
+    from evolution.report.pictures import to_png
+
+    best: dict[str, Lesson] = {}
+    for lesson in sorted(run.record.lessons, key=lambda each: (each.rung, each.fitness), reverse=True):
+        best.setdefault(lesson.pupil.body.canonical_text, lesson)
+    shown = list(best.values())[:MAX_DRAWN]
+    figure = draw_bodies([each.pupil.body for each in shown], [f"{each.fitness:.2f}" for each in shown])
+    with write_atomically(path) as temporary:
+        temporary.write_bytes(to_png(figure))
 
 
 def _refuse_changes(options: Any) -> None:
