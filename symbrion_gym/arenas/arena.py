@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.quantities import format_distance
+from reconstruction.surfaces.primitives.find import Primitives
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.primitives import primitives_to_dict
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
@@ -47,6 +49,8 @@ class Arena:
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
+        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them and
+            the rest of the surface, and the solid ones are the last of the pieces.
         friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
 
     Raises:
@@ -64,6 +68,7 @@ class Arena:
     provenance: dict[str, Any] = field(default_factory=dict)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    primitives: Primitives | None = None
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -71,6 +76,8 @@ class Arena:
         check_friction_source(self.friction_source)
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if (self.kind == "mixed") != (self.primitives is not None):
+            raise ArenaError(f"kind is {self.kind!r}; 'mixed' has primitives, and no other kind has some")
         if (self.kind == "hfield") != (self.height_field is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
 
@@ -112,7 +119,7 @@ class Arena:
     @property
     def geometry(self) -> ArenaGeometry:
         """What has a shape: contact and surface."""
-        return ArenaGeometry(self.surface, self.pieces, self.height_field)
+        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.primitives)
 
     @cached_property
     def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
@@ -186,6 +193,8 @@ class Arena:
         }
         if self.course is not None:
             about["course"] = self.course.as_dict()
+        if self.primitives is not None:
+            about["primitives"] = primitives_to_dict(self.primitives)
         save_arena(folder, self.name, self.geometry, self.friction, about)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:

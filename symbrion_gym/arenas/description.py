@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
+from symbrion_gym.arenas.primitives import primitives_from_dict
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -49,6 +50,7 @@ class ArenaDescription:
         files: the arena's own files, where the folder lists them.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: see `Arena`.
+        primitives: as `primitives_to_dict` returned them, for the kind "mixed".
 
     Raises:
         ArenaError: a field is out of range.
@@ -56,7 +58,7 @@ class ArenaDescription:
 
     format: int
     name: str
-    kind: Literal["convex", "primitives", "hfield", "prisms"]
+    kind: Literal["convex", "primitives", "hfield", "prisms", "mixed"]
     friction: float
     num_pieces: int
     quality: dict[str, Any]
@@ -66,6 +68,7 @@ class ArenaDescription:
     files: tuple[str, ...] | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    primitives: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -96,6 +99,7 @@ class ArenaDescription:
             "provenance": self.provenance,
             "offset": self.offset,
             "friction_source": self.friction_source,
+            "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import trimesh
 
+from reconstruction.surfaces.primitives.find import Primitives
 from symbrion_gym.contact.kinds import HeightField
 
 
@@ -16,8 +17,10 @@ class ArenaGeometry(NamedTuple):
         surface: the exact surface, for rays and pictures.
         pieces: convex solids, for contact.
         height_field: in place of pieces, for the kind "hfield".
+        primitives: in place of triangles, for the kind "mixed"; the solid ones are the last pieces.
     """
 
     surface: trimesh.Trimesh
     pieces: list[trimesh.Trimesh]
     height_field: HeightField | None
+    primitives: Primitives | None = None

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.primitives import add_mixed_surface, add_primitive, find_solids
 from symbrion_gym.contact.kinds import HeightField
 
 SURFACE_GROUP = 2
@@ -45,21 +46,27 @@ def make_arena_spec(
     spec.modelname = f"arena {name}"
     spec.compiler.degree = False
     _add_lights(spec)
-    colors = make_piece_colors(len(geometry.pieces))
+    colors, solids = make_piece_colors(len(geometry.pieces)), find_solids(geometry.primitives)
     for i, piece in enumerate(geometry.pieces):
         file = f"pieces/{i:03d}.obj" if use_files else ""
-        _add_piece(spec, f"arena_piece_{i}", piece, friction, colors[i], file)
+        name, options = f"arena_piece_{i}", {"friction": [friction, *ROLLING_FRICTION]}
+        if i >= len(geometry.pieces) - len(solids):
+            solid = solids[i - len(geometry.pieces)]
+            add_primitive(spec, name, solid, group=CONTACT_GROUP, rgba=colors[i], **options)
+            continue
+        _add_piece(spec, name, piece, friction, colors[i], file)
     if geometry.height_field is not None:
         _add_height_field(spec, geometry.height_field, friction)
+    seen = {"contype": 0, "conaffinity": 0, "group": SURFACE_GROUP, "rgba": SURFACE_COLOR}
+    if geometry.primitives is not None:
+        add_mixed_surface(spec, geometry.surface, geometry.primitives, seen)
+        return spec
     _add_mesh(spec, "arena_surface", geometry.surface, "surface.obj" if use_files else "")
     spec.worldbody.add_geom(
         name="arena_surface",
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname="arena_surface",
-        contype=0,
-        conaffinity=0,
-        group=SURFACE_GROUP,
-        rgba=SURFACE_COLOR,
+        **seen,
     )
     return spec
 

@@ -17,7 +17,8 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
 
     Args:
         arena: stays as it is.
-        factor: 1 returns the arena itself.
+        factor: 1 returns the arena itself. Of the kind "mixed" any other gives one of the kind "convex": a stretched sphere
+            is no primitive.
     """
     if factor == 1.0:
         return arena
@@ -36,6 +37,8 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         surface=_stretch(arena.surface, factor),
         course=course,
         height_field=heights,
+        kind="convex" if arena.kind == "mixed" else arena.kind,
+        primitives=None,
     )
 
 

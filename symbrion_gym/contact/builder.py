@@ -35,6 +35,7 @@ PASSES: dict[str, tuple[Pass, ...]] = {
     "convex": (*_SURFACE_PASSES, *_LATER_PASSES),
     "primitives": _SURFACE_PASSES,
     "prisms": (make_prisms,),
+    "mixed": (*_SURFACE_PASSES, *_LATER_PASSES),
 }
 """Passes of each choice of contact geometry that has pieces, in order."""
 

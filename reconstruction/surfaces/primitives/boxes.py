@@ -44,7 +44,9 @@ def propose_boxes(sides: list[Side], edge: float) -> list[tuple[Primitive, list[
     near = {
         (i, j)
         for i, j in combinations(range(len(sides)), 2)
-        if np.isfinite(trees[i].query(sides[j].corners.reshape(-1, 3), distance_upper_bound=_NEAR * edge)[0]).any()
+        if np.isfinite(
+            trees[i].query(sides[j].corners.reshape(-1, 3), distance_upper_bound=_NEAR * edge)[0]
+        ).any()
     }
     near |= {(j, i) for i, j in near}
     found: dict[tuple[int, ...], tuple[float, Primitive]] = {}
@@ -56,7 +58,12 @@ def propose_boxes(sides: list[Side], edge: float) -> list[tuple[Primitive, list[
         for k in range(len(sides)):
             is_aligned = np.abs(sides[k].normal @ axes).max() > 1.0 - _RIGHT**2
             touches = any((k, member) in near for member in (i, j))
-            if k not in members and is_aligned and touches and all(_agrees(sides[k], sides[m]) for m in members):
+            if (
+                k not in members
+                and is_aligned
+                and touches
+                and all(_agrees(sides[k], sides[m]) for m in members)
+            ):
                 members.append(k)
         key = tuple(sorted(members))
         area = sum(sides[k].area for k in key)

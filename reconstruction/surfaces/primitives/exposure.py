@@ -28,9 +28,7 @@ class Surface:
         self._rim[faces.ravel()[slots]] = True
         self._rim[faces[:, [1, 2, 0]].ravel()[slots]] = True
 
-    def is_closed_by(
-        self, shape: Primitive, area: float, tolerance: float, config: PrimitivesConfig
-    ) -> bool:
+    def is_closed_by(self, shape: Primitive, area: float, tolerance: float, config: PrimitivesConfig) -> bool:
         """Return whether faces cover enough of a closed shape, and all of it lies on the surface or behind it.
 
         Args:

@@ -19,8 +19,6 @@ from reconstruction.surfaces.primitives.rectangles import find_rectangles
 
 _NOISES = 5.0
 """Standard deviations of the noise that a vertex is off its shape at most."""
-_TRIMMED = 1.0
-"""Percentile of the places along a cylinder at which it ends."""
 
 
 class Primitives(NamedTuple):
@@ -97,7 +95,9 @@ def find_primitives(
         one
         for i, shape in enumerate(flat)
         if i not in used
-        for one in _find_rectangles(shape, corners[shape.faces], least, config)
+        for one in _find_rectangles(
+            shape, _leave_out([*boxes, *solids], corners[shape.faces], tolerance), least, config
+        )
     ]
     planes.sort(key=lambda one: -float(one.half_sizes[0] * one.half_sizes[1]))
     return Primitives([*boxes, *solids, *planes], tolerance, config)
@@ -111,7 +111,7 @@ def _close(found: FoundShape, corners: Float[np.ndarray, "F 3 3"]) -> Primitive:
         return Primitive("sphere", center, np.eye(3), np.array([radius, 0.0, 0.0]))
     axis = shape.axis[0]
     along = (corners[found.faces].reshape(-1, 3) - center) @ axis
-    low, high = np.percentile(along, [_TRIMMED, 100.0 - _TRIMMED])
+    low, high = along.min(), along.max()
     size = np.array([radius, max(float(high - low) / 2, 1e-6), 0.0])
     return Primitive("cylinder", center + (low + high) / 2 * axis, _make_frame(axis), size)
 
@@ -136,11 +136,20 @@ def _find_boxes(
     return boxes, used
 
 
+def _leave_out(
+    solids: list[Primitive], corners: Float[np.ndarray, "F 3 3"], tolerance: float
+) -> Float[np.ndarray, "G 3 3"]:
+    """Return the triangles that no solid replaces."""
+    for solid in solids:
+        corners = corners[~solid.find_replaced(corners, tolerance)]
+    return corners
+
+
 def _find_rectangles(
     found: FoundShape, corners: Float[np.ndarray, "F 3 3"], least: float, config: PrimitivesConfig
 ) -> list[Primitive]:
     """Return thin boxes behind the rectangles that the triangles of a plane cover."""
-    if found.area < least:
+    if found.area < least or not len(corners):
         return []
     normal, point = found.shape.axis[0], found.shape.point[0]
     frame = _make_frame(normal)

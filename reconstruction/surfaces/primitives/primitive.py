@@ -9,8 +9,6 @@ import trimesh
 from jaxtyping import Bool, Float
 
 PRIMITIVE_KINDS = ("plane", "box", "sphere", "cylinder")
-_FACING = 0.5
-"""Cosine of the angle up to which a face looks the way of the primitive that replaces it."""
 _LEAST_AREA = 1e-10
 """Cut triangles with less area are left out [m²]."""
 
@@ -48,39 +46,23 @@ class Primitive(NamedTuple):
         frame[:3, :3], frame[:3, 3] = self.axes, self.center
         return mesh.apply_transform(frame)
 
-    def find_replaced(
-        self, corners: Float[np.ndarray, "F 3 3"], normals: Float[np.ndarray, "F 3"], tolerance: float
-    ) -> Bool[np.ndarray, " F"]:
-        """Return which triangles lie on it wholly and look its way."""
+    def find_replaced(self, corners: Float[np.ndarray, "F 3 3"], tolerance: float) -> Bool[np.ndarray, " F"]:
+        """Return which triangles lie on it wholly, within a tolerance [m]."""
         local = (corners - self.center) @ self.axes
-        facing = normals @ self.axes
         size = self.half_sizes
         if self.kind == "sphere":
-            radius = np.linalg.norm(local, axis=2)
-            middle = local.mean(axis=1)
-            cosine = np.abs(np.einsum("fk,fk->f", middle, facing)) / np.linalg.norm(middle, axis=1)
-            return (np.abs(radius - size[0]) <= tolerance).all(axis=1) & (cosine > _FACING)
+            return (np.abs(np.linalg.norm(local, axis=2) - size[0]) <= tolerance).all(axis=1)
         if self.kind == "cylinder":
-            radius = np.linalg.norm(local[..., :2], axis=2)
-            within = np.abs(local[..., 2]) <= size[1] + tolerance
-            flat = local.mean(axis=1)[:, :2]
-            cosine = np.abs(np.einsum("fk,fk->f", flat, facing[:, :2])) / np.maximum(radius.mean(axis=1), 1e-9)
-            side = (np.abs(radius - size[0]) <= tolerance).all(axis=1) & within.all(axis=1) & (cosine > _FACING)
-            top = (np.abs(np.abs(local[..., 2]) - size[1]) <= tolerance).all(axis=1)
-            top &= (radius <= size[0] + tolerance).all(axis=1) & (np.abs(facing[:, 2]) > _FACING)
-            return side | top
+            radius, height = np.linalg.norm(local[..., :2], axis=2), np.abs(local[..., 2])
+            is_side = (np.abs(radius - size[0]) <= tolerance) & (height <= size[1] + tolerance)
+            is_end = (np.abs(height - size[1]) <= tolerance) & (radius <= size[0] + tolerance)
+            return is_side.all(axis=1) | is_end.all(axis=1)
+        off = np.abs(local)
+        is_near = (off <= size + tolerance).all(axis=2)
         if self.kind == "plane":
-            is_on = (np.abs(local[..., 2] - size[2]) <= tolerance).all(axis=1) & (facing[:, 2] > _FACING)
-            return is_on & (np.abs(local[..., :2]) <= size[:2]).all(axis=(1, 2))
-        is_near = (np.abs(local) <= size + tolerance).all(axis=(1, 2))
-        sides = np.stack(
-            [
-                (np.abs(sign * local[..., k] - size[k]) <= tolerance).all(axis=1) & (sign * facing[:, k] > _FACING)
-                for k in range(3)
-                for sign in (-1.0, 1.0)
-            ]
-        )
-        return is_near & sides.any(axis=0)
+            return (is_near & (np.abs(local[..., 2] - size[2]) <= tolerance)).all(axis=1)
+        on_side = np.abs(off - size) <= tolerance
+        return (is_near[..., None] & on_side).all(axis=1).any(axis=1)
 
 
 def take_out(
@@ -95,13 +77,15 @@ def take_out(
         margin: what lies this far within the rim of a rectangle stays [m].
     """
     if primitive.kind != "plane":
-        return corners[~primitive.find_replaced(corners, _find_normals(corners), tolerance)]
+        return corners[~primitive.find_replaced(corners, tolerance)]
     local = (corners - primitive.center) @ primitive.axes
     size = primitive.half_sizes
     is_on = (np.abs(local[..., 2] - size[2]) <= tolerance).all(axis=1)
-    is_on &= _find_normals(corners) @ primitive.axes[:, 2] > _FACING
+    is_on &= _find_normals(corners) @ primitive.axes[:, 2] > 0.0
     limits = size[:2] - margin
-    is_on &= (local[..., :2].min(axis=1) < limits).all(axis=1) & (local[..., :2].max(axis=1) > -limits).all(axis=1)
+    is_on &= (local[..., :2].min(axis=1) < limits).all(axis=1) & (local[..., :2].max(axis=1) > -limits).all(
+        axis=1
+    )
     outside, inside = [corners[~is_on]], local[is_on]
     for axis in range(2):
         for sign in (-1.0, 1.0):

@@ -119,7 +119,9 @@ def _prepare(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) 
         total = smooth * areas[:, None]
         for side in (0, 1):
             near = hinges.faces[:, 1 - side]
-            weight = areas[near] * (np.einsum("pk,pk->p", smooth[near], smooth[hinges.faces[:, side]]) > _EDGE)
+            weight = areas[near] * (
+                np.einsum("pk,pk->p", smooth[near], smooth[hinges.faces[:, side]]) > _EDGE
+            )
             np.add.at(total, hinges.faces[:, side], weight[:, None] * smooth[near])
         smooth = total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), _LEAST)
     return _Faces(vertices, corners, corners.mean(axis=1), normals, smooth, areas, hinges.faces)
@@ -140,7 +142,9 @@ def _search(
     finalists: list[tuple[float, Shapes]] = []
     for kind in KINDS:
         first = rng.choice(left, size=config.candidates, p=share)
-        near = tree.query(data.centers[first], k=min(_NEIGHBORS[-1], len(data.areas)))[1].reshape(len(first), -1)
+        near = tree.query(data.centers[first], k=min(_NEIGHBORS[-1], len(data.areas)))[1].reshape(
+            len(first), -1
+        )
         reach = np.minimum(rng.choice(_NEIGHBORS, len(first)), near.shape[1])
         second = near[np.arange(len(first)), (rng.random(len(first)) * reach).astype(np.int64)]
         pairs = np.stack([first, second], axis=1)[is_left[second] & (first != second)]
@@ -180,7 +184,9 @@ def _refine(
             return None
         shape = fit_shape(shape, data.corners[faces].reshape(-1, 3), np.repeat(data.areas[faces], 3))
         last = step == config.fits - 1
-        faces = _find_connected(shape, data, is_left, (1.0 if last else _WIDE / (step + 1)) * tolerance, config)
+        faces = _find_connected(
+            shape, data, is_left, (1.0 if last else _WIDE / (step + 1)) * tolerance, config
+        )
     area = float(data.areas[faces].sum())
     is_round = shape.kind != "plane"
     if area < config.min_area or (is_round and not 0 < shape.radius[0] < config.max_radius):

@@ -65,7 +65,11 @@ def find_largest_rectangle(is_free: Bool[np.ndarray, "R C"]) -> tuple[int, GridR
     """Return the number of cells of the largest rectangle of free cells, and where it is."""
     rows, columns = is_free.shape
     place = np.arange(columns)
-    height, left, right = (np.zeros(columns, np.int64), np.zeros(columns, np.int64), np.full(columns, columns))
+    height, left, right = (
+        np.zeros(columns, np.int64),
+        np.zeros(columns, np.int64),
+        np.full(columns, columns),
+    )
     best, where = 0, GridRectangle(0, 0, 0, 0)
     for row in range(rows):
         free = is_free[row]
