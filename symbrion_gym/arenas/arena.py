@@ -15,12 +15,14 @@ from numpy.typing import ArrayLike
 
 from reconstruction.geometry.elevation import Elevation
 from reconstruction.quantities import format_distance
+from reconstruction.surfaces.primitives.find import Primitives
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.friction_pieces import split_pieces
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.primitives import primitives_to_dict
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
@@ -57,6 +59,8 @@ class Arena:
             not show it, so randomize it.
         friction_map: patches with another friction; None where there is one friction for all. Pieces are cut where it
             changes.
+        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them and
+            the rest of the surface, and the solid ones are the last of the pieces.
 
     Raises:
         ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height
@@ -76,6 +80,7 @@ class Arena:
     friction_source: str = "given"
     texture: SurfaceTexture | None = None
     friction_map: FrictionMap | None = None
+    primitives: Primitives | None = None
 
     def __post_init__(self) -> None:
         check_name(self.name)
@@ -83,14 +88,16 @@ class Arena:
         check_friction_source(self.friction_source)
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if (self.kind == "mixed") != (self.primitives is not None):
+            raise ArenaError(f"kind is {self.kind!r}; 'mixed' has primitives, and no other kind has some")
         if (self.kind == "hfield") != (self.height_field is not None):
             raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
         if self.texture is not None:
             check_texture(self.texture, self.surface, self.name)
         if self.friction_map is not None:
-            if self.height_field is not None and self.friction_map.patches:
+            if self.kind in ("hfield", "mixed") and self.friction_map.patches:
                 raise ArenaError(
-                    "a height field has one friction for all; build the arena with kind='convex' to give it patches"
+                    f"the kind {self.kind!r} has one friction for all; build the arena with kind='convex' to give it patches"
                 )
             object.__setattr__(self, "pieces", split_pieces(self.pieces, self.friction_map))
 
@@ -144,7 +151,7 @@ class Arena:
     @property
     def geometry(self) -> ArenaGeometry:
         """What has a shape: contact and surface."""
-        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture)
+        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture, self.primitives)
 
     @cached_property
     def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
@@ -222,6 +229,8 @@ class Arena:
             about["course"] = self.course.as_dict()
         if self.friction_map is not None:
             about["friction_map"] = self.friction_map.as_dict()
+        if self.primitives is not None:
+            about["primitives"] = primitives_to_dict(self.primitives)
         save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from symbrion_gym.arenas.checks import check_friction, check_friction_source, ch
 from symbrion_gym.arenas.course import make_course
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.texture import TEXTURE_FILE
+from symbrion_gym.arenas.primitives import primitives_from_dict
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -55,6 +56,7 @@ class ArenaDescription:
         friction_source: see `Arena`.
         has_texture: whether the surface has colors.
         friction_map: as `FrictionMap.as_dict` returned it; None for one friction for all.
+        primitives: as `primitives_to_dict` returned them, for the kind "mixed".
 
     Raises:
         ArenaError: a field is out of range.
@@ -62,7 +64,7 @@ class ArenaDescription:
 
     format: int
     name: str
-    kind: Literal["convex", "primitives", "hfield", "prisms"]
+    kind: Literal["convex", "primitives", "hfield", "prisms", "mixed"]
     friction: float
     num_pieces: int
     quality: dict[str, Any]
@@ -74,6 +76,7 @@ class ArenaDescription:
     friction_source: str = "given"
     has_texture: bool = False
     friction_map: dict[str, Any] | None = None
+    primitives: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -105,6 +108,7 @@ class ArenaDescription:
             "offset": self.offset,
             "friction_source": self.friction_source,
             "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
+            "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

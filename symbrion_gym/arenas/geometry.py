@@ -7,6 +7,7 @@ from typing import NamedTuple
 import trimesh
 
 from symbrion_gym.arenas.texture import SurfaceTexture
+from reconstruction.surfaces.primitives.find import Primitives
 from symbrion_gym.contact.kinds import HeightField
 
 
@@ -18,9 +19,11 @@ class ArenaGeometry(NamedTuple):
         pieces: convex solids, for contact.
         height_field: in place of pieces, for the kind "hfield".
         texture: colors of the surface; None where they are unknown.
+        primitives: in place of triangles, for the kind "mixed"; the solid ones are the last pieces.
     """
 
     surface: trimesh.Trimesh
     pieces: list[trimesh.Trimesh]
     height_field: HeightField | None
     texture: SurfaceTexture | None = None
+    primitives: Primitives | None = None

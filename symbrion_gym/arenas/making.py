@@ -18,6 +18,8 @@ from symbrion_gym.arenas.coloring import color_arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.ground_friction import choose_friction
+from symbrion_gym.arenas.mixed_contact import Touched, add_solids, leave_solids_out
+from symbrion_gym.arenas.primitives import find_arena_primitives
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import (
     MeshFrame,
@@ -75,7 +77,7 @@ def make_arena(
             spacing of the scan, 3 mm or more.
         max_pieces: no more convex pieces than these.
         kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
-            "prisms".
+            "prisms", "mixed" (boxes, spheres, cylinders and rectangles in place of triangles, for rays too).
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
         unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
         up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
@@ -118,12 +120,21 @@ def make_arena(
 
     is_two_sided = find_two_sided(scanned, mesh)
 
+    primitives = find_arena_primitives(mesh, seed) if kind == "mixed" else None
+    touched = (
+        Touched(mesh, is_two_sided)
+        if primitives is None
+        else leave_solids_out(mesh, is_two_sided, primitives)
+    )
+
     def make() -> Contact:
-        return make_contact(mesh, options, wanted, progress, is_two_sided)
+        return make_contact(touched.mesh, options, wanted, progress, touched.is_two_sided)
 
     folder = Path(cache) if isinstance(cache, str | Path) else None
     key = replace(options, accuracy=wanted)
-    contact = make() if cache is False else get_or_make(mesh, key, make, folder, is_two_sided)
+    contact = make() if cache is False else get_or_make(touched.mesh, key, make, folder, touched.is_two_sided)
+    if primitives is not None:
+        contact = add_solids(contact, mesh, primitives, key.config)
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
@@ -152,6 +163,7 @@ def make_arena(
         about,
         scanned.offset,
         ground.source,
-        ground.friction_map,
+        friction_map=ground.friction_map,
+        primitives=primitives,
     )
     return arena if scanned.colored is None else color_arena(arena, scanned.colored)

@@ -12,6 +12,7 @@ from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.friction_pieces import find_piece_patches
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.texture_material import add_texture
+from symbrion_gym.arenas.primitives import add_mixed_surface, add_primitive, find_solids
 from symbrion_gym.contact.kinds import HeightField
 
 SURFACE_GROUP = 2
@@ -55,25 +56,30 @@ def make_arena_spec(
     spec.modelname = f"arena {name}"
     spec.compiler.degree = False
     _add_lights(spec)
-    colors = make_piece_colors(len(geometry.pieces))
+    colors, solids = make_piece_colors(len(geometry.pieces)), find_solids(geometry.primitives)
     patch_frictions = find_patch_frictions(geometry.pieces, friction_map)
     for i, piece in enumerate(geometry.pieces):
         file = f"pieces/{i:03d}.obj" if use_files else ""
-        geom = _add_piece(spec, f"arena_piece_{i}", piece, friction, colors[i], file)
-        own = patch_frictions[i]
+        name, own = f"arena_piece_{i}", patch_frictions[i]
+        if i >= len(geometry.pieces) - len(solids):
+            solid, options = solids[i - len(geometry.pieces)], {"friction": [friction, *ROLLING_FRICTION]}
+            add_primitive(spec, name, solid, group=CONTACT_GROUP, rgba=colors[i], **options)
+            continue
+        geom = _add_piece(spec, name, piece, friction, colors[i], file)
         if own is not None:
             geom.priority, geom.friction[0] = PATCH_PRIORITY, own
     if geometry.height_field is not None:
         _add_height_field(spec, geometry.height_field, friction)
+    seen = {"contype": 0, "conaffinity": 0, "group": SURFACE_GROUP, "rgba": SURFACE_COLOR}
+    if geometry.primitives is not None:
+        add_mixed_surface(spec, geometry.surface, geometry.primitives, seen)
+        return spec
     _add_mesh(spec, "arena_surface", geometry.surface, "surface.obj" if use_files else "")
     surface = spec.worldbody.add_geom(
         name="arena_surface",
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname="arena_surface",
-        contype=0,
-        conaffinity=0,
-        group=SURFACE_GROUP,
-        rgba=SURFACE_COLOR,
+        **seen,
     )
     if geometry.texture is not None:
         add_texture(spec, surface, geometry.texture, use_files)

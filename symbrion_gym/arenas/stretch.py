@@ -18,7 +18,8 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
 
     Args:
         arena: stays as it is.
-        factor: 1 returns the arena itself.
+        factor: 1 returns the arena itself. Of the kind "mixed" any other gives one of the kind "convex": a stretched sphere
+            is no primitive.
     """
     if factor == 1.0:
         return arena
@@ -41,6 +42,8 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         course=course,
         height_field=heights,
         friction_map=None if friction_map is None else friction_map.stretch(factor),
+        kind="convex" if arena.kind == "mixed" else arena.kind,
+        primitives=None,
     )
 
 

@@ -36,6 +36,7 @@ PASSES: dict[str, tuple[Pass, ...]] = {
     "convex": (*_SURFACE_PASSES, *_LATER_PASSES),
     "primitives": _SURFACE_PASSES,
     "prisms": (make_prisms,),
+    "mixed": (*_SURFACE_PASSES, *_LATER_PASSES),
 }
 """Passes of each choice of contact geometry that has pieces, in order."""
 

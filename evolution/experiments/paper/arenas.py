@@ -20,7 +20,7 @@ class Recipe(NamedTuple):
     """
 
     method: str
-    kind: Literal["convex", "exact", "primitives", "hfield", "prisms"]
+    kind: Literal["convex", "exact", "mixed", "hfield", "prisms"]
     text: str
 
 
@@ -29,7 +29,7 @@ RECIPES = {
     "gsrm": Recipe("gsrm", "convex", "GSRM, convex pieces"),
     "simple": Recipe("hand", "convex", "hand-made model, convex pieces"),
     "boxes": Recipe("hand", "exact", "hand-made model, exact boxes"),
-    "mixed": Recipe("gsrm", "primitives", "GSRM, boxes and convex pieces"),
+    "mixed": Recipe("gsrm", "mixed", "GSRM, primitives and mesh"),
     "hfield": Recipe("gsrm", "hfield", "GSRM, height field"),
     "prisms": Recipe("gsrm", "prisms", "GSRM, one prism per triangle"),
 }

@@ -64,7 +64,8 @@ class ScanMethod(NamedTuple):
 
     Attributes:
         model: name of arena or network.
-        method: "tree", "embree", "brute force", or the contact shapes that are scanned.
+        method: "tree", "embree", "brute force", the contact shapes that are scanned, or "mixed": primitives and the
+            triangles that they do not replace.
         triangles: number of triangles that are searched; 0 where the shapes are no triangles.
         caster: casts the scan.
         reference: the model with whose exact surface the ranges are compared.
@@ -231,7 +232,8 @@ def _list_methods(folder: Path, config: PaperConfig) -> list[ScanMethod]:
     ]
     for name, shapes in CONTACT_SHAPES.items():
         reference = {"boxes": "simple"}.get(name, name if name in MODELS else "gsrm")
-        methods.append(ScanMethod(name, shapes, 0, TreeCaster(arenas[name], on_contact=True), reference))
+        caster = TreeCaster(arenas[name], on_contact=arenas[name].primitives is None)
+        methods.append(ScanMethod(name, shapes, 0, caster, reference))
     casters: dict[str, type[EmbreeCaster | BruteForceCaster]] = {"brute force": BruteForceCaster}
     if importlib.util.find_spec("embreex"):
         casters = {"embree": EmbreeCaster, **casters}

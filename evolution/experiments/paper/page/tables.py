@@ -28,7 +28,7 @@ METHODS = {
     "brute force": "exact surface, brute force (every triangle)",
     "hulls": "contact: convex pieces",
     "boxes": "contact: exact boxes",
-    "mixed": "contact: boxes and convex pieces",
+    "mixed": "primitives, and the tree of the other triangles",
     "height field": "contact: height field",
 }
 

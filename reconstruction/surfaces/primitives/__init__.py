@@ -1,0 +1,1 @@
+"""Planes, boxes, spheres and cylinders in place of the triangles that they fit."""

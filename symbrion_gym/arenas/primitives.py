@@ -1,0 +1,158 @@
+"""Primitives of an arena: what stands in for triangles, in rays, in contact and in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from reconstruction.errors import ReconstructionError
+from reconstruction.files.typed_json import JsonError, as_type
+from reconstruction.surfaces.primitives.config import PrimitivesConfig
+from reconstruction.surfaces.primitives.find import Primitives, find_primitives
+from reconstruction.surfaces.primitives.primitive import Primitive
+from symbrion_gym.errors import ArenaError
+
+_GEOMS = {
+    "plane": mujoco.mjtGeom.mjGEOM_BOX,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+}
+_FAR = 1e6
+"""Farther out is no arena [m]."""
+_ROTATION = 1e-6
+"""Largest deviation of axes from a rotation."""
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A primitive in `arena.json`."""
+
+    kind: Literal["plane", "box", "sphere", "cylinder"]
+    center: tuple[float, float, float]
+    axes: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+    half_sizes: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        axes, sizes = np.array(self.axes), np.array(self.half_sizes)
+        count = {"sphere": 1, "cylinder": 2}.get(self.kind, 3)
+        if not (sizes[:count] > 0).all() or not (np.abs([*self.center, *sizes]) < _FAR).all():
+            raise ArenaError(
+                f"a {self.kind} has sizes {self.half_sizes} at {self.center}; lengths above 0 are needed"
+            )
+        if not np.allclose(axes @ axes.T, np.eye(3), atol=_ROTATION) or np.linalg.det(axes) < 0:
+            raise ArenaError(f"the axes of a {self.kind} are {self.axes}; a rotation is needed")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """All primitives in `arena.json`."""
+
+    tolerance: float
+    shapes: tuple[_Row, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 < self.tolerance < _FAR:
+            raise ArenaError(f"the tolerance of primitives is {self.tolerance}; a length above 0 is needed")
+
+
+def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
+    """Return the primitives of an arena's surface.
+
+    Raises:
+        ArenaError: the surface cannot be searched.
+    """
+    try:
+        return find_primitives(surface, seed=seed)
+    except ReconstructionError as error:
+        raise ArenaError(str(error)) from error
+
+
+def primitives_to_dict(primitives: Primitives) -> dict[str, Any]:
+    """Return primitives for JSON."""
+    return {
+        "tolerance": primitives.tolerance,
+        "shapes": [
+            {
+                "kind": one.kind,
+                "center": one.center.tolist(),
+                "axes": one.axes.tolist(),
+                "half_sizes": one.half_sizes.tolist(),
+            }
+            for one in primitives.shapes
+        ],
+    }
+
+
+def primitives_from_dict(content: dict[str, Any]) -> Primitives:
+    """Return what `primitives_to_dict` was made of.
+
+    Raises:
+        ArenaError: a field is missing, of another type or out of range.
+    """
+    try:
+        table = as_type(content, _Table, "primitives")
+    except JsonError as error:
+        raise ArenaError(str(error)) from error
+    shapes = [
+        Primitive(row.kind, np.array(row.center), np.array(row.axes), np.array(row.half_sizes))
+        for row in table.shapes
+    ]
+    return Primitives(shapes, table.tolerance, PrimitivesConfig())
+
+
+def find_solids(primitives: Primitives | None) -> list[Primitive]:
+    """Return the boxes, spheres and cylinders: each is a contact piece; they are the last pieces of an arena."""
+    return [] if primitives is None else [one for one in primitives.shapes if one.is_solid]
+
+
+def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Float[np.ndarray, " F"]:
+    """Return which faces of a surface no solid primitive replaces, `[F]` booleans."""
+    corners = np.asarray(surface.triangles)
+    is_left = np.ones(len(corners), dtype=bool)
+    for solid in find_solids(primitives):
+        is_left &= ~solid.find_replaced(corners, primitives.tolerance)
+    return is_left
+
+
+def add_primitive(spec: mujoco.MjSpec, name: str, one: Primitive, **options: Any) -> mujoco.MjsGeom:
+    """Add a primitive to the world of a spec as a geom."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(one.axes).ravel())
+    return spec.worldbody.add_geom(
+        name=name, type=_GEOMS[one.kind], pos=one.center, quat=quaternion, size=one.half_sizes, **options
+    )
+
+
+def add_mixed_surface(
+    spec: mujoco.MjSpec, surface: trimesh.Trimesh, primitives: Primitives, options: dict[str, Any]
+) -> None:
+    """Add what rays see: primitives, and the triangles that they do not replace as meshes."""
+    for i, one in enumerate(primitives.shapes):
+        add_primitive(spec, f"arena_primitive_{i}", one, **options)
+    for i, corners in enumerate(_join_small(primitives.find_rest(surface))):
+        vertices, index = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
+        name = f"arena_surface_{i}"
+        spec.add_mesh(
+            name=name,
+            uservert=vertices.astype(np.float64).ravel(),
+            userface=index.astype(np.int32).ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
+
+
+def _join_small(parts: Sequence[Float[np.ndarray, "F 3 3"]]) -> list[Float[np.ndarray, "F 3 3"]]:
+    """Return parts that MuJoCo compiles: those of fewer than two triangles join the next."""
+    joined: list[np.ndarray] = []
+    for part in sorted(parts, key=len):
+        if joined and len(joined[-1]) < 2:
+            part = np.concatenate([joined.pop(), part])
+        joined.append(part)
+    return joined

@@ -1,0 +1,139 @@
+"""Primitives replace what they fit within the noise, and nothing else."""
+
+import numpy as np
+import pytest
+import trimesh
+from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make_sphere_on_plane
+
+from reconstruction import ReconstructionError
+from reconstruction.surfaces.primitives.config import PrimitivesConfig
+from reconstruction.surfaces.primitives.find import Primitives, find_primitives
+from reconstruction.surfaces.primitives.primitive import Primitive
+from reconstruction.surfaces.primitives.ransac import estimate_noise
+from reconstruction.surfaces.primitives.rectangles import find_largest_rectangle, find_rectangles
+
+FLAT = Primitive("plane", np.array([0.0, 0.0, -0.002]), np.eye(3), np.array([0.5, 0.3, 0.002]))
+
+
+def pick(found: Primitives, kind: str) -> list[Primitive]:
+    """Return the primitives of a kind."""
+    return [one for one in found.shapes if one.kind == kind]
+
+
+def measure_rest(found: Primitives, mesh: trimesh.Trimesh) -> float:
+    """Return the share of the area that stays mesh."""
+    rest = [trimesh.triangles.area(part).sum() for part in found.find_rest(mesh)]
+    return float(sum(rest)) / float(mesh.area)
+
+
+def test_the_noise_of_a_surface_is_estimated() -> None:
+    mesh = make_noisy(trimesh.creation.icosphere(3, 0.5), noise=0.002)
+    assert estimate_noise(np.asarray(mesh.vertices), np.asarray(mesh.faces)) == pytest.approx(0.002, rel=0.35)
+
+
+def test_a_sphere_on_a_plane_is_a_sphere_and_its_floor_a_box() -> None:
+    mesh = make_noisy(make_sphere_on_plane(), edge=0.1)
+    found = find_primitives(mesh)
+    (sphere,), (floor,) = pick(found, "sphere"), pick(found, "box")
+    np.testing.assert_allclose(sphere.center, [0.2, 0.1, 0.1], atol=NOISE)
+    assert sphere.half_sizes[0] == pytest.approx(0.3, abs=2 * NOISE)
+    np.testing.assert_allclose(np.sort(floor.half_sizes), [0.25, 1.0, 1.0], atol=2 * NOISE)
+    assert measure_rest(found, mesh) < 0.01
+
+
+def test_a_column_in_a_room_is_a_cylinder_between_floor_and_ceiling() -> None:
+    mesh = make_noisy(make_column_room(), edge=0.15)
+    found = find_primitives(mesh)
+    (column,) = pick(found, "cylinder")
+    np.testing.assert_allclose(column.center, [0.5, 0.2, 1.0], atol=0.03)
+    assert abs(column.axes[2, 2]) == pytest.approx(1.0, abs=1e-3)
+    np.testing.assert_allclose(column.half_sizes[:2], [0.199, 1.0], atol=0.1)
+    assert not pick(found, "box")  # a room is no box: its inside is free
+    for plane in pick(found, "plane"):  # rectangles of walls stay within the room
+        corners = plane.as_mesh().vertices
+        assert (np.abs(corners) <= np.array([2.0, 1.5, 2.0]) + 0.01).all()
+
+
+def test_boxes_need_sides_at_right_angles_that_are_there() -> None:
+    solid = trimesh.boolean.union(
+        [make_box((2, 2, 0.5), (0, 0, -0.25)), make_box((0.5, 0.4, 0.6), (0.2, 0.1, 0.25))]
+    )
+    mesh = make_noisy(solid)
+    found = find_primitives(mesh)
+    sizes = sorted(tuple(np.sort(box.half_sizes).round(2)) for box in pick(found, "box"))
+    assert sizes == [(0.2, 0.25, 0.27), (0.25, 1.0, 1.0)] or sizes == [(0.2, 0.25, 0.28), (0.25, 1.0, 1.0)]
+    unseen = trimesh.Trimesh(mesh.vertices, mesh.faces[mesh.triangles_center[:, 0] < 0.44], process=False)
+    assert not pick(find_primitives(unseen), "box")  # nobody has seen their back
+
+
+def test_half_a_ball_is_no_sphere_and_rough_ground_nothing() -> None:
+    ball = make_noisy(trimesh.creation.icosphere(4, 0.3))
+    assert [one.kind for one in find_primitives(ball).shapes] == ["sphere"]
+    half = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 0] < 0], process=False)
+    assert not pick(find_primitives(half), "sphere")
+    rough = trimesh.creation.icosphere(4, 1.0)
+    rough.vertices *= 1 + 0.2 * np.random.default_rng(0).normal(size=(len(rough.vertices), 1))
+    assert not find_primitives(rough).shapes
+
+
+def test_a_rectangle_covers_no_more_than_the_surface_did() -> None:
+    flat = trimesh.creation.box((2.0, 2.0, 0.2))
+    top = flat.subdivide().subdivide().subdivide()
+    top.update_faces(top.triangles_center[:, 2] > 0.099)
+    hole = np.linalg.norm(top.triangles_center[:, :2] - [0.4, 0.4], axis=1) < 0.4
+    mesh = trimesh.Trimesh(top.vertices, top.faces[~hole], process=False)
+    found = find_primitives(mesh)
+    assert found.shapes
+    for plane in found.shapes:
+        assert (np.abs(plane.as_mesh().vertices[:, :2]) <= 1.0 + 1e-6).all()
+        inside = np.abs(([0.4, 0.4, 0.1] - plane.center) @ plane.axes)[:2]
+        assert (inside > plane.half_sizes[:2]).any()
+    covered = sum(4 * plane.half_sizes[0] * plane.half_sizes[1] for plane in found.shapes)
+    assert covered + measure_rest(found, mesh) * mesh.area == pytest.approx(mesh.area, rel=0.05)
+
+
+def test_equal_seeds_give_equal_primitives() -> None:
+    mesh = make_noisy(make_sphere_on_plane(), edge=0.2)
+    one, other = find_primitives(mesh, seed=3), find_primitives(mesh, seed=3)
+    assert len(one.shapes) == len(other.shapes)
+    for first, second in zip(one.shapes, other.shapes, strict=True):
+        assert first.kind == second.kind
+        for a, b in zip(first[1:], second[1:], strict=True):
+            assert np.array_equal(a, b)
+
+
+def test_triangles_are_cut_at_the_rim_of_a_rectangle() -> None:
+    from reconstruction.surfaces.primitives.primitive import take_out
+
+    corners = np.array([[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 3.0, 0.0]]])
+    rest = take_out(corners, FLAT, tolerance=0.001, margin=0.0)
+    assert trimesh.triangles.area(rest).sum() == pytest.approx(10.0 - 4 * 0.5 * 0.3)
+    behind = take_out(corners[:, ::-1], FLAT, tolerance=0.001, margin=0.0)
+    assert len(behind) == 1  # it looks the other way
+    assert len(take_out(corners + [0, 0, 0.1], FLAT, tolerance=0.001, margin=0.0)) == 1
+
+
+def test_the_largest_rectangle_of_free_cells() -> None:
+    grid = np.array([[1, 1, 0, 1], [1, 1, 1, 1], [1, 1, 1, 0]], dtype=bool)
+    area, where = find_largest_rectangle(grid)
+    assert area == 6
+    assert where in ((0, 3, 0, 2), (1, 3, 0, 3))
+    assert find_largest_rectangle(np.zeros((2, 2), dtype=bool))[0] == 0
+    assert find_rectangles(np.zeros((1, 3, 2)), 0.1, 0.1, 3) == []
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"tolerance": 0.0}, {"min_area": -1.0}, {"tolerance_limits": (0.01, 0.001)}, {"cell": float("nan")}],
+)
+def test_bad_values_are_refused(fields: dict) -> None:
+    with pytest.raises(ReconstructionError, match=f"PrimitivesConfig.{next(iter(fields))}"):
+        PrimitivesConfig(**fields)
+
+
+def test_an_empty_or_broken_mesh_is_refused() -> None:
+    with pytest.raises(ReconstructionError, match="0 faces; repair it first"):
+        find_primitives(trimesh.Trimesh(np.zeros((3, 3)), np.zeros((0, 3), dtype=int), process=False))
+    broken = trimesh.Trimesh([[0, 0, 0], [1, 0, np.nan], [0, 1, 0]], [[0, 1, 2]], process=False)
+    with pytest.raises(ReconstructionError, match="finite vertices"):
+        find_primitives(broken)

@@ -1,0 +1,114 @@
+"""Arenas of the kind "mixed": primitives for rays and contact, in their folder and in exports."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+import symbrion_gym as sg
+from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym.arenas.stretch import stretch_arena
+
+
+@pytest.fixture(scope="module")
+def arena() -> sg.Arena:
+    """Return a ball on a floor, with noise."""
+    floor = trimesh.creation.box((2.0, 2.0, 0.5)).apply_translation((0.0, 0.0, -0.25))
+    ball = trimesh.creation.icosphere(3, 0.3).apply_translation((0.2, 0.1, 0.1))
+    solid = trimesh.boolean.union([floor, ball])
+    mesh = trimesh.Trimesh(*trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, 0.15))
+    mesh.merge_vertices()
+    mesh.vertices = mesh.vertices + np.random.default_rng(0).normal(0, 0.001, mesh.vertices.shape)
+    return sg.make_arena(mesh, kind="mixed", cache=False, name="ball")
+
+
+def cast(arena: sg.Arena, group: int, origins: np.ndarray) -> np.ndarray:
+    """Return how far down each ray falls on the geoms of a group [m]."""
+    model = arena.spec().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    groups = (np.arange(6) == group).astype(np.uint8)
+    geom = np.zeros((1, 1), np.int32)
+    down = np.array([0.0, 0.0, -1.0])
+    return np.array([mujoco.mj_ray(model, data, place, down, groups, 1, -1, geom) for place in origins])
+
+
+def test_rays_and_contact_meet_primitives_where_the_surface_was(arena: sg.Arena) -> None:
+    assert arena.primitives is not None
+    kinds = {one.kind for one in arena.primitives.shapes}
+    assert {"sphere", "box"} <= kinds
+    types = [geom.type for geom in arena.spec().worldbody.geoms if geom.group == CONTACT_GROUP]
+    assert mujoco.mjtGeom.mjGEOM_SPHERE in types
+    rng = np.random.default_rng(1)
+    origins = np.column_stack([rng.uniform(-0.9, 0.9, (200, 2)), np.ones(200)])
+    squared = ((origins[:, :2] - [0.2, 0.1]) ** 2).sum(axis=1)
+    height = np.where(squared < 0.3**2 - 0.1**2, 0.1 + np.sqrt(np.maximum(0.3**2 - squared, 0.0)), 0.0)
+    is_clear = np.abs(squared - (0.3**2 - 0.1**2)) > 0.01
+    for group in (SURFACE_GROUP, CONTACT_GROUP):
+        error = np.abs(1.0 - cast(arena, group, origins) - height)[is_clear]
+        assert error.max() < 0.006
+        assert error.mean() < 0.002
+    assert arena.quality.mean < 0.003
+
+
+def test_it_is_saved_loaded_and_opened_by_mujoco(arena: sg.Arena, tmp_path: Path) -> None:
+    arena.save(tmp_path / "ball")
+    again = sg.Arena.load(tmp_path / "ball")
+    assert again.kind == "mixed"
+    assert arena.primitives is not None
+    assert again.primitives is not None
+    for one, other in zip(arena.primitives.shapes, again.primitives.shapes, strict=True):
+        assert one.kind == other.kind
+        np.testing.assert_array_equal(one.half_sizes, other.half_sizes)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "ball" / "arena.xml"))
+    assert model.ngeom == arena.spec().compile().ngeom
+
+
+@pytest.mark.parametrize("form", ["mjcf", "urdf", "obj"])
+def test_it_is_exported(arena: sg.Arena, tmp_path: Path, form: str) -> None:
+    assert arena.export(tmp_path / form, to=form)["num_solids"] >= len(arena.pieces)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("tolerance",), 0.0, "tolerance of primitives is 0.0"),
+        (("shapes", 0, "kind"), "cone", "kind"),
+        (("shapes", 0, "half_sizes"), [0.0, 1.0, 1.0], "lengths above 0"),
+        (("shapes", 0, "axes"), [[2.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]], "a rotation is needed"),
+    ],
+)
+def test_a_damaged_folder_is_refused(
+    arena: sg.Arena, tmp_path: Path, path: tuple, value: object, message: str
+) -> None:
+    arena.save(tmp_path / "ball")
+    about = json.loads((tmp_path / "ball" / "arena.json").read_text())
+    place = about["primitives"]
+    for step in path[:-1]:
+        place = place[step]
+    place[path[-1]] = value
+    (tmp_path / "ball" / "arena.json").write_text(json.dumps(about))
+    with pytest.raises(sg.ArenaError, match=message):
+        sg.Arena.load(tmp_path / "ball")
+
+
+def test_kind_and_primitives_go_together(arena: sg.Arena) -> None:
+    with pytest.raises(sg.ArenaError, match="'mixed' has primitives"):
+        replace(arena, primitives=None)
+    with pytest.raises(sg.ArenaError, match="'mixed' has primitives"):
+        replace(sg.load_arena("gsrm"), primitives=arena.primitives)
+
+
+def test_a_stretched_one_is_convex(arena: sg.Arena) -> None:
+    longer = stretch_arena(arena, 1.02)
+    assert longer.kind == "convex"
+    assert longer.primitives is None
+
+
+def test_arenas_of_other_kinds_are_written_without_primitives(tmp_path: Path) -> None:
+    sg.load_arena("gsrm").save(tmp_path / "gsrm")
+    assert "primitives" not in json.loads((tmp_path / "gsrm" / "arena.json").read_text())
