@@ -13,6 +13,7 @@ from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.rectangles import Box, find_box
 from symbrion_gym.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
@@ -53,6 +54,7 @@ class Content:
         num_pieces: contact pieces of the arena, before any was cut.
         quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
         provenance: what the arena was made of.
+        texture: colors of the surface; None where they are unknown.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Content:
     num_pieces: int
     quality: dict[str, Any]
     provenance: dict[str, Any]
+    texture: SurfaceTexture | None = None
 
 
 def make_content(geometry: ArenaGeometry, max_vertices: int | None, **about: Any) -> Content:
@@ -97,6 +100,7 @@ def make_content(geometry: ArenaGeometry, max_vertices: int | None, **about: Any
         max_vertices=max_vertices,
         deviation=deviation,
         num_pieces=len(geometry.pieces),
+        texture=geometry.texture,
         **about,
     )
 
