@@ -32,8 +32,8 @@ COLOR = (
     ),
     *(
         Claim(
-            f"Colors in the survey of the pit, {words}: additional processor time of `reconstruct`, without and with all "
-            "readings",
+            f"Colors in the survey of the pit, {words}: additional processor time of `reconstruct`, without and with "
+            "all readings",
             "{0:.0f} %, {1:.0f} %",
             (
                 Value("color", f"cost/{method}/share", scale=100),
