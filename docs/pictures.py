@@ -31,6 +31,7 @@ import symbrion_gym as sg
 from evolution.bodies.enumeration import enumerate_bodies
 from evolution.report.bodies import draw_bodies
 from evolution.report.pictures import to_png
+from evolution.report.arena_view import draw_arena
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"
@@ -74,6 +75,14 @@ def draw_networks(surfaces: dict[str, trimesh.Trimesh]) -> None:
         _add_faces(axis, mesh.triangles[near], light[:, None] * np.array([0.86, 0.80, 0.68]), "#00000055")
         axis.set_title(title, y=0.98, fontsize=10)
     _save(figure, "networks.png")
+
+
+def draw_colors() -> None:
+    """Draw the arena of a survey with a camera from two sides, in the colors of its readings."""
+    readings = rc.preprocess(sg.survey("truth", seed=0, camera=True))
+    assert isinstance(readings, rc.Cloud)
+    made = rc.reconstruct(rc.thin(readings, 0.015), units=2200, readings=readings)
+    _save(draw_arena(sg.make_arena(made, name="scanned with a camera"), ("surface",)), "colors.png")
 
 
 def draw_pieces(arena: sg.Arena) -> None:
@@ -315,6 +324,9 @@ def main() -> None:
     draw_baselines(_load_results("baselines"))
     draw_crossing(_load_results("evolution"))
     if sys.argv[1:] == ["results"]:
+        return
+    draw_colors()
+    if sys.argv[1:] == ["colors"]:
         return
     log = sg.survey("truth", seed=0)
     points = rc.thin(rc.preprocess(log), 0.015)

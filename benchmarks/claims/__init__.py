@@ -5,6 +5,7 @@ One file per benchmark. `python -m benchmarks.table` turns these lists into text
 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
+from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
@@ -21,6 +22,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Scans": SCANS,
     "Reconstruction": RECONSTRUCTION,
     "Folds and self-intersections": FOLDS,
+    "Colors": COLOR,
     "Updating a reconstruction after a change": REFINE,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,

@@ -61,6 +61,18 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "reconstruction/scaling": (*_NETWORKS, "benchmarks/reconstruction.py::measure_scaling"),
     "reconstruction/start": (*_NETWORKS, "benchmarks/reconstruction.py::measure_cold_start"),
     "folds": (*_NETWORKS, "benchmarks/folds.py::_count", "benchmarks/folds.py::survey_course"),
+    "color": (
+        *_NETWORKS,
+        *_COURSE,
+        "symbrion_gym/arenas/color_patterns.py",
+        "symbrion_gym/arenas/texture.py",
+        "symbrion_gym/arenas/texture_atlas.py",
+        "symbrion_gym/sensing",
+        "benchmarks/material/color_judge.py",
+        "benchmarks/material/made_scenes.py",
+        "benchmarks/color.py::color_scan",
+        "benchmarks/color.py::measure_cost",
+    ),
     "refine": (
         *_NETWORKS,
         *_COURSE,

@@ -96,9 +96,9 @@ def draw_arena(
         axes.set_axis_off()
         if "route" in layers and route is not None:
             _add_route(axes, view, pixels, route)
-    figure.legend(
-        handles=_make_legend(layers, ground, route), loc="outside lower center", ncols=6, fontsize=9
-    )
+    handles = _make_legend(layers, ground, route)
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=9)
     return figure
 
 

@@ -115,7 +115,8 @@ def _read_npz(file: BoundedFile) -> RawPoints:
         colors = ("colors",) if "colors" in names else ()
         log = read_npz(file.stream, ("ranges", "angles", "poses", *colors), file.max_bytes)
         point_rows.check_num_points(file, log["ranges"].size)
-        return find_log_points(ScanLog(**log))
+        known = log.get("colors")
+        return find_log_points(ScanLog(log["ranges"], log["angles"], log["poses"], colors=known))
     if "points" not in names and len(names) != 1:
         raise ScanError(f"holds the arrays {', '.join(names) or '(none)'}, none of them called points")
     name = "points" if "points" in names else names[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -110,7 +111,7 @@ def paint_mesh(mesh: trimesh.Trimesh, cloud: Cloud, config: ColorConfig = COLOR_
 
 def find_vertex_colors(mesh: trimesh.Trimesh) -> UInt8[np.ndarray, "V 3"] | None:
     """Return red, green and blue of the vertices of a mesh; None where it has none of its own."""
-    visual = mesh.visual
+    visual: Any = mesh.visual
     if not isinstance(visual, trimesh.visual.ColorVisuals) or visual.kind != "vertex":
         return None
     return np.ascontiguousarray(np.asarray(visual.vertex_colors)[:, :3], dtype=np.uint8)
@@ -157,9 +158,10 @@ def interpolate_colors(
 
     vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
-    _, face, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(places), vertices, faces)
+    _, found, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(places), vertices, faces)
+    face = np.asarray(found, dtype=np.int64)
     corners = vertices[faces[face]]
-    weights = trimesh.triangles.points_to_barycentric(corners, nearest)
+    weights = trimesh.triangles.points_to_barycentric(corners, np.asarray(nearest))
     weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.einsum("nc,nci->ni", weights, colors[faces[face]].astype(np.float64))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -24,7 +25,7 @@ def sample_mesh_colors(mesh: trimesh.Trimesh, vertices: Float[np.ndarray, "V 3"]
         mesh: as it was read.
         vertices: where its vertices are now [m].
     """
-    visual = mesh.visual
+    visual: Any = mesh.visual
     faces = np.asarray(mesh.faces)
     if visual is None or not visual.defined or not len(faces) or not np.isfinite(vertices).all():
         return None
@@ -58,7 +59,8 @@ def _find_colors(
     mesh: trimesh.Trimesh, face: np.ndarray, weights: Float[np.ndarray, "S 3"]
 ) -> UInt8[np.ndarray, "S 3"]:
     """Return the colors of places on faces."""
-    visual, corners = mesh.visual, np.asarray(mesh.faces)[face]
+    visual: Any = mesh.visual
+    corners = np.asarray(mesh.faces)[face]
     if isinstance(visual, trimesh.visual.TextureVisuals):
         uv = np.asarray(visual.uv)
         found = visual.material.to_color(np.einsum("sk,ski->si", weights, uv[corners]))

@@ -134,7 +134,7 @@ def iterate_texels(
     for cells in atlas.cells:
         grid = np.stack(np.meshgrid(np.arange(cells.size), np.arange(cells.size)), axis=-1).reshape(-1, 2)
         is_lower = grid.sum(axis=1) >= cells.size
-        weights = _find_weights(cells.size, *(grid + 0.5).T, is_lower)
+        weights = _find_weights(cells.size, grid[:, 0] + 0.5, grid[:, 1] + 0.5, is_lower)
         most = max(1, _MOST_TEXELS // len(grid))
         for start in range(0, len(cells.faces), most):
             pairs = cells.faces[start : start + most]

@@ -107,7 +107,7 @@ def survey(
     vertical, mixed, low = _scan(robot_poses, robot, world, rng, progress)
     colors = None
     if colored is not None:
-        lens = CameraConfig() if camera is True else camera
+        lens = camera if isinstance(camera, CameraConfig) else CameraConfig()
         colors = color_readings(vertical, robot_poses, robot, world, colored, lens, seed)
     angles = robot.scanner.angles
     log = ScanLog(

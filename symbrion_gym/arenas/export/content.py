@@ -15,6 +15,7 @@ from symbrion_gym.arenas.export.vertex_limit import FEWEST_VERTICES, limit_verti
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.spec import find_patch_frictions
+from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
@@ -58,6 +59,7 @@ class Content:
         quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
         provenance: what the arena was made of.
         friction_map: patches with another friction; None for one friction for all.
+        texture: colors of the surface; None where they are unknown.
     """
 
     name: str
@@ -72,6 +74,7 @@ class Content:
     quality: dict[str, Any]
     provenance: dict[str, Any]
     friction_map: FrictionMap | None = None
+    texture: SurfaceTexture | None = None
 
 
 def make_content(
@@ -111,6 +114,7 @@ def make_content(
         max_vertices=max_vertices,
         deviation=deviation,
         num_pieces=len(geometry.pieces),
+        texture=geometry.texture,
         **about,
     )
 

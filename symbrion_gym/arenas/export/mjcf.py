@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Num
 
 from symbrion_gym.arenas.export.content import Content, Solid
+from symbrion_gym.arenas.png import to_png
 from symbrion_gym.arenas.spec import (
     CONTACT_GROUP,
     FIELD_BASE,
@@ -24,33 +25,34 @@ from symbrion_gym.arenas.spec import (
     SURFACE_GROUP,
     make_piece_colors,
 )
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.contact.kinds import HeightField
 
 BODY = "arena"
 """Name of the body that holds all geoms."""
 _DIGITS = 6
 """Coordinates to 1 µm, as in a saved arena."""
+_UV_DIGITS = 12
+"""Of places in a texture: fractions of powers of two."""
 
 
 def format_mjcf(content: Content) -> dict[str, bytes]:
     """Return `arena.xml` with contact and surface, and `contact.xml` without the surface."""
-    return {
+    models = {
         "arena.xml": _format_model(content, has_surface=True),
         "contact.xml": _format_model(content, has_surface=False),
     }
+    return models if content.texture is None else models | {TEXTURE_FILE: to_png(content.texture.image)}
 
 
 def _format_model(content: Content, *, has_surface: bool) -> bytes:
     assets, geoms = list(_format_assets(content)), list(_format_geoms(content))
     if has_surface:
-        surface = content.surface
-        faces = " ".join(map(str, np.asarray(surface.faces).ravel().tolist()))
-        assets.append(
-            f'<mesh name="arena_surface" inertia="shell" vertex="{_join(surface.vertices)}" face="{faces}"/>'
-        )
+        assets += _format_surface(content)
+        look = f'rgba="{_join(SURFACE_COLOR)}"' if content.texture is None else 'material="arena_surface"'
         geoms.append(
             f'<geom name="arena_surface" type="mesh" mesh="arena_surface" contype="0" conaffinity="0" '
-            f'group="{SURFACE_GROUP}" mass="0" rgba="{_join(SURFACE_COLOR)}"/>'
+            f'group="{SURFACE_GROUP}" mass="0" {look}/>'
         )
     lines = [
         f"<mujoco model={quoteattr('arena ' + content.name)}>",
@@ -65,6 +67,26 @@ def _format_model(content: Content, *, has_surface: bool) -> bytes:
         "</mujoco>",
     ]
     return ("\n".join(lines) + "\n").encode()
+
+
+def _format_surface(content: Content) -> list[str]:
+    """Return the mesh of the surface; of a colored one with its texture, each face with vertices of its own."""
+    vertices, faces = np.asarray(content.surface.vertices), np.asarray(content.surface.faces)
+    places, texture = "", content.texture
+    if texture is not None:
+        # MuJoCo counts rows of a texture from the upper one, where vertices stand in the file.
+        uv = np.array([0.0, 1.0]) + np.array([1.0, -1.0]) * texture.uv
+        vertices, faces = vertices[faces.ravel()], np.arange(faces.size)
+        places = f' texcoord="{_join(uv, digits=_UV_DIGITS)}"'
+    corners = " ".join(map(str, faces.ravel().tolist()))
+    mesh = f'<mesh name="arena_surface" inertia="shell" vertex="{_join(vertices)}"{places} face="{corners}"/>'
+    if texture is None:
+        return [mesh]
+    return [
+        mesh,
+        f'<texture name="arena_surface" type="2d" file="{TEXTURE_FILE}"/>',
+        '<material name="arena_surface" texture="arena_surface" specular="0" shininess="0"/>',
+    ]
 
 
 def _format_assets(content: Content) -> Iterator[str]:

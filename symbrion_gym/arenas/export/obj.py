@@ -6,6 +6,9 @@ import numpy as np
 import trimesh
 
 from symbrion_gym.arenas.export.content import Content
+from symbrion_gym.arenas.obj_mesh import format_surface
+from symbrion_gym.arenas.png import to_png
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 
 _DIGITS = 6
 """Coordinates to 1 µm, as in a saved arena."""
@@ -21,7 +24,19 @@ def format_obj(content: Content) -> dict[str, bytes]:
     for name, mesh in named:
         lines += [f"o {name}", *_format_lines(mesh, used)]
         used += len(mesh.vertices)
-    return {"contact.obj": _join(lines), "surface.obj": format_mesh(content.surface)}
+    return {"contact.obj": _join(lines), **format_colored(content)}
+
+
+def format_colored(content: Content) -> dict[str, bytes]:
+    """Return `surface.obj`; of a colored surface with its vertex colors, and its texture and material as files."""
+    if content.texture is None:
+        return {"surface.obj": format_mesh(content.surface)}
+    head = b"mtllib surface.mtl\nusemtl surface\n"
+    return {
+        "surface.obj": head + format_surface(content.surface, content.texture, _DIGITS),
+        "surface.mtl": f"newmtl surface\nKa 1 1 1\nKd 1 1 1\nmap_Kd {TEXTURE_FILE}\n".encode(),
+        TEXTURE_FILE: to_png(content.texture.image),
+    }
 
 
 def format_mesh(mesh: trimesh.Trimesh) -> bytes:

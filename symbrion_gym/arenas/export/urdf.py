@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from reconstruction.geometry.rectangles import Box
 from symbrion_gym.arenas.export.content import Content
-from symbrion_gym.arenas.export.obj import format_mesh
+from symbrion_gym.arenas.export.obj import format_colored, format_mesh
 from symbrion_gym.errors import ArenaError
 
 _GIMBAL_LOCK = 1e-6
@@ -33,7 +33,7 @@ def format_urdf(content: Content) -> dict[str, bytes]:
         )
     files = {_name_file(solid.name): format_mesh(solid.mesh) for solid in content.solids if solid.box is None}
     model = ("\n".join(_format_model(content)) + "\n").encode()
-    return {"arena.urdf": model, "surface.obj": format_mesh(content.surface), **files}
+    return {"arena.urdf": model, **format_colored(content), **files}
 
 
 def _name_file(name: str) -> str:

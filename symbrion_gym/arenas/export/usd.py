@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.extras import require_extras
+from reconstruction.surfaces.color import WHITE, find_vertex_colors
 from symbrion_gym.arenas.export.content import Content, Solid
 from symbrion_gym.arenas.spec import SURFACE_COLOR
 
@@ -25,7 +26,7 @@ def format_usd(content: Content) -> dict[str, bytes]:
         MissingExtraError: usd-core is not installed.
     """
     require_extras("export to usd", "usd")
-    from pxr import Usd, UsdGeom
+    from pxr import Usd, UsdGeom, Vt
 
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -46,7 +47,12 @@ def format_usd(content: Content) -> dict[str, bytes]:
         mesh = _add_mesh(stage, f"{ROOT}/contact/height_field", content.height_field.as_mesh())
         _make_collider(mesh.GetPrim(), "none", material)  # its triangles, as they are
     surface = _add_mesh(stage, f"{ROOT}/surface", content.surface)
-    surface.CreateDisplayColorAttr([tuple(SURFACE_COLOR[:3])])
+    colors = find_vertex_colors(content.surface)
+    if colors is None:
+        surface.CreateDisplayColorAttr([tuple(SURFACE_COLOR[:3])])
+    else:
+        shares = np.ascontiguousarray(colors / WHITE, dtype=np.float32)
+        surface.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(shares))
     return {"arena.usda": stage.GetRootLayer().ExportToString().encode()}
 
 

@@ -1,0 +1,161 @@
+import mujoco
+import numpy as np
+import pytest
+
+import reconstruction as rc
+import symbrion_gym as sg
+from symbrion_gym.errors import ArenaError, SurveyError
+from symbrion_gym.sensing.camera import expose, look_at, round_to_pixels
+
+PATH = [[-3.5, 1.4], [-1.0, 1.4]]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return sg.Arena.from_course(sg.Course(color_pattern="gradient"))
+
+
+@pytest.fixture(scope="module")
+def log(truth):
+    return sg.survey(truth, path=PATH, camera=True)
+
+
+def test_colors_are_those_of_the_truth_within_the_stated_noise(log, truth):
+    ends = log.grid()
+    inside = log.is_valid & (np.abs(ends[..., 1]) < 0.9) & (np.abs(ends[..., 0]) < 3.0)
+    error = log.colors[inside] / 255 - truth.find_colors(ends[inside])
+    assert inside.sum() > 1000
+    assert np.sqrt((error**2).mean()) < 0.035  # noise 0.02, exposure 0.02 of up to 0.85, places 1 cm
+
+
+def test_ranges_are_those_of_a_survey_without_a_camera(log):
+    plain = sg.survey(sg.Arena.from_course(sg.Course()), path=PATH)
+    assert np.array_equal(plain.ranges, log.ranges, equal_nan=True)
+    assert plain.colors is None
+
+
+def test_equal_seeds_give_equal_colors(log, truth):
+    assert np.array_equal(sg.survey(truth, path=PATH, camera=True).colors, log.colors)
+
+
+def test_colors_survive_the_file_and_preprocessing(log, tmp_path):
+    read = rc.load_scan_log(log.save(tmp_path / "log.npz"))
+    assert np.array_equal(read.colors, log.colors)
+    assert rc.load_cloud(tmp_path / "log.npz").colors is not None
+    cloud = rc.preprocess(log)
+    assert isinstance(cloud, rc.Cloud)
+    assert np.array_equal(cloud.points, rc.preprocess(log.replace(colors=None)))
+    assert rc.preprocess_cloud(log).colors is not None
+    thin = rc.thin(cloud, 0.05)
+    assert np.array_equal(thin.points, rc.thin(cloud.points, 0.05))
+
+
+def test_beams_without_a_return_have_no_color(log):
+    assert not log.colors[~log.is_valid].any()
+
+
+def test_colors_of_another_shape_are_refused(log):
+    with pytest.raises(rc.ScanError, match="colors must be bytes"):
+        log.replace(colors=log.colors[:-1])
+
+
+def test_a_pixel_looks_where_its_middle_is():
+    ways = np.array([[1.0, 0, 0], [1, np.tan(0.104), 0], [0, 0, 2], [-1, 0, 0]])
+    found = round_to_pixels(ways, 0.1)
+    expected = [[1, 0, 0], [np.cos(0.1), np.sin(0.1), 0], [np.cos(1.6), 0, np.sin(1.6)]]
+    assert found[:3] == pytest.approx(np.array(expected))
+    assert np.linalg.norm(found, axis=1) == pytest.approx(1.0)
+
+
+def test_what_is_out_of_the_lens_or_of_reach_is_not_seen():
+    config = sg.CameraConfig(field_of_view=np.pi, offset=(0, 0, 0))
+
+    def cast(origin, directions):
+        return np.where(directions[:, 2] > 0.5, np.inf, 2.0)
+
+    ways = np.array([[1.0, 0, 0], [-1, 0.1, 0], [0.1, 0, 1]])
+    places, is_seen = look_at(ways, np.eye(4), cast, config)
+    assert is_seen.tolist() == [True, False, False]
+    assert places[0] == pytest.approx([2, 0, 0])
+
+
+def test_exposure_scales_and_clips():
+    config = sg.CameraConfig(exposure=2.0, exposure_noise=0.0, noise=0.0)
+    found = expose(np.array([[0.1, 0.4, 0.7]]), config, np.random.default_rng(0))
+    assert found.tolist() == [[51, 204, 255]]
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"pixel": 0.0}, "pixel"),
+        ({"noise": -1.0}, "noise"),
+        ({"exposure": 0.0}, "exposure"),
+        ({"field_of_view": 7.0}, "field_of_view"),
+        ({"offset": (0.0, 1.0)}, "offset"),
+    ],
+)
+def test_cameras_that_there_are_not_are_refused(options, word):
+    with pytest.raises(SurveyError, match=word):
+        sg.CameraConfig(**options)
+
+
+def test_an_arena_without_colors_is_refused():
+    arena = sg.Arena.from_course(sg.Course())
+    with pytest.raises(SurveyError, match="no colors"):
+        sg.survey(arena, path=PATH, camera=True)
+    with pytest.raises(SurveyError, match="Arena with colors"):
+        sg.survey(arena.surface, path=PATH, camera=True)
+
+
+@pytest.mark.parametrize("pattern", ["checker", "stripes", "gradient"])
+def test_patterns_are_colors_of_a_course(pattern):
+    for course in (sg.Course(color_pattern=pattern), sg.StairsCourse(color_pattern=pattern)):
+        arena = sg.Arena.from_course(course)
+        colors = arena.find_colors(np.asarray(arena.surface.triangles_center))
+        assert ((colors >= 0) & (colors <= 1)).all()
+        assert np.ptp(colors, axis=0).max() > 0.1
+        assert type(course)(**{k: v for k, v in course.as_dict().items() if k != "kind"}) == course
+
+
+def test_a_course_without_a_pattern_says_nothing_of_one():
+    assert "color_pattern" not in sg.Course().as_dict()
+    with pytest.raises(ArenaError, match="checker, stripes, gradient"):
+        sg.Course(color_pattern="tartan")
+
+
+def make_model(arena):
+    spec = arena.spec()
+    body = spec.worldbody.add_body(name="robot", pos=[-2.5, 0.0, 0.4])
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.02, 0, 0])
+    body.add_site(name="eye", quat=[np.cos(0.35), 0, np.sin(0.35), 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_a_camera_in_a_simulation_sees_the_arena(truth):
+    model, data = make_model(truth)
+    camera = sg.Camera(model, "eye", truth)
+    picture = camera.look(data, width=32, height=24)
+    assert picture.shape == (24, 32, 3)
+    ahead = np.array([[-2.5 + 0.4 / np.tan(0.7), 0.0, 0.0]])
+    assert picture[11:13, 15:17].mean(axis=(0, 1)) / 255 == pytest.approx(
+        truth.find_colors(ahead)[0], abs=0.03
+    )
+    assert camera.color_readings(data, ahead) / 255 == pytest.approx(truth.find_colors(ahead), abs=0.01)
+    noisy = [camera.look(data, np.random.default_rng(3), width=8, height=8) for _ in range(2)]
+    assert np.array_equal(*noisy)
+
+
+def test_cameras_that_see_nothing_are_refused(truth):
+    model, data = make_model(truth)
+    with pytest.raises(SurveyError, match="no colors"):
+        sg.Camera(model, "eye", sg.Arena.from_course(sg.Course()))
+    with pytest.raises(SurveyError, match="axis"):
+        sg.Camera(model, "eye", truth, axis="y")
+    with pytest.raises(SurveyError, match="eye"):
+        sg.Camera(model, "nose", truth)
+    with pytest.raises(SurveyError, match="width"):
+        sg.Camera(model, "eye", truth).look(data, width=0)
