@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
 from evolution.report.framing import find_frame
+from evolution.report.friction_view import add_friction, make_friction_legend
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
@@ -83,6 +84,7 @@ def draw_arena(
         picture = np.ones((*pixels.face.shape, 3))
         if "surface" in layers:
             picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), SURFACE_COLOR)
+            picture = add_friction(picture, pixels, view, arena)
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
         if "contact" in layers:
@@ -94,7 +96,8 @@ def draw_arena(
         if "route" in layers and route is not None:
             _add_route(axes, view, pixels, route)
     figure.legend(
-        handles=_make_legend(layers, ground, route), loc="outside lower center", ncols=6, fontsize=9
+        handles=_make_legend(layers, ground, route) + (make_friction_legend(arena) if "surface" in layers else []),
+        loc="outside lower center", ncols=6, fontsize=9
     )
     return figure
 

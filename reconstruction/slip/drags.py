@@ -37,6 +37,8 @@ class SlipPriors:
             with weights to 1 or 2 %.
         load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both directions.
         pull_bias: offset of the pull before any drag [N].
+        tilt: angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven ground
+            [rad]; friction is wrong by as much.
         noise: standard deviation of the friction that one drag shows, at least: ground differs from place to place.
 
     Raises:
@@ -46,10 +48,11 @@ class SlipPriors:
     gain: float = 0.015
     load_bias: float = 0.15
     pull_bias: float = 0.5
+    tilt: float = 0.008
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        check_not_negative(self, ("gain", "load_bias", "pull_bias", "noise"), ScanError)
+        check_not_negative(self, ("gain", "load_bias", "pull_bias", "tilt", "noise"), ScanError)
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class FrictionReadings(NamedTuple):
         places: middle of the module during the drag [m].
         frictions: friction of the ground below it.
         sigmas: standard deviation of each by noise.
-        shared: relative standard deviation of all readings of a survey together, which does not average out.
+        shared: standard deviation by errors that readings of one ground have in common, which do not average out.
         runs: number of the uninterrupted drive.
     """
 
@@ -130,7 +133,7 @@ def find_friction(
     bias, bias_error = _find_pull_bias(drags, priors, config)
     frictions = np.maximum(drags.signs * (drags.pulls - bias) / drags.loads, 0.0)
     load = np.median(drags.loads)
-    shared = np.hypot(priors.gain, priors.load_bias / load) * np.ones(len(frictions))
+    shared = np.hypot(frictions * np.hypot(priors.gain, priors.load_bias / load), priors.tilt)
     sigmas = np.full(len(frictions), _find_noise(frictions, drags.runs, priors.noise))
     return FrictionReadings(drags.places, frictions, np.hypot(sigmas, bias_error / load), shared, drags.runs)
 

@@ -192,7 +192,7 @@ def _summarize(readings: FrictionReadings, is_own: Bool[np.ndarray, " D"]) -> tu
     weights = sigmas**-2.0
     friction = float(np.average(values, weights=weights))
     scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2)))) / np.sqrt(weights.sum())
-    shared = friction * float(readings.shared[is_own].max())
+    shared = float(np.median(readings.shared[is_own]))
     return friction, float(_NORMAL_95 * np.hypot(scatter, shared))
 
 

@@ -54,6 +54,8 @@ class Survey(SeededCommand):
     """Largest range that is read [m]."""
     resolution: float = LaserScanner.resolution
     """Resolution of a reading [m]; 0: continuous."""
+    friction: bool = False
+    """Let docked Scouts drive over the arena as well and feel its friction by the slip of their tracks."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -76,14 +78,20 @@ class Survey(SeededCommand):
         path = None if self.path is None else read_path(self.path)
         with console.track(f"Survey of {self.arena}") as step:
             log = sg.survey(
-                self.arena, path=path, sensor=self.make_robot(), seed=self.seed, progress=step.progress
+                self.arena,
+                path=path,
+                sensor=self.make_robot(),
+                seed=self.seed,
+                progress=step.progress,
+                friction=self.friction,
             )
             self.out.parent.mkdir(parents=True, exist_ok=True)
             log.save(self.out)
         scans, beams = log.ranges.shape
         console.print_line(f"{scans} scans of {beams} beams in {self.out}")
         console.print_line(f"next: symbrion reconstruct {self.out} --out surface.npz")
-        return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds}
+        slip = {} if log.slip is None else {"slip_ticks": len(log.slip)}
+        return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds, **slip}
 
     def make_robot(self) -> SurveyRobot:
         """Return the robot that the options describe."""
