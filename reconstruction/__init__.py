@@ -35,7 +35,12 @@ if TYPE_CHECKING:
     from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
     from reconstruction.scans.smoothing import SmoothingConfig
     from reconstruction.slip.drags import DragConfig, FrictionReadings, SlipPriors, find_friction
-    from reconstruction.slip.patches import EstimatedPatch, FrictionEstimate, FrictionPatchConfig, find_friction_patches
+    from reconstruction.slip.patches import (
+        EstimatedPatch,
+        FrictionEstimate,
+        FrictionPatchConfig,
+        find_friction_patches,
+    )
     from reconstruction.slip.readings import SlipReadings
     from reconstruction.surfaces.quality import Quality, measure_quality
     from reconstruction.tiles.config import TilesConfig

@@ -290,7 +290,10 @@ class Reconstruction:
             OSError: the file cannot be written.
         """
         readings = None if self.readings is self.cloud else self.readings
-        write_saved(Path(path), Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip))
+        write_saved(
+            Path(path),
+            Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip),
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:

@@ -54,7 +54,11 @@ class PatchRow(NamedTuple):
 def draw_course(seed: int) -> Course:
     """Draw a course: sizes, a friction, and patches of 0.3 to 0.9 across all or half of its width."""
     rng = np.random.default_rng([20, seed])
-    sizes = {"height": rng.uniform(0.15, 0.27), "ramp": rng.uniform(0.9, 1.2), "plateau": rng.uniform(0.45, 0.7)}
+    sizes = {
+        "height": rng.uniform(0.15, 0.27),
+        "ramp": rng.uniform(0.9, 1.2),
+        "plateau": rng.uniform(0.45, 0.7),
+    }
     course = Course(pit=rng.uniform(0.3, 0.45), friction=round(rng.uniform(0.3, 0.9), 3), **sizes)
     patches, x = [], -course.length / 2 + rng.uniform(0.1, 0.4)
     while x < course.length / 2 - 0.6:
@@ -66,7 +70,9 @@ def draw_course(seed: int) -> Course:
     return Course(**{**vars(course), "friction_patches": tuple(patches)})
 
 
-def feel_course(course: Course, seed: int, robot: FrictionRobot = LANES) -> tuple[SlipReadings, FrictionEstimate]:
+def feel_course(
+    course: Course, seed: int, robot: FrictionRobot = LANES
+) -> tuple[SlipReadings, FrictionEstimate]:
     """Drive over a course and return what was read and what it says."""
     readings = drive_lanes(Arena.from_course(course), robot, np.random.default_rng([seed, 1]))
     estimate = find_friction_patches(find_friction(readings))
@@ -74,7 +80,9 @@ def feel_course(course: Course, seed: int, robot: FrictionRobot = LANES) -> tupl
     return readings, estimate
 
 
-def judge_patches(course: Course, seed: int, readings: SlipReadings, felt: FrictionEstimate) -> list[PatchRow]:
+def judge_patches(
+    course: Course, seed: int, readings: SlipReadings, felt: FrictionEstimate
+) -> list[PatchRow]:
     """Return a row for every true patch, and one for the ground outside of all, that was driven far enough."""
     truth, found = course.friction_map or FrictionMap(), make_friction_map(felt)
     patches = [(course.friction, -1), *((patch.friction, i) for i, patch in enumerate(truth.patches))]
@@ -97,7 +105,9 @@ def judge_places(course: Course, readings: SlipReadings, felt: FrictionEstimate)
     """Return how often the map is right where the robot drove, away from borders."""
     truth, found = course.friction_map or FrictionMap(), make_friction_map(felt)
     places = readings.positions[_find_own(truth, readings) > -2]
-    error = found.find_friction(places, felt.patches[0].friction) - truth.find_friction(places, course.friction)
+    error = found.find_friction(places, felt.patches[0].friction) - truth.find_friction(
+        places, course.friction
+    )
     return {"within": float(np.mean(np.abs(error) <= 0.05)), "p95": float(np.percentile(np.abs(error), 95))}
 
 

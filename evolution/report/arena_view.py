@@ -96,8 +96,11 @@ def draw_arena(
         if "route" in layers and route is not None:
             _add_route(axes, view, pixels, route)
     figure.legend(
-        handles=_make_legend(layers, ground, route) + (make_friction_legend(arena) if "surface" in layers else []),
-        loc="outside lower center", ncols=6, fontsize=9
+        handles=_make_legend(layers, ground, route)
+        + (make_friction_legend(arena) if "surface" in layers else []),
+        loc="outside lower center",
+        ncols=6,
+        fontsize=9,
     )
     return figure
 

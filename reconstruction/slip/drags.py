@@ -174,7 +174,9 @@ def _measure(
     """Return place, run, sign, pull and load of every window of a drag that tells something."""
     times = readings.times[part] - readings.times[part[0]] - config.settling
     numbers = np.floor(times / config.window + _ROUNDING).astype(np.int64)
-    whole = np.flatnonzero(np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= config.window - _ROUNDING)
+    whole = np.flatnonzero(
+        np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= config.window - _ROUNDING
+    )
     rows = []
     for window in (part[numbers == number] for number in whole):
         slip = float(readings.commanded[window[0]]) - _find_speed(readings, window)
@@ -184,7 +186,9 @@ def _measure(
         carries = config.least_load * weight < load < config.most_load * weight
         if abs(slip) >= config.least_slip and carries:
             place = readings.positions[window].mean(axis=0)
-            rows.append((place, int(readings.runs[window[0]]), float(np.sign(slip)), float(pull), float(load)))
+            rows.append(
+                (place, int(readings.runs[window[0]]), float(np.sign(slip)), float(pull), float(load))
+            )
     return rows
 
 
@@ -198,7 +202,9 @@ def _find_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:
     heading = np.median(readings.headings[part])
     pitch = float(np.median(readings.pitches[part]))
     ahead = np.array([np.cos(heading) * np.cos(pitch), np.sin(heading) * np.cos(pitch), np.sin(pitch)])
-    return float(np.polyfit(readings.times[part] - readings.times[part[0]], readings.positions[part] @ ahead, 1)[0])
+    return float(
+        np.polyfit(readings.times[part] - readings.times[part[0]], readings.positions[part] @ ahead, 1)[0]
+    )
 
 
 def _find_pull_bias(drags: _Drags, priors: SlipPriors, config: DragConfig) -> tuple[float, float]:
@@ -220,9 +226,7 @@ def _find_pull_bias(drags: _Drags, priors: SlipPriors, config: DragConfig) -> tu
     return share * bias, float(np.sqrt(share) * error)
 
 
-def _find_noise(
-    frictions: Float[np.ndarray, " D"], runs: Int[np.ndarray, " D"], least: float
-) -> float:
+def _find_noise(frictions: Float[np.ndarray, " D"], runs: Int[np.ndarray, " D"], least: float) -> float:
     """Return the standard deviation of a drag from the differences of those that follow each other."""
     steps = np.diff(frictions)[np.diff(runs) == 0]
     if not len(steps):

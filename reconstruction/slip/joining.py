@@ -36,7 +36,9 @@ def join_slip(
     if slip is None:
         return known
     if not isinstance(slip, SlipReadings):
-        raise ReconstructionError(f"slip must be SlipReadings, as `ScanLog.slip` is, got {type(slip).__name__}")
+        raise ReconstructionError(
+            f"slip must be SlipReadings, as `ScanLog.slip` is, got {type(slip).__name__}"
+        )
     new = find_friction(slip, priors)
     new = new._replace(places=new.places - offset)
     if known is None or not len(new.frictions):

@@ -86,7 +86,9 @@ class FrictionEstimate(NamedTuple):
     patch_of: Int[np.ndarray, " D"]
 
 
-def find_friction_patches(readings: FrictionReadings, config: FrictionPatchConfig | None = None) -> FrictionEstimate | None:
+def find_friction_patches(
+    readings: FrictionReadings, config: FrictionPatchConfig | None = None
+) -> FrictionEstimate | None:
     """Group friction by place into patches of one friction each.
 
     Along every run, changes are found first; stretches of equal friction, wherever they are, are one patch then. The
@@ -136,7 +138,7 @@ def _find_stretches(readings: FrictionReadings, config: FrictionPatchConfig) -> 
 def _leave_borders(
     readings: FrictionReadings,
     part: Int[np.ndarray, " P"],
-    others: list[tuple[Int[np.ndarray, "..."], int, int]],
+    others: list[tuple[Int[np.ndarray, ...], int, int]],
     config: FrictionPatchConfig,
 ) -> Int[np.ndarray, " I"]:
     """Return the readings of a stretch that are not at its border with one of another friction.
@@ -170,7 +172,9 @@ def _join(
     while len(groups) > 1:
         order = np.argsort(mean)
         apart = np.diff(np.array(mean)[order])
-        spread = config.certainty * np.sqrt(1 / np.array(weight)[order][1:] + 1 / np.array(weight)[order][:-1])
+        spread = config.certainty * np.sqrt(
+            1 / np.array(weight)[order][1:] + 1 / np.array(weight)[order][:-1]
+        )
         excess = apart - np.maximum(config.same, spread)
         at = int(np.argmin(excess))
         if excess[at] >= 0.0:
@@ -191,7 +195,9 @@ def _summarize(readings: FrictionReadings, is_own: Bool[np.ndarray, " D"]) -> tu
     values, sigmas = readings.frictions[is_own], readings.sigmas[is_own]
     weights = sigmas**-2.0
     friction = float(np.average(values, weights=weights))
-    scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2)))) / np.sqrt(weights.sum())
+    scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2)))) / np.sqrt(
+        weights.sum()
+    )
     shared = float(np.median(readings.shared[is_own]))
     return friction, float(_NORMAL_95 * np.hypot(scatter, shared))
 
@@ -203,7 +209,9 @@ def _find_cells(
     known = patch_of >= 0
     low = np.floor((places[known].min(axis=0) - config.reach) / config.cell).astype(np.int64)
     high = np.ceil((places[known].max(axis=0) + config.reach) / config.cell).astype(np.int64)
-    grid = np.stack(np.meshgrid(*(np.arange(*ends) for ends in zip(low, high, strict=True)), indexing="ij"), -1)
+    grid = np.stack(
+        np.meshgrid(*(np.arange(*ends) for ends in zip(low, high, strict=True)), indexing="ij"), -1
+    )
     distance, nearest = cKDTree(places[known]).query((grid + 0.5) * config.cell)
     owner = np.where(distance <= config.reach, patch_of[known][nearest], 0)
     rectangles = [np.zeros((0, 4))]

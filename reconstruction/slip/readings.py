@@ -53,11 +53,11 @@ class SlipReadings:
             array = np.asarray(getattr(self, name), dtype=kind)
             wanted = (count,) if axes == 1 else (count, 3)
             if array.shape != wanted:
-                raise ScanError(
-                    f"slip readings: {name} has shape {array.shape}; {count} times need {wanted}"
-                )
+                raise ScanError(f"slip readings: {name} has shape {array.shape}; {count} times need {wanted}")
             if not np.isfinite(array).all():
-                raise ScanError(f"slip readings: {name} must be finite; leave out the ticks without a reading")
+                raise ScanError(
+                    f"slip readings: {name} must be finite; leave out the ticks without a reading"
+                )
             object.__setattr__(self, name, array)
         object.__setattr__(self, "mass", float(self.mass))
         if not 0.0 < self.mass < np.inf:

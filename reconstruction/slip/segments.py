@@ -6,9 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 
-def find_segments(
-    values: Float[np.ndarray, " D"], sigma: float, penalty: float
-) -> Int[np.ndarray, " D"]:
+def find_segments(values: Float[np.ndarray, " D"], sigma: float, penalty: float) -> Int[np.ndarray, " D"]:
     """Return the number of the stretch that each value belongs to, from 0.
 
     Minimizes the sum of ``((value - mean of its stretch) / sigma)^2 + penalty`` per stretch, exactly, by dynamic

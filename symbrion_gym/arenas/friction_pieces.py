@@ -47,9 +47,7 @@ def _split_piece(piece: trimesh.Trimesh, outlines: list[Outline]) -> list[trimes
     return inside + rest
 
 
-def _cut_out(
-    piece: trimesh.Trimesh, outline: Outline
-) -> tuple[list[trimesh.Trimesh], list[trimesh.Trimesh]]:
+def _cut_out(piece: trimesh.Trimesh, outline: Outline) -> tuple[list[trimesh.Trimesh], list[trimesh.Trimesh]]:
     """Return the part of a piece below an outline, none or one, and the parts outside of it."""
     corners = np.array(outline)
     low, high = piece.bounds[:, :2]

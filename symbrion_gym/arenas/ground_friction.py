@@ -63,9 +63,7 @@ def make_friction_map(felt: FrictionEstimate) -> FrictionMap:
 
 
 def _make_patch(patch: EstimatedPatch) -> FrictionPatch:
-    outlines = tuple(
-        ((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for x0, y0, x1, y1 in patch.rectangles.tolist()
-    )
+    outlines = tuple(((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for x0, y0, x1, y1 in patch.rectangles.tolist())
     return FrictionPatch(_clip(patch.friction), outlines, patch.half_width)
 
 

@@ -147,7 +147,9 @@ class _Simulation:
         last = robot.modules - 1
         self._radius, self._height = scout.track_radius, scout.size[2] / 2
         wheels = range(len(find_road_wheels(scout)))
-        self._tracks = np.array([[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in range(last + 1)])
+        self._tracks = np.array(
+            [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in range(last + 1)]
+        )
         self._site = model.site(f"module_{last}").id
         self.mass = float(model.body_mass[model.site_bodyid[self._site]])
         names = (f"module_{last}_accel_front", f"module_{last}_accel_rear", f"dock_force_{last}")

@@ -86,7 +86,9 @@ class FrictionRobot:
         check_positive(self, _POSITIVE, SurveyError)
         check_not_negative(self, ("highest_step",), SurveyError)
         if self.modules < 2:
-            raise SurveyError(f"FrictionRobot: modules is {self.modules}; one drags and one or more pull: 2 or more")
+            raise SurveyError(
+                f"FrictionRobot: modules is {self.modules}; one drags and one or more pull: 2 or more"
+            )
 
     def find_offset(self, time: float) -> float:
         """Return how much faster the tracks of the last module run than the others, at a time [m/s]."""

@@ -111,7 +111,9 @@ def survey(
     log = localize(log, progress=progress)
     if ground_robot is None or ground_arena is None:
         return log
-    return log.replace(slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress))
+    return log.replace(
+        slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress)
+    )
 
 
 def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:

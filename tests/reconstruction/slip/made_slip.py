@@ -26,7 +26,9 @@ def make_slip(
     x, z = way * np.cos(slope), way * np.sin(slope)
     load = MASS * GRAVITY * np.cos(slope)
     pull = np.sign(change) * np.vectorize(friction)(x) * load
-    specific = np.stack([np.full(len(times), GRAVITY * np.sin(slope)), 0 * x, GRAVITY * np.cos(slope) + 0 * x], 1)
+    specific = np.stack(
+        [np.full(len(times), GRAVITY * np.sin(slope)), 0 * x, GRAVITY * np.cos(slope) + 0 * x], 1
+    )
     forces = MASS * specific - np.stack([pull, 0 * x, np.full(len(times), load)], axis=1)
     forces[:, 0] += bias
     forces += noise * rng.standard_normal(forces.shape)
