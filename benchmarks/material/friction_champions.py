@@ -5,9 +5,11 @@ from typing import Any, NamedTuple
 
 from scipy.stats import binomtest
 
+from evolution.backends.trials import Randomization
 from evolution.champions.playback import judge
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve
+from evolution.search.validation import Validation
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import Arena
@@ -20,7 +22,8 @@ from symbrion_gym.sensing.survey import survey
 ICE = Course(pit=0.0, friction_patches=((-1.6, -0.4, -0.25, 1.0, 0.15),))
 """Two ramps; ice on the first, from its left side to 0.25 m right of the middle: straight ahead leads onto it."""
 START, GOAL = (-2.75, 0.0), (0.1, 0.0)
-GENERATIONS = 12
+GENERATIONS = 10
+"""Small budgets: three genes, speed and turning of the tracks and steering toward the goal."""
 _JUDGING_SEED = 77
 
 
@@ -63,7 +66,11 @@ def evolve_champion(models: Models, name: str, seed: int, trials: int) -> dict[s
         seed=seed,
         generations=GENERATIONS,
         workers=1,
-        modules=2,
+        population_size=8,
+        trials=2,
+        randomization=Randomization(stretch=(1.0,)),
+        validation=Validation(rounds=(8, 8)),
+        modules=1,
         task="reach",
         start=START,
         goal=GOAL,

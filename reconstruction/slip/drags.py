@@ -2,8 +2,8 @@
 
 A module whose tracks run at another speed than the ground passes slips, and the ground pulls at it with the friction
 times the load: ``T = mu N``. Newton's law for the module gives both, with f the reading of the accelerometers, which
-feel forces and not gravity, and D the pull of the dock: ``T = m f_x - D_x``, ``N = m f_z - D_z``. Slopes and accelerated
-motion change nothing in this. It is the locked-wheel test of roads (ASTM E274) between docked robots.
+feel forces and not gravity, and D the pull of the dock: ``T = m f_x - D_x``, ``N = m f_z - D_z``. Slopes and
+accelerated motion change nothing in this. It is the locked-wheel test of roads (ASTM E274) between docked robots.
 
 A track that runs as fast as the ground passes holds with less than friction gives, and tells nothing: the slip, the
 commanded speed less the speed by localization, decides which drags count. So a robot that slides down a slope, or spins
@@ -33,12 +33,13 @@ class SlipPriors:
     """What is known of the sensors before the robot drives (standard deviations).
 
     Attributes:
-        gain: relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is calibrated
-            with weights to 1 or 2 %.
-        load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both directions.
+        gain: relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is
+            calibrated with weights to 1 or 2 %.
+        load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both
+            directions.
         pull_bias: offset of the pull before any drag [N].
-        tilt: angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven ground
-            [rad]; friction is wrong by as much.
+        tilt: angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven
+            ground [rad]; friction is wrong by as much.
         noise: standard deviation of the friction that one drag shows, at least: ground differs from place to place.
 
     Raises:

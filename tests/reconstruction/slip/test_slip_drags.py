@@ -45,7 +45,7 @@ def test_drags_over_a_knick_do_not_count() -> None:
 
 def test_a_module_in_the_air_does_not_count() -> None:
     slip = make_slip(lambda x: 0.5)
-    held = replace(slip, forces=slip.forces + [0.0, 0.0, 6.0])
+    held = replace(slip, forces=slip.forces + np.array([0.0, 0.0, 6.0]))
     assert len(find_friction(held).frictions) == 0
 
 

@@ -46,7 +46,8 @@ def test_grounds_alike_are_one_patch_wherever_they_are() -> None:
     )
     assert len(felt.patches) == 2
     covered = felt.patches[1].rectangles
-    assert covered[:, 0].min() < 0.1 and covered[:, 2].max() > 2.9
+    assert covered[:, 0].min() < 0.1
+    assert covered[:, 2].max() > 2.9
 
 
 def test_a_place_on_a_border_belongs_to_neither_side() -> None:
