@@ -29,10 +29,12 @@ class Scan:
     Attributes:
         readings: all points, in the box where one is given.
         points: those that pre-processing and thinning leave.
+        slip: what a robot read that felt the ground, where the scan is a log with some.
     """
 
     readings: rc.Cloud
     points: rc.Cloud
+    slip: rc.SlipReadings | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -138,7 +140,8 @@ class ScanCommand(SeededCommand):
         from symbrion_gym.ready_made import SPACING
 
         spacing = SPACING if self.thin is None and log is not None else self.thin
-        return Scan(readings, points if spacing is None else rc.thin(points, spacing))
+        slip = None if log is None else log.slip
+        return Scan(readings, points if spacing is None else rc.thin(points, spacing), slip)
 
     @property
     def _max_bytes(self) -> float:

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 import symbrion_gym as sg
 from evolution.report.framing import find_frame
+from evolution.report.friction_view import add_friction, make_friction_legend
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
@@ -86,6 +87,7 @@ def draw_arena(
             picture = shade_pixels(
                 pixels, np.asarray(arena.surface.triangles), _color_pixels(arena, pixels, view)
             )
+            picture = add_friction(picture, pixels, view, arena)
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
         if "contact" in layers:
@@ -97,6 +99,7 @@ def draw_arena(
         if "route" in layers and route is not None:
             _add_route(axes, view, pixels, route)
     handles = _make_legend(layers, ground, route)
+    handles += make_friction_legend(arena) if "surface" in layers else []
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=9)
     return figure

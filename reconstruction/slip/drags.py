@@ -2,8 +2,8 @@
 
 A module whose tracks run at another speed than the ground passes slips, and the ground pulls at it with the friction
 times the load: ``T = mu N``. Newton's law for the module gives both, with f the reading of the accelerometers, which
-feel forces and not gravity, and D the pull of the dock: ``T = m f_x - D_x``, ``N = m f_z - D_z``. Slopes and accelerated
-motion change nothing in this. It is the locked-wheel test of roads (ASTM E274) between docked robots.
+feel forces and not gravity, and D the pull of the dock: ``T = m f_x - D_x``, ``N = m f_z - D_z``. Slopes and
+accelerated motion change nothing in this. It is the locked-wheel test of roads (ASTM E274) between docked robots.
 
 A track that runs as fast as the ground passes holds with less than friction gives, and tells nothing: the slip, the
 commanded speed less the speed by localization, decides which drags count. So a robot that slides down a slope, or spins
@@ -22,6 +22,8 @@ from reconstruction.errors import ScanError
 from reconstruction.range_checks import check_not_negative, check_positive
 from reconstruction.slip.readings import SlipReadings
 
+_ROUNDING = 1e-6
+"""Times closer than this are the same [s]."""
 _GAUSSIAN = 1.4826
 """Standard deviation of a normal distribution in median absolute deviations."""
 
@@ -31,10 +33,13 @@ class SlipPriors:
     """What is known of the sensors before the robot drives (standard deviations).
 
     Attributes:
-        gain: relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is calibrated
-            with weights to 1 or 2 %.
-        load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both directions.
+        gain: relative error of the force in the dock and of the mass, alike in all readings: a strain gauge is
+            calibrated with weights to 1 or 2 %.
+        load_bias: offset of the load, alike in all readings [N]; that of the pull is found from drags in both
+            directions.
         pull_bias: offset of the pull before any drag [N].
+        tilt: angle between the frame of the sensors and the ground, by mounting, bending of the hinges and uneven
+            ground [rad]; friction is wrong by as much.
         noise: standard deviation of the friction that one drag shows, at least: ground differs from place to place.
 
     Raises:
@@ -44,10 +49,11 @@ class SlipPriors:
     gain: float = 0.015
     load_bias: float = 0.15
     pull_bias: float = 0.5
+    tilt: float = 0.008
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        check_not_negative(self, ("gain", "load_bias", "pull_bias", "noise"), ScanError)
+        check_not_negative(self, ("gain", "load_bias", "pull_bias", "tilt", "noise"), ScanError)
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class DragConfig:
     Attributes:
         least_slip: slip from which tracks hold with all that friction gives [m/s]; below it the force rises with slip.
         settling: what of a drag is left out at its beginning, as the body still swings [s].
-        shortest: a drag that is shorter after that tells nothing [s].
+        window: each reading of friction is a mean over this; longer ones are less noisy and know less of where [s].
         bend: a pitch that changes by more from before a drag to after it: the robot bridges a knick, and some of its
             tracks are in the air [rad].
         least_load: the ground carries less than this share of the weight: the module is held up by the others.
@@ -70,14 +76,14 @@ class DragConfig:
 
     least_slip: float = 0.10
     settling: float = 0.16
-    shortest: float = 0.16
+    window: float = 0.16
     bend: float = 0.03
     least_load: float = 0.5
     most_load: float = 1.6
     pair_distance: float = 0.2
 
     def __post_init__(self) -> None:
-        names = ("least_slip", "shortest", "bend", "least_load", "most_load", "pair_distance")
+        names = ("least_slip", "window", "bend", "least_load", "most_load", "pair_distance")
         check_positive(self, names, ScanError)
         check_not_negative(self, ("settling",), ScanError)
 
@@ -89,7 +95,7 @@ class FrictionReadings(NamedTuple):
         places: middle of the module during the drag [m].
         frictions: friction of the ground below it.
         sigmas: standard deviation of each by noise.
-        shared: relative standard deviation of all readings of a survey together, which does not average out.
+        shared: standard deviation by errors that readings of one ground have in common, which do not average out.
         runs: number of the uninterrupted drive.
     """
 
@@ -128,7 +134,7 @@ def find_friction(
     bias, bias_error = _find_pull_bias(drags, priors, config)
     frictions = np.maximum(drags.signs * (drags.pulls - bias) / drags.loads, 0.0)
     load = np.median(drags.loads)
-    shared = np.hypot(priors.gain, priors.load_bias / load) * np.ones(len(frictions))
+    shared = np.hypot(frictions * np.hypot(priors.gain, priors.load_bias / load), priors.tilt)
     sigmas = np.full(len(frictions), _find_noise(frictions, drags.runs, priors.noise))
     return FrictionReadings(drags.places, frictions, np.hypot(sigmas, bias_error / load), shared, drags.runs)
 
@@ -139,41 +145,57 @@ def _find_drags(readings: SlipReadings, config: DragConfig) -> _Drags:
     parts = np.split(np.arange(len(readings)), np.flatnonzero(starts)[1:])
     rows = []
     for before, part, after in zip([None, *parts], parts, [*parts[1:], None], strict=False):
-        row = _measure(readings, part, before, after, config) if len(part) else None
-        rows += [] if row is None else [row]
+        if len(part) and _is_even(readings, part, before, after, config):
+            rows += _measure(readings, part, config)
     if not rows:
         return _Drags(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0))
     return _Drags(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _measure(
+def _is_even(
     readings: SlipReadings,
     part: Int[np.ndarray, " P"],
     before: Int[np.ndarray, " B"] | None,
     after: Int[np.ndarray, " A"] | None,
     config: DragConfig,
-) -> tuple[Float[np.ndarray, " 3"], int, float, float, float] | None:
-    """Return place, run, sign, pull and load of a drag; None where it tells nothing."""
-    times = readings.times[part] - readings.times[part[0]]
-    part = part[times >= config.settling]
-    if len(part) < 3 or times[-1] - config.settling < config.shortest:
-        return None
+) -> bool:
+    """Return whether the pitch is the same before, during and after a drag."""
     pitch = readings.pitches[part]
     for other in (before, after):
         if other is not None and readings.runs[other[0]] == readings.runs[part[0]]:
-            edge = readings.pitches[
-                other[len(other) // 2 :] if other is before else other[: len(other) // 2 + 1]
-            ]
-            if abs(edge.mean() - pitch.mean()) > config.bend:
-                return None
-    slip = float(readings.commanded[part[0]]) - _find_speed(readings, part)
-    specific, dock = readings.accelerations[part].mean(axis=0), readings.forces[part].mean(axis=0)
-    pull, _, load = readings.mass * specific - dock
-    weight = readings.mass * float(np.linalg.norm(specific))
-    carries = config.least_load * weight < load < config.most_load * weight
-    if abs(slip) < config.least_slip or not carries or np.ptp(pitch) > 2 * config.bend:
-        return None
-    return readings.positions[part].mean(axis=0), int(readings.runs[part[0]]), np.sign(slip), pull, load
+            half = other[len(other) // 2 :] if other is before else other[: len(other) // 2 + 1]
+            if abs(readings.pitches[half].mean() - pitch.mean()) > config.bend:
+                return False
+    return bool(np.ptp(pitch) <= 2 * config.bend)
+
+
+def _measure(
+    readings: SlipReadings, part: Int[np.ndarray, " P"], config: DragConfig
+) -> list[tuple[Float[np.ndarray, " 3"], int, float, float, float]]:
+    """Return place, run, sign, pull and load of every window of a drag that tells something."""
+    times = readings.times[part] - readings.times[part[0]] - config.settling
+    numbers = np.floor(times / config.window + _ROUNDING).astype(np.int64)
+    whole = np.flatnonzero(
+        np.bincount(numbers[numbers >= 0]) * _find_tick(readings) >= config.window - _ROUNDING
+    )
+    rows = []
+    for window in (part[numbers == number] for number in whole):
+        slip = float(readings.commanded[window[0]]) - _find_speed(readings, window)
+        specific, dock = (array[window].mean(axis=0) for array in (readings.accelerations, readings.forces))
+        pull, _, load = readings.mass * specific - dock
+        weight = readings.mass * float(np.linalg.norm(specific))
+        carries = config.least_load * weight < load < config.most_load * weight
+        if abs(slip) >= config.least_slip and carries:
+            place = readings.positions[window].mean(axis=0)
+            rows.append(
+                (place, int(readings.runs[window[0]]), float(np.sign(slip)), float(pull), float(load))
+            )
+    return rows
+
+
+def _find_tick(readings: SlipReadings) -> float:
+    """Return the time from one reading to the next [s]."""
+    return float(np.median(np.diff(readings.times))) if len(readings) > 1 else 0.0
 
 
 def _find_speed(readings: SlipReadings, part: Int[np.ndarray, " P"]) -> float:

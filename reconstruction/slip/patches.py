@@ -123,20 +123,39 @@ def _find_stretches(readings: FrictionReadings, config: FrictionPatchConfig) -> 
         own = np.flatnonzero(readings.runs == run)
         sigma = max(float(np.median(readings.sigmas[own])), _LEAST_SIGMA)
         numbers = find_segments(readings.frictions[own], sigma, config.penalty)
-        for number in range(numbers[-1] + 1):
-            members = own[numbers == number]
-            is_inside = np.ones(len(members), dtype=bool)
-            for other in (number - 1, number + 1):
-                if (numbers == other).any():
-                    near = own[numbers == other][-1 if other < number else 0]
-                    edge = members[0 if other < number else -1]
-                    middle = (readings.places[near] + readings.places[edge]) / 2
-                    is_inside &= np.linalg.norm(readings.places[members] - middle, axis=1) > config.border
-            members = members[is_inside]
-            if len(members) >= config.least_readings:
-                stretches[members] = next_number
+        parts = [own[numbers == number] for number in range(numbers[-1] + 1)]
+        parts = [part for part in parts if len(part) >= config.least_readings]
+        for place, part in enumerate(parts):
+            others = [(parts[place - 1], -1, 0)] if place else []
+            others += [(parts[place + 1], 0, -1)] if place + 1 < len(parts) else []
+            inside = _leave_borders(readings, part, others, config)
+            if len(inside) >= config.least_readings:
+                stretches[inside] = next_number
                 next_number += 1
     return stretches
+
+
+def _leave_borders(
+    readings: FrictionReadings,
+    part: Int[np.ndarray, " P"],
+    others: list[tuple[Int[np.ndarray, ...], int, int]],
+    config: FrictionPatchConfig,
+) -> Int[np.ndarray, " I"]:
+    """Return the readings of a stretch that are not at its border with one of another friction.
+
+    Args:
+        readings: all.
+        part: those of the stretch.
+        others: the stretches before and after it, with the index of their reading next to it, and of its own.
+        config: see `FrictionPatchConfig`.
+    """
+    is_inside = np.ones(len(part), dtype=bool)
+    friction = readings.frictions[part].mean()
+    for other, theirs, own in others:
+        if abs(readings.frictions[other].mean() - friction) > config.same:
+            middle = (readings.places[other[theirs]] + readings.places[part[own]]) / 2
+            is_inside &= np.linalg.norm(readings.places[part] - middle, axis=1) > config.border
+    return part[is_inside]
 
 
 def _join(
@@ -179,7 +198,7 @@ def _summarize(readings: FrictionReadings, is_own: Bool[np.ndarray, " D"]) -> tu
     scatter = max(1.0, float(np.sqrt(np.average((values - friction) ** 2 / sigmas**2)))) / np.sqrt(
         weights.sum()
     )
-    shared = friction * float(readings.shared[is_own].max())
+    shared = float(np.median(readings.shared[is_own]))
     return friction, float(_NORMAL_95 * np.hypot(scatter, shared))
 
 

@@ -153,8 +153,8 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     `stuck`. `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
     task "recover" draws it. Other tasks have flags and terms of the reward of their own.
 
-    In an arena with a `friction_map`, `friction` holds outside of its patches. The friction of a patch keeps its ratio to
-    that of the arena: with `friction` at half the arena's, all patches have half of theirs. The reset option
+    In an arena with a `friction_map`, `friction` holds outside of its patches. The friction of a patch keeps its ratio
+    to that of the arena: with `friction` at half the arena's, all patches have half of theirs. The reset option
     `patch_friction` moves them within their intervals: 0 is the middle, -1 and 1 are the ends of the 95 % interval.
 
     `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`.

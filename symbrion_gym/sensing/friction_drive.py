@@ -1,4 +1,7 @@
-"""A robot drives lanes over an arena and logs the slip of its tracks; the physics is MuJoCo's, of the arena as it is."""
+"""A robot drives lanes over an arena and logs the slip of its tracks; the physics is MuJoCo's, of the arena as it is.
+
+It drives backwards: the module that feels the ground goes first, so that it is on ice while the others still hold.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ _SAMPLE = 0.01
 _CLEARANCE = 0.005
 """The robot is set down from this height [m]."""
 _FALLEN = 0.15
-"""A head that is so much below the ground of its lane has fallen [m]."""
+"""A module that is so much below the ground of its lane has fallen [m]."""
 _STEERING = (6.0, 1.5)
 """Turning rate per lateral error [1/s per m] and per error of the heading [1/s]."""
 _TRACK_ARM = 0.04
@@ -46,7 +49,7 @@ _ADVANCE = 0.02
 
 
 class Lane(NamedTuple):
-    """A straight stretch of ground: where the head of the robot starts, where it is to arrive (x, y) [m]."""
+    """A straight stretch of ground: where the robot starts, and where it is to arrive (x, y) [m]."""
 
     start: Float[np.ndarray, " 2"]
     end: Float[np.ndarray, " 2"]
@@ -156,8 +159,9 @@ class _Simulation:
         """Drive a lane until its end, a fall, or no more progress; return the readings of every tick."""
         direction = (lane.end - lane.start) / np.linalg.norm(lane.end - lane.start)
         self._lay_down(lane.start, direction)
+        course = np.arctan2(*direction[::-1])
         left = np.array([-direction[1], direction[0]])
-        length = float((lane.end - lane.start) @ direction) - self.body_length - self._height
+        length = float((lane.end - lane.start) @ direction) - self._height
         ticks, farthest, since, time = [], 0.0, 0.0, 0.0
         turn = 0.0
         sensors.begin()
@@ -168,7 +172,7 @@ class _Simulation:
             tick = sensors.read(self._find_tick(time, run, offset, specific, pull))
             ticks.append(tick)
             away = tick.position[:2] - lane.start
-            bend = float(np.arctan2(np.sin(tick.heading - np.arctan2(*direction[::-1])), 1.0))
+            bend = float(np.sin(tick.heading + np.pi - course))
             turn = -_STEERING[0] * float(away @ left) - _STEERING[1] * bend
             if away @ direction > farthest + _ADVANCE:
                 farthest, since = float(away @ direction), time
@@ -177,13 +181,12 @@ class _Simulation:
         return ticks
 
     def _lay_down(self, place: Float[np.ndarray, " 2"], direction: Float[np.ndarray, " 2"]) -> None:
-        """Set the robot on the ground at rest, its last module at a place."""
+        """Set the robot on the ground at rest, its head at a place, its last module ahead: it drives backwards."""
         mujoco.mj_resetData(self.model, self.data)
-        head = place + self.body_length * direction
-        ends = np.array([place, head])
+        ends = np.array([place + self.body_length * direction, place])
         heights = self.arena.height(*ends.T)
-        yaw, pitch = np.arctan2(*direction[::-1]), np.arctan2(heights[0] - heights[1], self.body_length)
-        self.data.qpos[:3] = [*head, max(heights) + self._height + _CLEARANCE]
+        yaw, pitch = np.arctan2(*-direction[::-1]), np.arctan2(heights[0] - heights[1], self.body_length)
+        self.data.qpos[:3] = [*place, max(heights) + self._height + _CLEARANCE]
         self.data.qpos[3:7] = make_quaternion(yaw, pitch)
         for _ in range(round(_SETTLING / self.robot.tick)):
             self._advance(0.0, 0.0, speed=0.0)
@@ -192,8 +195,8 @@ class _Simulation:
         self, offset: float, turn: float, speed: float | None = None
     ) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
         """Simulate a tick; return the mean readings of accelerometers [m/s²] and dock [N]."""
-        speed = self.robot.speed if speed is None else speed
-        limit = _MOST_TURN * speed
+        speed = -self.robot.speed if speed is None else speed
+        limit = _MOST_TURN * abs(speed)
         side = float(np.clip(turn * _TRACK_ARM, -limit, limit))
         wanted = np.full(self._tracks.shape, speed)
         half = self._tracks.shape[1] // 2
@@ -225,11 +228,11 @@ class _Simulation:
             self.data.site_xpos[self._site].copy(),
             float(np.arctan2(ahead[1], ahead[0])),
             float(np.arcsin(np.clip(ahead[2], -1.0, 1.0))),
-            self.robot.speed + offset,
+            offset - self.robot.speed,
             specific,
             pull,
         )
 
     def _has_fallen(self) -> bool:
-        x, y, z = self.data.qpos[:3]
+        x, y, z = self.data.site_xpos[self._site]
         return not z > float(self.arena.height(x, y)) - _FALLEN + self._height

@@ -47,7 +47,7 @@ class SlipNoise:
 
 @dataclass(frozen=True)
 class FrictionRobot:
-    """A snake of Scouts that drives lanes over an arena; its last module drags, in turn backwards and forwards.
+    """A snake of Scouts that drives lanes over an arena, its last module ahead, which drags in turn to either side.
 
     Attributes:
         modules: length of the snake; two pull, so that one that drags does not stop them on level ground.

@@ -80,6 +80,8 @@ class Reconstruct(TileOptions, ScanCommand):
                 progress=step.progress,
                 readings=scan.readings,
             )
+            if scan.slip is not None:
+                result = result.refine(slip=scan.slip)
         quality = result.quality()
         self.out.parent.mkdir(parents=True, exist_ok=True)
         if self.out.suffix == ".npz":
@@ -96,6 +98,8 @@ class Reconstruct(TileOptions, ScanCommand):
         )
         for subject, note in result.notes.items():
             console.print_line(f"{subject}: {note}")
+        for line in describe_friction(result.friction):
+            console.print_line(line)
         return {
             "mesh": self.out,
             "points": scan.points.num_points,
@@ -106,6 +110,15 @@ class Reconstruct(TileOptions, ScanCommand):
             "seconds": step.seconds,
             "quality": quality.as_dict(),
         }
+
+
+def describe_friction(felt: "rc.FrictionEstimate | None") -> list[str]:
+    """Return a line for the friction of each patch that robots felt."""
+    return [
+        f"friction {patch.friction:.2f} ± {patch.half_width:.2f} of {patch.num_readings} readings, "
+        + ("patch" if len(patch.rectangles) else "ground")
+        for patch in ([] if felt is None else felt.patches)
+    ]
 
 
 def export_mesh(mesh: "trimesh.Trimesh", path: Path) -> None:

@@ -56,6 +56,8 @@ class Survey(SeededCommand):
     """Resolution of a reading [m]; 0: continuous."""
     camera: bool = False
     """Color the readings by a camera beside the scanner. The arena must have colors; truth and stairs are painted."""
+    friction: bool = False
+    """Let docked Scouts drive over the arena as well and feel its friction by the slip of their tracks."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -84,13 +86,15 @@ class Survey(SeededCommand):
                 seed=self.seed,
                 progress=step.progress,
                 camera=self.camera,
+                friction=self.friction,
             )
             self.out.parent.mkdir(parents=True, exist_ok=True)
             log.save(self.out)
         scans, beams = log.ranges.shape
         console.print_line(f"{scans} scans of {beams} beams in {self.out}")
         console.print_line(f"next: symbrion reconstruct {self.out} --out surface.npz")
-        return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds}
+        slip = {} if log.slip is None else {"slip_ticks": len(log.slip)}
+        return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds, **slip}
 
     def make_robot(self) -> SurveyRobot:
         """Return the robot that the options describe."""

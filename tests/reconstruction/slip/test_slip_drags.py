@@ -15,7 +15,7 @@ from tests.reconstruction.slip.made_slip import make_slip
 @pytest.mark.parametrize("friction", [0.1, 0.3, 0.9])
 def test_friction_is_found_on_flats_and_slopes(friction: float, slope: float) -> None:
     found = find_friction(make_slip(lambda x: friction, slope))
-    assert len(found.frictions) == 20
+    assert len(found.frictions) == 40, "two windows a drag"
     assert found.frictions == pytest.approx(friction)
     assert found.sigmas == pytest.approx(0.01, abs=0.005)
 
@@ -34,18 +34,18 @@ def test_tracks_that_slip_too_little_do_not_count() -> None:
 def test_a_module_that_is_pulled_as_fast_as_its_tracks_run_does_not_count() -> None:
     slip = make_slip(lambda x: 0.5)
     standing = replace(slip, commanded=np.where(slip.commanded < 0.1, 0.12 - 1e-3, slip.commanded))
-    assert len(find_friction(standing).frictions) == 10
+    assert len(find_friction(standing).frictions) == 20
 
 
 def test_drags_over_a_knick_do_not_count() -> None:
     slip = make_slip(lambda x: 0.5)
     bent = replace(slip, pitches=np.where(slip.times > 10.8, 0.1, 0.0))
-    assert len(find_friction(slip).frictions) - len(find_friction(bent).frictions) in (1, 2)
+    assert len(find_friction(slip).frictions) - len(find_friction(bent).frictions) in (2, 4)
 
 
 def test_a_module_in_the_air_does_not_count() -> None:
     slip = make_slip(lambda x: 0.5)
-    held = replace(slip, forces=slip.forces + [0.0, 0.0, 6.0])
+    held = replace(slip, forces=slip.forces + np.array([0.0, 0.0, 6.0]))
     assert len(find_friction(held).frictions) == 0
 
 
