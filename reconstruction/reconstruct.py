@@ -256,7 +256,9 @@ class Reconstruction:
         added = make_cloud_of_rays(new, seen_from, self.offset)
         cloud = join_clouds(self.cloud.select(is_valid), added)
         removed = self.points[~is_valid]
-        return Reconstruction(self.method, self.config, state, cloud, far=self._update_far(state, removed, cloud))
+        return Reconstruction(
+            self.method, self.config, state, cloud, far=self._update_far(state, removed, cloud)
+        )
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network as plain arrays (.npz, no pickle), atomically.
@@ -266,7 +268,9 @@ class Reconstruction:
         """
         readings = None if self.readings is self.cloud else self.readings
         far = self._far if self._is_updated else None
-        write_saved(Path(path), Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, far))
+        write_saved(
+            Path(path), Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, far)
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:

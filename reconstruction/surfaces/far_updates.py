@@ -130,7 +130,9 @@ def _test(
     is_far = np.zeros(len(tested), dtype=bool)
     if len(near):
         limit = config.seen_reach * spacing
-        rows = np.flatnonzero(find_beside_none(find_samples(vertices, faces[tested]), near, limit).any(axis=1))
+        rows = np.flatnonzero(
+            find_beside_none(find_samples(vertices, faces[tested]), near, limit).any(axis=1)
+        )
         if not len(rows):
             return is_far
         tree = cKDTree(near, balanced_tree=False, compact_nodes=False)

@@ -75,7 +75,9 @@ def update_arena(
     if _is_same(mesh, arena.surface):
         progress("done", 1.0)
         return arena
-    accuracy = arena.provenance.get("accuracy") or find_accuracy(mesh, scanned.points, options.config.accuracy)
+    accuracy = arena.provenance.get("accuracy") or find_accuracy(
+        mesh, scanned.points, options.config.accuracy
+    )
     if arena.height_field is not None:
         return _build_again(arena, surface, viewpoints, options, "a height field is one piece", {}, progress)
     progress("finding what has changed", 0.2)

@@ -48,7 +48,7 @@ class UpdateConfig:
     most_area: float = 0.5
     least_points: int = 2_000
     context_rings: int = 4
-    more_pieces: float = 2.0
+    more_pieces: float = 4.0
     more_few: int = 128
     least_share: float = 0.1
 
@@ -97,7 +97,9 @@ def find_local_changes(
     if not is_changed.any() and not was_changed.any():
         return LocalChanges(is_removed, is_open, is_changed)
     limit = config.tolerance * accuracy
-    places = np.concatenate([new.triangles[is_changed].reshape(-1, 3), old.triangles[was_changed].reshape(-1, 3)])
+    places = np.concatenate(
+        [new.triangles[is_changed].reshape(-1, 3), old.triangles[was_changed].reshape(-1, 3)]
+    )
     low, high = places.min(axis=0) - limit, places.max(axis=0) + limit
     for row, piece in enumerate(pieces):
         if (piece.bounds[0] <= high).all() and (piece.bounds[1] >= low).all():

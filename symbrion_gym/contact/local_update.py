@@ -127,7 +127,9 @@ def _make_parts(
         if problem.shape == "terrain" and kind in ("auto", "convex"):
             pieces = _drop_idle(mesh, rows, _build(problem, own, (fit_slabs,), config), limit)
         if not pieces:
-            pieces = _build(problem, rows, PASSES[kind] if kind in ("primitives", "prisms") else _PATCHES, config)
+            pieces = _build(
+                problem, rows, PASSES[kind] if kind in ("primitives", "prisms") else _PATCHES, config
+            )
         found += pieces
     return found
 

@@ -14,7 +14,9 @@ from evolution.errors import RunError
 from reconstruction.geometry.pose import make_pose
 from reconstruction.progress import silent
 from reconstruction.range_checks import check_positive
+from symbrion_gym.robot.scout_constants import SIDES
 from symbrion_gym.robot.scout_rays import find_scout_rays
+from symbrion_gym.robot.sensor_noise import SensorNoise
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class DriveConfig:
     turn_speed: float = 0.5
     reach: float = 0.04
     ticks: int = 2
-    duration: float = 400.0
+    duration: float = 1500.0
     position_error: float = 0.005
     angle_error: float = float(np.deg2rad(0.25))
     memory: float = 2.0
@@ -63,6 +65,8 @@ class Readings(NamedTuple):
     times: Float[np.ndarray, " T"]
 
 
+_CERTAIN = 5.0
+"""Standard deviations that noise never reaches."""
 Plan = list[tuple[float, float, float]]
 """Places to drive to, x and y [m], and by how much to turn on the spot there [rad], to either side."""
 
@@ -88,7 +92,7 @@ def drive_round(
         duration=config.duration, stuck_time=config.duration,
     )  # fmt: skip
     rng = np.random.default_rng((seed, 1))
-    limits = find_scout_rays().max_ranges
+    limits = _find_limits()
     observation, _ = env.reset(seed=seed)
     error, kept, done = rng.standard_normal(6), [], False
     share = float(np.exp(-env.dt / config.memory))
@@ -101,8 +105,8 @@ def drive_round(
         error = share * error + np.sqrt(1 - share**2) * rng.standard_normal(6)
         pose = apply_error(true, error * scale)
         if tick % config.ticks == 0:
-            seen = np.where(observation < 0.99 * limits, observation, np.nan)
-            kept.append((np.where(seen > 0, seen, np.nan), pose, true, tick * env.dt))
+            is_seen = (observation > 0.0) & (observation < limits)
+            kept.append((np.where(is_seen, observation, np.nan), pose, true, tick * env.dt))
         observation, _, terminated, truncated, _ = env.step(steps.choose(pose))
         done = terminated or truncated
         tick += 1
@@ -112,6 +116,14 @@ def drive_round(
     if steps.place == 0:
         raise RunError(f"the Scout could not finish looking around at its start, {plan[0][:2]} m")
     return Readings(*(np.array(part) for part in zip(*kept, strict=True)))
+
+
+def _find_limits() -> Float[np.ndarray, " R"]:
+    """Return the ranges below which something was certainly seen [m]: what is seen nowhere reads the range, and noise."""
+    noise, ranges = SensorNoise(), find_scout_rays().max_ranges
+    num_infrared = 2 * len(SIDES)
+    deviation = np.where(np.arange(len(ranges)) < num_infrared, noise.ir, noise.laser)
+    return ranges - _CERTAIN * deviation
 
 
 def apply_error(pose: Float[np.ndarray, "4 4"], error: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "4 4"]:

@@ -59,8 +59,8 @@ class SceneConfig:
 
     pit: float = 0.40
     widening: float = 0.10
-    old_box: Box | None = Box((-3.0, -2.75), (-0.75, -0.45), 0.2)
-    new_box: Box | None = Box((-2.35, -2.05), (0.4, 0.7), 0.2)
+    old_box: Box | None = Box((-2.95, -2.7), (-0.7, -0.4), 0.15)
+    new_box: Box | None = Box((-2.05, -1.8), (0.3, 0.55), 0.1)
 
     def __post_init__(self) -> None:
         course = self.course
@@ -136,7 +136,10 @@ def find_regions(config: SceneConfig, margin: float = 0.05) -> list[Region]:
         found.append(_surround("box gone", config.old_box, margin))
     if config.widening:
         edge, half = course.pit_edges[1], course.width / 2
-        low, high = (edge - margin, -half, -margin), (edge + config.widening + margin, half, course.height + margin)
+        low, high = (
+            (edge - margin, -half, -margin),
+            (edge + config.widening + margin, half, course.height + margin),
+        )
         found.append(Region("wall moved", low, high))
     return found
 

@@ -99,7 +99,9 @@ class Learner(NetworkLearner[State, GrowingGridConfig, GridSelection]):
             moved = np.where(selection.is_movable[..., None], moved, units)
         has_face = find_supported(sheet, scaled, config.refinement)
         is_movable = dilate(~sheet.is_kept | sheet.is_movable, config.refinement.unfold_rings)
-        return State(untangle_sheet(moved, has_face, is_movable), has_face), np.zeros(len(samples.old), dtype=bool)
+        return State(untangle_sheet(moved, has_face, is_movable), has_face), np.zeros(
+            len(samples.old), dtype=bool
+        )
 
 
 def _find_steady(change: Change, shape: tuple[int, ...], stray_share: float) -> Bool[np.ndarray, "R C"]:
