@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.making import make_arena
     from symbrion_gym.arenas.texture_atlas import AtlasConfig
     from symbrion_gym.arenas.tiles import load_tiles
+    from symbrion_gym.arenas.updating import update_arena
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
     from symbrion_gym.environment.organism_env import OrganismEnv
@@ -139,6 +140,7 @@ __all__ = [
     "snake",
     "survey",
     "timing",
+    "update_arena",
 ]
 
 __getattr__, __dir__ = export_lazily(__name__)

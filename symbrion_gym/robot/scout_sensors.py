@@ -12,7 +12,7 @@ from symbrion_gym.robot.scout_constants import ScoutConfig
 
 _ACCELEROMETERS = {"front": (0.03, 0.0, 0.02), "rear": (-0.03, 0.0, 0.02)}
 """Where they sit in the frame of the module [m] (estimate)."""
-_LASER_HEIGHT = 0.02
+LASER_HEIGHT = 0.02
 """Of the laser above the center of the module [m] (estimate)."""
 _SKIN = 0.005
 """The zone in which contacts are felt reaches this far beyond the chassis [m], over all that touches."""
@@ -25,7 +25,7 @@ _SITE_SIZE = 0.002
 def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, config: ScoutConfig) -> None:
     """Add the sites of a module's sensors: infrared units, accelerometers, skin, and the head's laser."""
     half = np.array(config.size) / 2
-    for side, (x, y, heading) in _find_infrared(config).items():
+    for side, (x, y, heading) in find_infrared_sides(config).items():
         for k, offset in enumerate((config.ir_spacing / 2, -config.ir_spacing / 2)):
             place = PlanarPose(x, y, heading).compose(PlanarPose(0.0, offset))
             quat = make_quarter_turn(x=-np.sin(heading), y=np.cos(heading))
@@ -38,14 +38,14 @@ def add_sensor_sites(frame: mujoco.MjsFrame, body: mujoco.MjsBody, prefix: str, 
                 frame,
                 body,
                 f"{prefix}laser_{k}",
-                [half[0], 0.0, _LASER_HEIGHT],
+                [half[0], 0.0, LASER_HEIGHT],
                 make_quaternion(0.0, np.pi / 2 - angle),
             )
     zone = _add_site(frame, body, f"{prefix}touch", [0.0, 0.0, 0.0])
     zone.type, zone.size, zone.rgba = mujoco.mjtGeom.mjGEOM_BOX, half + _SKIN, [0.0, 0.0, 0.0, 0.0]
 
 
-def _find_infrared(config: ScoutConfig) -> dict[str, tuple[float, float, float]]:
+def find_infrared_sides(config: ScoutConfig) -> dict[str, tuple[float, float, float]]:
     """Return x, y [m] and heading [rad] of the middle between the two infrared units of each side."""
     half_x, half_y = config.size[0] / 2, config.size[1] / 2
     return {

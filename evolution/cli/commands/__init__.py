@@ -7,6 +7,7 @@ from evolution.cli.commands.compare import Compare
 from evolution.cli.commands.demo import Demo
 from evolution.cli.commands.evolve import Evolve, Resume
 from evolution.cli.commands.export import Export
+from evolution.cli.commands.live import Live
 from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
@@ -24,6 +25,7 @@ COMMANDS: dict[str, type[Command]] = {
     "replay": Replay,
     "compare": Compare,
     "demo": Demo,
+    "live": Live,
     "paper": Paper,
     "assets": Assets,
 }

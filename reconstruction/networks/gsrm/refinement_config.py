@@ -86,8 +86,8 @@ class GSRMRefinementConfig:
     readings_per_unit: int = 40
     max_extension_rise: float = 0.5
     min_confirmations: float = 4.0
-    fit_rounds: tuple[tuple[int, int], ...] = ((2, 12), (1, 28))
-    unfold_rings: int = 2
+    fit_rounds: tuple[tuple[int, int], ...] = ((2, 12), (2, 28), (2, 28), (2, 40))
+    unfold_rings: int = 4
     motion: MotionConfig = field(default_factory=MotionConfig)
     regrowth: RegrowthConfig = field(default_factory=RegrowthConfig)
 

@@ -1,0 +1,1 @@
+"""`symbrion live`: a robot updates the model of a place that has changed."""

@@ -1,0 +1,57 @@
+"""Pictures of a place that has changed: the model before and after, and the truth, seen from above and in a section."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from evolution.experiments.live.scene import SceneConfig, find_regions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from evolution.experiments.live.live import LiveResult
+
+_SPACING = 0.01
+"""Of the heights that are drawn [m]."""
+_TITLES = {"before": "model before", "after": "model after the drive", "truth": "truth now"}
+
+
+def draw_models(result: LiveResult, scene: SceneConfig) -> Figure:
+    """Draw the heights of the model before, of the model after, and of the truth; changes are framed.
+
+    Args:
+        result: of the command.
+        scene: what has changed.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    shown = {**result.arenas, "truth": result.truths["after"]}
+    course = scene.course
+    x = np.arange(-course.length / 2, course.length / 2, _SPACING)
+    y = np.arange(-course.width / 2, course.width / 2, _SPACING)
+    figure = Figure(figsize=(11, 11), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True, sharey=True)
+    image = None
+    for ax, (name, arena) in zip(axes, shown.items(), strict=True):
+        heights = arena.height(*np.meshgrid(x, y))
+        image = ax.imshow(
+            heights,
+            extent=(x[0], x[-1], y[0], y[-1]),
+            origin="lower",
+            vmin=0.0,
+            vmax=course.height,
+            cmap="viridis",
+        )
+        for region in find_regions(scene):
+            low, high = np.array(region.low), np.array(region.high)
+            ax.add_patch(Rectangle(low[:2], *(high - low)[:2], fill=False, edgecolor="red"))
+            ax.text(low[0], high[1], region.name, color="red", va="bottom")
+        ax.set_title(_TITLES[name], loc="left")
+        ax.set_ylabel("y [m]")
+    axes[-1].set_xlabel("x [m]")
+    if image is not None:
+        figure.colorbar(image, ax=axes, label="height [m]", shrink=0.6)
+    return figure
