@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from reconstruction.errors import ReconstructionError, ReconstructionPackageError, ScanError
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
+    from reconstruction.objects.config import ObjectsConfig
+    from reconstruction.objects.finding import FoundObject, find_objects
     from reconstruction.progress import Progress, silent
     from reconstruction.resolution import ResolutionConfig, choose_units
     from reconstruction.scans.cells import SparsePointsConfig
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Cloud",
     "CropConfig",
+    "FoundObject",
     "FrameConfig",
     "GSRMConfig",
     "GrowingGridConfig",
@@ -50,6 +53,7 @@ __all__ = [
     "LocalizationConfig",
     "MixedPixelsConfig",
     "NoisePriors",
+    "ObjectsConfig",
     "PreprocessConfig",
     "Progress",
     "Quality",
@@ -67,6 +71,7 @@ __all__ = [
     "crop",
     "describe_odd_size",
     "find_crop_box",
+    "find_objects",
     "is_mesh",
     "level_floor",
     "load_cloud",

@@ -229,9 +229,7 @@ def _make_shelf(rng: np.random.Generator, size: np.ndarray) -> list[trimesh.Trim
     for z in boards[:-1]:
         for _ in range(int(rng.integers(0, 4))):
             thing = rng.uniform((0.04, 0.05, 0.05), (0.2, 0.2, 0.3))
-            parts.append(
-                _box((x + rng.uniform(-0.4, 0.4) * long, y, z + 0.0125 + thing[2] / 2), thing)
-            )
+            parts.append(_box((x + rng.uniform(-0.4, 0.4) * long, y, z + 0.0125 + thing[2] / 2), thing))
     return parts
 
 

@@ -1,4 +1,4 @@
-"""The large planes of a scan (walls, floor, table tops), on which no object is searched, and the noise of its ranges."""
+"""The large planes of a scan (walls, floor, table tops), where no object is searched, and the noise of its ranges."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ class _Patches(NamedTuple):
     normal: np.ndarray
 
 
-def find_planes(
-    points: Float[np.ndarray, "N 3"], min_area: float, rng: np.random.Generator
-) -> list[Plane]:
+def find_planes(points: Float[np.ndarray, "N 3"], min_area: float, rng: np.random.Generator) -> list[Plane]:
     """Find planes with a connected part of at least an area, the largest first (RANSAC over patches).
 
     Args:
@@ -134,7 +132,9 @@ def _make_patches(points: np.ndarray) -> _Patches:
     index = np.floor((points - points.min(axis=0)) / PATCH).astype(np.int64)
     shape = index.max(axis=0) + 1
     _, patch, counts = np.unique(
-        (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2], return_inverse=True, return_counts=True
+        (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2],
+        return_inverse=True,
+        return_counts=True,
     )
     mean = np.stack([np.bincount(patch, column) for column in points.T], axis=1) / counts[:, None]
     offset = points - mean[patch]

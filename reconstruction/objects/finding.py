@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.objects.alignment import align
@@ -136,7 +136,9 @@ def find_objects(
         detector = make_detector(model, config)
         mine: list[_Candidate] = []
         for done, region in enumerate(regions):
-            is_taken = any(np.linalg.norm(region.center - _find_body(each)[0]) < _TAKEN * model.radius for each in mine)
+            is_taken = any(
+                np.linalg.norm(region.center - _find_body(each)[0]) < _TAKEN * model.radius for each in mine
+            )
             best = None if is_taken else _search(scene, model, detector, region, config)
             if best is not None:
                 mine.append(best)
@@ -158,9 +160,7 @@ def _prepare(cloud: Cloud, model: ObjectModel, config: ObjectsConfig, seed: int)
     return _Scene(cloud, is_background, cells, find_cell_normals(cells, cloud.viewpoints), beams, noise)
 
 
-def find_cell_normals(
-    cells: Cells, viewpoints: Float[np.ndarray, "K 3"] | None
-) -> Float[np.ndarray, "C 3"]:
+def find_cell_normals(cells: Cells, viewpoints: Float[np.ndarray, "K 3"] | None) -> Float[np.ndarray, "C 3"]:
     """Return the normals of the planes through the neighbors of each cell, turned to the viewpoint where it is known,
     else up."""
     from scipy.spatial import cKDTree
@@ -294,6 +294,4 @@ def _report(each: _Candidate, offset: Float[np.ndarray, " 3"]) -> FoundObject:
     center = each.pose[:3, :3] @ model.center + each.pose[:3, 3]
     position = center - rotation @ model.center + offset
     verdict = each.verdict
-    return FoundObject(
-        model.name, position, rotation, verdict.score, verdict.coverage, verdict.num_beams
-    )
+    return FoundObject(model.name, position, rotation, verdict.score, verdict.coverage, verdict.num_beams)

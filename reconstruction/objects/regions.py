@@ -33,9 +33,7 @@ class Region(NamedTuple):
     rows: Int[np.ndarray, " M"]
 
 
-def find_regions(
-    points: Float[np.ndarray, "C 3"], model: ObjectModel, config: ObjectsConfig
-) -> list[Region]:
+def find_regions(points: Float[np.ndarray, "C 3"], model: ObjectModel, config: ObjectsConfig) -> list[Region]:
     """Return the regions in which an object is searched.
 
     Parts smaller than the object give one region; larger ones are covered by several that overlap.

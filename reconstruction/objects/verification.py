@@ -1,4 +1,4 @@
-"""Does the scan agree with an object at a pose? Beams that end on it speak for it, beams that pass through against it."""
+"""Whether a scan agrees with an object at a pose: beams end on it, and none passes through it."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ def verify_by_beams(
     allowed = config.tolerance * noise + _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
     slack = _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
     mean, count = _average(model, pose, beams, expected, off, hits & (np.abs(off) <= allowed))
-    agrees = hits & (np.abs(off) <= allowed) & (np.abs(mean) <= config.tolerance * noise / np.sqrt(count) + slack)
+    agrees = (
+        hits & (np.abs(off) <= allowed) & (np.abs(mean) <= config.tolerance * noise / np.sqrt(count) + slack)
+    )
     through = hits & (off > allowed)
     before = hits & (off < -allowed) & (off > -model.radius)
     ends = beams.origins + beams.directions * beams.ranges[:, None]
