@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
+    from symbrion_gym.arenas.placed_objects import PlacedObject, place_objects
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
@@ -80,6 +81,7 @@ __all__ = [
     "OrganismError",
     "OrganismVectorEnv",
     "PitSearch",
+    "PlacedObject",
     "RangeFinder",
     "Reward",
     "RouteConfig",
@@ -117,6 +119,7 @@ __all__ = [
     "make_scout",
     "make_task",
     "organism_to_text",
+    "place_objects",
     "read_task",
     "snake",
     "survey",

@@ -19,6 +19,7 @@ from symbrion_gym.arenas.checks import check_friction, check_friction_source, ch
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import PlacedObject, add_objects, check_objects
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
 from symbrion_gym.arenas.spec import make_arena_spec
@@ -48,6 +49,7 @@ class Arena:
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
+        objects: known objects in it; `symbrion_gym.arenas.placed_objects.place_objects` adds those that were found.
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
@@ -64,11 +66,13 @@ class Arena:
     provenance: dict[str, Any] = field(default_factory=dict)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    objects: tuple[PlacedObject, ...] = ()
 
     def __post_init__(self) -> None:
         check_name(self.name)
         check_friction(self.friction)
         check_friction_source(self.friction_source)
+        object.__setattr__(self, "objects", check_objects(self.objects))
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "hfield") != (self.height_field is not None):
@@ -165,8 +169,13 @@ class Arena:
         return find_driving_route(self.traversability(body), start, goal, self.name, config, find_seen)
 
     def spec(self) -> mujoco.MjSpec:
-        """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
-        return make_arena_spec(self.name, self.geometry, self.friction)
+        """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.
+
+        Known objects are sites and, in group 1, geoms that touch nothing, each named `object_<name>_<i>`.
+        """
+        spec = make_arena_spec(self.name, self.geometry, self.friction)
+        add_objects(spec, self.objects)
+        return spec
 
     def save(self, folder: str | Path) -> None:
         """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
@@ -186,7 +195,9 @@ class Arena:
         }
         if self.course is not None:
             about["course"] = self.course.as_dict()
-        save_arena(folder, self.name, self.geometry, self.friction, about)
+        if self.objects:
+            about["objects"] = [each.as_dict() for each in self.objects]
+        save_arena(folder, self.name, self.geometry, self.friction, about, self.objects)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
         """Write the arena as a folder that other simulators load without this package.
@@ -216,6 +227,7 @@ class Arena:
             offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
             quality=self.quality.as_dict(),
             provenance=self.provenance,
+            objects=self.objects,
         )
 
     @classmethod

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
+from symbrion_gym.arenas.placed_objects import read_objects
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -49,6 +50,7 @@ class ArenaDescription:
         files: the arena's own files, where the folder lists them.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: see `Arena`.
+        objects: known objects, as `PlacedObject.as_dict` returned them.
 
     Raises:
         ArenaError: a field is out of range.
@@ -66,6 +68,7 @@ class ArenaDescription:
     files: tuple[str, ...] | None = None
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     friction_source: str = "given"
+    objects: tuple[dict[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -96,6 +99,7 @@ class ArenaDescription:
             "provenance": self.provenance,
             "offset": self.offset,
             "friction_source": self.friction_source,
+            "objects": read_objects(self.objects),
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -23,6 +23,7 @@ from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from reconstruction.files.typed_json import read_json
 from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import PlacedObject, add_objects
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.errors import ArenaError
 
@@ -46,7 +47,12 @@ class OwnFiles(NamedTuple):
 
 
 def save_arena(
-    folder: str | Path, name: str, geometry: ArenaGeometry, friction: float, about: dict[str, Any]
+    folder: str | Path,
+    name: str,
+    geometry: ArenaGeometry,
+    friction: float,
+    about: dict[str, Any],
+    objects: tuple[PlacedObject, ...] = (),
 ) -> None:
     """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
 
@@ -56,6 +62,7 @@ def save_arena(
         geometry: its shapes.
         friction: sliding friction of the ground.
         about: the content of `arena.json`, without its format and the names of files.
+        objects: known objects, for `arena.xml`.
 
     Raises:
         ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
@@ -63,6 +70,7 @@ def save_arena(
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
     spec = make_arena_spec(name, geometry, friction, use_files=True)
+    add_objects(spec, objects)
     model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)

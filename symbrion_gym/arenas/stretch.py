@@ -10,6 +10,7 @@ import trimesh
 from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.placed_objects import stretch_objects
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:
@@ -36,6 +37,7 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         surface=_stretch(arena.surface, factor),
         course=course,
         height_field=heights,
+        objects=stretch_objects(arena.objects, factor),
     )
 
 

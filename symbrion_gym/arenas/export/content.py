@@ -13,6 +13,7 @@ from reconstruction.geometry.elevation import Elevation
 from reconstruction.geometry.rectangles import Box, find_box
 from symbrion_gym.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import PlacedObject
 from symbrion_gym.contact.kinds import HeightField
 from symbrion_gym.errors import ArenaError
 
@@ -53,6 +54,7 @@ class Content:
         num_pieces: contact pieces of the arena, before any was cut.
         quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
         provenance: what the arena was made of.
+        objects: known objects in it.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Content:
     num_pieces: int
     quality: dict[str, Any]
     provenance: dict[str, Any]
+    objects: tuple[PlacedObject, ...] = ()
 
 
 def make_content(geometry: ArenaGeometry, max_vertices: int | None, **about: Any) -> Content:
