@@ -1,8 +1,7 @@
-"""The task of reaching a place, or several in turn."""
+"""The goal of reaching a place, or several in turn."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,15 +12,11 @@ from reconstruction.range_checks import check_positive
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
-from symbrion_gym.tasks.criteria import SuccessCriteria
 from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
-from symbrion_gym.tasks.rewards import make_rewards
-from symbrion_gym.tasks.route import Point, Route, StartName
+from symbrion_gym.tasks.route import Point, Route
 from symbrion_gym.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
-from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terminations import make_terminations
 
 _PASSING = 2.5
 """A corner of the path is passed within this many lengths of a module."""
@@ -140,52 +135,4 @@ def _list_radii(state: TaskState, tolerance: float) -> Float[np.ndarray, "N C"]:
             [tolerance if exact else loose for exact in _repeat_last(_read_path(scene.route).is_place)]
             for scene in state.scenes
         ]
-    )
-
-
-def make_reach(
-    goal: Point | None = None,
-    places: Sequence[Point] = (),
-    distance: float | None = None,
-    tolerance: float | None = None,
-    start: StartName | Point = "floor",
-    duration: float = 90.0,
-    stuck_time: float = 15.0,
-    stuck_progress: float | None = None,
-    forward_weight: float = 1.0,
-    success_bonus: float = 1.0,
-    effort_weight: float = 0.002,
-    failure_cost: float = 1.0,
-    criteria: SuccessCriteria | None = None,
-) -> Task:
-    """Make the task of reaching a place, or several in turn, over drivable ground.
-
-    Success: every place reached by the middle of the body within the tolerance, in turn; at the last one every module
-    no farther from it than the straight body is long, upright, on the ground, the body no faster than its tracks, for
-    0.3 s.
-
-    Args:
-        goal: (x, y) or (x, y, z) of the place [m]; None to choose it on the map.
-        places: way-points before it, or in its place.
-        distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
-        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        duration: an episode is truncated after this [s].
-        stuck_time: time without progress after which it is truncated as well [s].
-        stuck_progress: smallest progress that counts as such [m]; None for a fifth of a module.
-        forward_weight: reward per meter of progress.
-        success_bonus: reward of a success.
-        effort_weight: cost per joule of the hinges' work.
-        failure_cost: cost of a failure, which keeps none of the progress either.
-        criteria: limits of a success; None for those of the body.
-    """
-    wanted = (*places, *(() if goal is None else (goal,)))
-    return Task(
-        name="reach",
-        start=Start(start),
-        goal=ReachPlaces(wanted, distance, tolerance),
-        terminations=make_terminations(stuck_time, stuck_progress),
-        rewards=make_rewards(forward_weight, success_bonus, effort_weight, failure_cost),
-        duration=duration,
-        criteria=criteria,
     )
