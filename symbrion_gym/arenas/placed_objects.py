@@ -91,21 +91,19 @@ class PlacedObject:
         }
 
 
-def place_objects(
-    arena: Arena, found: Iterable[Any], meshes: Mapping[str, trimesh.Trimesh], is_added: bool = True
-) -> Arena:
+def place_objects(arena: Arena, found: Iterable[Any], meshes: Mapping[str, trimesh.Trimesh]) -> Arena:
     """Return an arena with objects that were found in its scan, as `arena.objects`.
 
     Args:
-        arena: stays as it is; its offset is subtracted from the positions.
+        arena: stays as it is; its offset is subtracted from the positions. Of its objects those of other names are
+            kept.
         found: what `reconstruction.find_objects` returned.
         meshes: the objects' meshes, by name.
-        is_added: keep the objects that the arena has already.
 
     Raises:
         ArenaError: an object has no mesh, or cannot be placed.
     """
-    placed = list(arena.objects) if is_added else []
+    placed = [each for each in arena.objects if each.name not in meshes]
     for each in found:
         if each.name not in meshes:
             raise ArenaError(f"no mesh for object {each.name!r}; there are: {', '.join(meshes) or 'none'}")
