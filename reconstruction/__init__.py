@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     from reconstruction.errors import ReconstructionError, ReconstructionPackageError, ScanError
     from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
     from reconstruction.networks.gsrm.gsrm import GSRMConfig
+    from reconstruction.objects.config import ObjectsConfig
+    from reconstruction.objects.finding import FoundObject, find_objects
     from reconstruction.progress import Progress, silent
     from reconstruction.resolution import ResolutionConfig, choose_units
     from reconstruction.scans.cells import SparsePointsConfig
@@ -52,6 +54,7 @@ __all__ = [
     "CropConfig",
     "DragConfig",
     "EstimatedPatch",
+    "FoundObject",
     "FrameConfig",
     "FrictionEstimate",
     "FrictionPatchConfig",
@@ -63,6 +66,7 @@ __all__ = [
     "LocalizationConfig",
     "MixedPixelsConfig",
     "NoisePriors",
+    "ObjectsConfig",
     "PreprocessConfig",
     "Progress",
     "Quality",
@@ -84,6 +88,7 @@ __all__ = [
     "find_crop_box",
     "find_friction",
     "find_friction_patches",
+    "find_objects",
     "is_mesh",
     "level_floor",
     "load_cloud",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
+    from symbrion_gym.arenas.placed_objects import PlacedObject, place_objects
     from symbrion_gym.arenas.texture_atlas import AtlasConfig
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.arenas.updating import update_arena
@@ -94,6 +95,7 @@ __all__ = [
     "OrganismError",
     "OrganismVectorEnv",
     "PitSearch",
+    "PlacedObject",
     "RangeFinder",
     "Reward",
     "RouteConfig",
@@ -136,6 +138,7 @@ __all__ = [
     "make_scout",
     "make_task",
     "organism_to_text",
+    "place_objects",
     "read_task",
     "snake",
     "survey",

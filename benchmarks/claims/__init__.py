@@ -11,6 +11,7 @@ from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
+from benchmarks.claims.objects import OBJECTS
 from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -26,6 +27,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Updating a reconstruction after a change": REFINE,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
+    "Known objects": OBJECTS,
     "Environment": ENVIRONMENT,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,

@@ -99,6 +99,13 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "reconstruction/scans",
         *(f"benchmarks/material/{name}.py" for name in _REAL_SCANS),
     ),
+    "objects": (
+        "reconstruction/objects",
+        "reconstruction/geometry",
+        "benchmarks/material/known_objects.py",
+        "benchmarks/material/object_rooms.py",
+        "benchmarks/objects.py::judge",
+    ),
     "environment": (*_ROBOT, *_READY_MADE),
     "environment/cheats": (*_ROBOT, "benchmarks/material/cheats.py", "benchmarks/material/crossings.py"),
     "environment/robustness": (*_ROBOT, "benchmarks/material/robustness.py"),

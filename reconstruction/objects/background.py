@@ -1,4 +1,4 @@
-"""The large planes of a scan (walls, floor, table tops), on which no object is searched, and the noise of its ranges."""
+"""The large planes of a scan (walls, floor, table tops), where no object is searched, and the noise of its ranges."""
 
 from __future__ import annotations
 

@@ -35,12 +35,12 @@ class ObjectsConfig:
     noise: float | None = None
     min_noise: float = 0.002
     tolerance: float = 3.0
-    min_score: float = 0.9
+    min_score: float = 0.94
     min_coverage: float = 0.3
     min_beams: int = 40
     plane_area: float = 2.5
     num_hypotheses: int = 12
-    sampling: float = 0.06
+    sampling: float = 0.07
 
     def __post_init__(self) -> None:
         names = ["spacing", "min_noise", "tolerance", "min_score", "min_coverage", "plane_area", "sampling"]

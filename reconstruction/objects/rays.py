@@ -44,7 +44,8 @@ class BeamIndex:
     """The beams of a cloud, by viewpoint, so that those that pass a place are found quickly."""
 
     def __init__(self, cloud: Cloud) -> None:
-        assert cloud.viewpoints is not None and cloud.seen_from is not None
+        assert cloud.viewpoints is not None
+        assert cloud.seen_from is not None
         self._order = np.argsort(cloud.seen_from, kind="stable")
         self._bounds = np.searchsorted(cloud.seen_from[self._order], np.arange(len(cloud.viewpoints) + 1))
         self._viewpoints = cloud.viewpoints

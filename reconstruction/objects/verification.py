@@ -1,4 +1,4 @@
-"""Does the scan agree with an object at a pose? Beams that end on it speak for it, beams that pass through against it."""
+"""Whether a scan agrees with an object at a pose: beams end on it, and none passes through it."""
 
 from __future__ import annotations
 

@@ -22,6 +22,7 @@ from symbrion_gym.arenas.folder import load_arena_folder
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.friction_pieces import split_pieces
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import PlacedObject, add_objects, check_objects
 from symbrion_gym.arenas.primitives import primitives_to_dict
 from symbrion_gym.arenas.saving import save_arena
 from symbrion_gym.arenas.seen_places import SeenPlaces
@@ -61,6 +62,7 @@ class Arena:
             changes.
         primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them and
             the rest of the surface, and the solid ones are the last of the pieces.
+        objects: known objects in it; `symbrion_gym.arenas.placed_objects.place_objects` adds those that were found.
 
     Raises:
         ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height
@@ -81,11 +83,13 @@ class Arena:
     texture: SurfaceTexture | None = None
     friction_map: FrictionMap | None = None
     primitives: Primitives | None = None
+    objects: tuple[PlacedObject, ...] = ()
 
     def __post_init__(self) -> None:
         check_name(self.name)
         check_friction(self.friction)
         check_friction_source(self.friction_source)
+        object.__setattr__(self, "objects", check_objects(self.objects))
         if self.kind not in CONTACT_KINDS:
             raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
         if (self.kind == "mixed") != (self.primitives is not None):
@@ -204,8 +208,13 @@ class Arena:
         return find_driving_route(self.traversability(body), start, goal, self.name, config, find_seen)
 
     def spec(self) -> mujoco.MjSpec:
-        """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians."""
-        return make_arena_spec(self.name, self.geometry, self.friction, friction_map=self.friction_map)
+        """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.
+
+        Known objects are sites and, in group 1, geoms that touch nothing, each named `object_<name>_<i>`.
+        """
+        spec = make_arena_spec(self.name, self.geometry, self.friction, friction_map=self.friction_map)
+        add_objects(spec, self.objects)
+        return spec
 
     def save(self, folder: str | Path) -> None:
         """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
@@ -231,7 +240,9 @@ class Arena:
             about["friction_map"] = self.friction_map.as_dict()
         if self.primitives is not None:
             about["primitives"] = primitives_to_dict(self.primitives)
-        save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map)
+        if self.objects:
+            about["objects"] = [each.as_dict() for each in self.objects]
+        save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map, self.objects)
 
     def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
         """Write the arena as a folder that other simulators load without this package.
@@ -262,6 +273,7 @@ class Arena:
             quality=self.quality.as_dict(),
             provenance=self.provenance,
             friction_map=self.friction_map,
+            objects=self.objects,
         )
 
     @classmethod

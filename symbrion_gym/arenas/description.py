@@ -10,8 +10,9 @@ from reconstruction.files.typed_json import JsonError, as_type, read_json
 from symbrion_gym.arenas.checks import check_friction, check_friction_source, check_name
 from symbrion_gym.arenas.course import make_course
 from symbrion_gym.arenas.friction_map import FrictionMap
-from symbrion_gym.arenas.texture import TEXTURE_FILE
+from symbrion_gym.arenas.placed_objects import read_objects
 from symbrion_gym.arenas.primitives import primitives_from_dict
+from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.contact.quality import ArenaQuality
 from symbrion_gym.errors import ArenaError
 
@@ -57,6 +58,7 @@ class ArenaDescription:
         has_texture: whether the surface has colors.
         friction_map: as `FrictionMap.as_dict` returned it; None for one friction for all.
         primitives: as `primitives_to_dict` returned them, for the kind "mixed".
+        objects: known objects, as `PlacedObject.as_dict` returned them.
 
     Raises:
         ArenaError: a field is out of range.
@@ -77,6 +79,7 @@ class ArenaDescription:
     has_texture: bool = False
     friction_map: dict[str, Any] | None = None
     primitives: dict[str, Any] | None = None
+    objects: tuple[dict[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         if self.format < 1:
@@ -109,6 +112,7 @@ class ArenaDescription:
             "friction_source": self.friction_source,
             "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
             "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
+            "objects": read_objects(self.objects),
         }
 
     def find_files(self, folder: Path) -> ArenaFiles:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import trimesh
 
-from symbrion_gym.arenas.texture import SurfaceTexture
 from reconstruction.surfaces.primitives.find import Primitives
+from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
 
 

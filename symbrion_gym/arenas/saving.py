@@ -24,6 +24,7 @@ from symbrion_gym.arenas.description import FORMAT, PLAIN, SPARE
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.geometry import ArenaGeometry
 from symbrion_gym.arenas.obj_mesh import format_surface
+from symbrion_gym.arenas.placed_objects import PlacedObject, add_objects
 from symbrion_gym.arenas.png import to_png
 from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.arenas.texture import TEXTURE_FILE
@@ -55,6 +56,7 @@ def save_arena(
     friction: float,
     about: dict[str, Any],
     friction_map: FrictionMap | None = None,
+    objects: tuple[PlacedObject, ...] = (),
 ) -> None:
     """Write an arena as a folder; of what is there, only the files of a former arena are replaced.
 
@@ -65,6 +67,7 @@ def save_arena(
         friction: sliding friction of the ground.
         about: the content of `arena.json`, without its format and the names of files.
         friction_map: patches with another friction, for the model.
+        objects: known objects, for `arena.xml`.
 
     Raises:
         ArenaError: the folder contains files that are no arena's, and no arena or one of the new one's names.
@@ -72,6 +75,7 @@ def save_arena(
     folder = Path(folder)
     meshes, about = _format_meshes(geometry), {"format": FORMAT, **about}
     spec = make_arena_spec(name, geometry, friction, use_files=True, friction_map=friction_map)
+    add_objects(spec, objects)
     model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)

@@ -11,6 +11,7 @@ from reconstruction.geometry.rectangles import find_box
 from reconstruction.surfaces.color import copy_vertex_colors
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
+from symbrion_gym.arenas.placed_objects import stretch_objects
 
 
 def stretch_arena(arena: Arena, factor: float) -> Arena:
@@ -44,6 +45,7 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
         friction_map=None if friction_map is None else friction_map.stretch(factor),
         kind="convex" if arena.kind == "mixed" else arena.kind,
         primitives=None,
+        objects=stretch_objects(arena.objects, factor),
     )
 
 

@@ -10,8 +10,9 @@ from typing import Any, cast
 from symbrion_gym.errors import OptionError, TaskError
 from symbrion_gym.tasks.climb import make_climb
 from symbrion_gym.tasks.cross_gap import make_cross_gap
+from symbrion_gym.tasks.dock import make_dock
 from symbrion_gym.tasks.explore import make_explore
-from symbrion_gym.tasks.reach import make_reach
+from symbrion_gym.tasks.reach_task import make_reach
 from symbrion_gym.tasks.recover import make_recover
 from symbrion_gym.tasks.snake_pit import make_snake_pit
 from symbrion_gym.tasks.starts import Start
@@ -24,6 +25,7 @@ TASKS: dict[str, Callable[..., Task]] = {
     "cross_gap": make_cross_gap,
     "climb": make_climb,
     "reach": make_reach,
+    "dock": make_dock,
     "traverse": make_traverse,
     "explore": make_explore,
     "recover": make_recover,

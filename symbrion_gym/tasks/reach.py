@@ -1,4 +1,4 @@
-"""The task of reaching a place, or several in turn."""
+"""The goal of reaching a place, or several in turn."""
 
 from __future__ import annotations
 
@@ -14,12 +14,10 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import TaskError
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.paths import MAX_CORNERS, PathRoute, find_path
-from symbrion_gym.tasks.route import Point, Route, StartName
+from symbrion_gym.tasks.route import Point, Route
 from symbrion_gym.tasks.standing import find_honest, find_size, find_standing
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.state import TaskState
-from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.usual_terms import UsualTerms
 
 _ROOM = 0.5
 """At the start a body is farther from its goal than counts as there, by at least this share of a module's length."""
@@ -58,8 +56,8 @@ class ReachPlaces:
         least = self._find_least(organism)
         if self.distance is not None and self.distance < least:
             raise TaskError(
-                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m the "
-                f"place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
+                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m "
+                f"the place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
             )
         path = find_path(arena, organism, start, self.places, self.distance)
         self._refuse_near_places(path, organism)
@@ -182,29 +180,3 @@ def _measure_rest(corners: Float[np.ndarray, "N C 2"]) -> Float[np.ndarray, "N C
     rest = np.zeros(corners.shape[:2])
     rest[:, :-1] = np.cumsum(legs[:, ::-1], axis=1)[:, ::-1]
     return rest
-
-
-def make_reach(
-    goal: Point | None = None,
-    places: Sequence[Point] = (),
-    distance: float | None = None,
-    tolerance: float | None = None,
-    start: StartName | Point = "floor",
-    **terms: Any,
-) -> Task:
-    """Make the task of reaching a place, or several in turn, over drivable ground.
-
-    Success: every place reached by the middle of the body within the tolerance, in turn; at the last one every module
-    no farther from it than the straight body is long, upright, on the ground, the body no faster than its tracks, for
-    0.3 s.
-
-    Args:
-        goal: (x, y) or (x, y, z) of the place [m]; None to choose it on the map.
-        places: way-points before it, or in its place.
-        distance: length of the path to a place that is chosen [m]; None for as far as possible, up to 10 m.
-        tolerance: distance of the middle from a place that has been reached [m]; None for the length of a module.
-        start: "floor": a place of the map with room around it; or (x, y) of the head [m].
-        terms: fields of `UsualTerms`, such as `duration`.
-    """
-    wanted = (*places, *(() if goal is None else (goal,)))
-    return UsualTerms(**terms).make_task("reach", Start(start), ReachPlaces(wanted, distance, tolerance))

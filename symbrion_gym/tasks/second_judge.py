@@ -27,6 +27,8 @@ from symbrion_gym.tasks.audit import (
 )
 from symbrion_gym.tasks.explore import AreaRoute, SeeGround
 from symbrion_gym.tasks.goals import PassFinish
+from symbrion_gym.tasks.object_judge import find_not_docked, find_not_faced
+from symbrion_gym.tasks.objects import DockAtObject, ReachObject
 from symbrion_gym.tasks.paths import PathRoute
 from symbrion_gym.tasks.placing import place_tree
 from symbrion_gym.tasks.reach import ReachPlaces
@@ -120,6 +122,11 @@ def _find_progress(case: _Case, goal: object) -> Float[np.ndarray, " T"] | None:
 def _find_bad_goal(case: _Case, goal: object) -> list[str]:
     if isinstance(goal, PassFinish):
         return _find_not_across(case)
+    if isinstance(goal, DockAtObject):
+        return find_not_docked(case.motion, case.is_end, case.scene, goal)
+    if isinstance(goal, ReachObject):
+        faults = find_not_faced(case.motion, case.is_end, case.scene, goal)
+        return faults + _find_not_reached(case, goal)
     if isinstance(goal, ReachPlaces):
         return _find_not_reached(case, goal)
     if isinstance(goal, SeeGround):

@@ -8,6 +8,7 @@ from evolution.cli.commands.demo import Demo
 from evolution.cli.commands.evolve import Evolve, Resume
 from evolution.cli.commands.export import Export
 from evolution.cli.commands.live import Live
+from evolution.cli.commands.objects import Objects
 from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
@@ -18,6 +19,7 @@ COMMANDS: dict[str, type[Command]] = {
     "survey": Survey,
     "reconstruct": Reconstruct,
     "arena": Arena,
+    "objects": Objects,
     "view": View,
     "export": Export,
     "evolve": Evolve,

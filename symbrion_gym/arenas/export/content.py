@@ -14,6 +14,7 @@ from reconstruction.geometry.rectangles import Box, find_box
 from symbrion_gym.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import PlacedObject
 from symbrion_gym.arenas.spec import find_patch_frictions
 from symbrion_gym.arenas.texture import SurfaceTexture
 from symbrion_gym.contact.kinds import HeightField
@@ -60,6 +61,7 @@ class Content:
         provenance: what the arena was made of.
         friction_map: patches with another friction; None for one friction for all.
         texture: colors of the surface; None where they are unknown.
+        objects: known objects in it.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Content:
     provenance: dict[str, Any]
     friction_map: FrictionMap | None = None
     texture: SurfaceTexture | None = None
+    objects: tuple[PlacedObject, ...] = ()
 
 
 def make_content(

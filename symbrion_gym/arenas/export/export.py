@@ -18,6 +18,7 @@ from symbrion_gym.arenas.export.saving import find_own_files, save_export
 from symbrion_gym.arenas.export.urdf import format_urdf
 from symbrion_gym.arenas.export.usd import format_usd
 from symbrion_gym.arenas.geometry import ArenaGeometry
+from symbrion_gym.arenas.placed_objects import format_objects
 from symbrion_gym.errors import ArenaError
 
 FORMATS: dict[str, Callable[[Content], dict[str, bytes]]] = {
@@ -56,6 +57,8 @@ def export_arena(
     content = make_content(geometry, max_vertices, **about)
     files = FORMATS[to](content) | {name: text.encode() for name, text in LOADERS[to].items()}
     files["heights.npz"] = _format_arrays(sample_heights(geometry.surface))
+    if content.objects:
+        files["objects.json"] = format_objects(content.objects)
     files["README.md"] = make_readme(content, to).encode()
     files["NOTICE.txt"] = make_notice().encode()
     description = describe(content, to)

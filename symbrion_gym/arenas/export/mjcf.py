@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Num
 
 from symbrion_gym.arenas.export.content import Content, Solid
+from symbrion_gym.arenas.placed_objects import OBJECT_COLOR, OBJECT_GROUP, PlacedObject, name_objects
 from symbrion_gym.arenas.png import to_png
 from symbrion_gym.arenas.spec import (
     CONTACT_GROUP,
@@ -54,6 +55,11 @@ def _format_model(content: Content, *, has_surface: bool) -> bytes:
             f'<geom name="arena_surface" type="mesh" mesh="arena_surface" contype="0" conaffinity="0" '
             f'group="{SURFACE_GROUP}" mass="0" {look}/>'
         )
+        for name, each in name_objects(content.objects).items():
+            mesh_faces = " ".join(map(str, np.asarray(each.mesh.faces).ravel().tolist()))
+            vertices = _join(np.asarray(each.mesh.vertices))
+            assets.append(f'<mesh name="{name}" inertia="shell" vertex="{vertices}" face="{mesh_faces}"/>')
+            geoms += _format_object(name, each)
     lines = [
         f"<mujoco model={quoteattr('arena ' + content.name)}>",
         "<asset>",
@@ -87,6 +93,18 @@ def _format_surface(content: Content) -> list[str]:
         f'<texture name="arena_surface" type="2d" file="{TEXTURE_FILE}"/>',
         '<material name="arena_surface" texture="arena_surface" specular="0" shininess="0"/>',
     ]
+
+
+def _format_object(name: str, each: PlacedObject) -> Iterator[str]:
+    """Return the geom of an object, which touches nothing, and its site."""
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, each.rotation.ravel())
+    place = f'pos="{_join(each.position)}" quat="{_join(quaternion, digits=9)}"'
+    yield (
+        f'<geom name="{name}" type="mesh" mesh="{name}" {place} contype="0" conaffinity="0" '
+        f'group="{OBJECT_GROUP}" mass="0" rgba="{_join(OBJECT_COLOR)}"/>'
+    )
+    yield f'<site name="{name}" {place} size="0.01"/>'
 
 
 def _format_assets(content: Content) -> Iterator[str]:

@@ -19,7 +19,8 @@ from symbrion_gym.errors import ArenaError
 MANIFEST = "export.json"
 FORMAT = 1
 _OWN = re.compile(
-    r"arena\.(?:xml|urdf|usda)|contact\.(?:xml|obj)|surface\.(?:obj|mtl|png)|pieces/\d{3,}\.obj|heights\.npz|height_field\.npz"
+    r"arena\.(?:xml|urdf|usda)|contact\.(?:xml|obj)|objects\.json|surface\.(?:obj|mtl|png)|pieces/\d{3,}\.obj"
+    r"|heights\.npz|height_field\.npz"
     rf"|README\.md|NOTICE\.txt|load_(?:mjlab|playground|isaaclab)\.py|{re.escape(MANIFEST)}"
 )
 """Every name that a file of an export may have; whatever a manifest says, no other is touched."""
