@@ -153,7 +153,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     `stuck`. `roll` (turning of the organism about the axis of its head at the start [rad]) is a reset option, too; the
     task "recover" draws it. Other tasks have flags and terms of the reward of their own.
 
-    `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`.
+    `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`, whatever its own message says.
 
     Raises:
         OptionError: an option is unknown or out of range (a `ValueError`); the message says what is allowed.
@@ -283,7 +283,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         return {name: getattr(measured, name) for name in ("physics_us", "collision_us", "raycast_us")}
 
     def render(self) -> Any:
-        """Return an image in the render mode; None without one and in a window."""
+        """Return an image in the render mode; None without one and in a window.
+
+        `gymnasium.wrappers.RecordVideo` joins them to a video; it needs the extra: `pip install symbrion-gym[video]`.
+        """
         if self.render_mode is None:
             gym.logger.warn("render() does nothing without a render_mode; give one of render_modes to make()")
             return None

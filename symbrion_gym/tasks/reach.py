@@ -58,8 +58,8 @@ class ReachPlaces:
         least = self._find_least(organism)
         if self.distance is not None and self.distance < least:
             raise TaskError(
-                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m the "
-                f"place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
+                f"the distance {self.distance:g} m is too short, as within {self._measure_tolerance(organism):.2f} m "
+                f"the place counts as reached; give at least {least:.2f} m, or a smaller tolerance"
             )
         path = find_path(arena, organism, start, self.places, self.distance)
         self._refuse_near_places(path, organism)
