@@ -61,7 +61,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
     | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
-    | `goal_direction`* | 2      | its bearing (left is positive) and distance, by dead reckoning [rad, m] | ±π, 100 |
+    | `goal_direction`* | 2      | its bearing (left: +) and distance, by dead reckoning [rad, m] | ±π, 0 ... 100 |
 
     * optional: part of the observation only if `sensors` names it.
 
