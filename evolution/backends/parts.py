@@ -36,7 +36,8 @@ class BodyConfig:
     Attributes:
         modules: number of modules of a snake, 8 unless it or `organism` is given; an `Organism` is taken for
             `organism`.
-        organism: any other body: an `Organism`, or what names one, such as "H", "cross", a body plan or a file.
+        organism: any other body: an `Organism`, or what names one, such as "H", "cross", a number of modules in a
+            row, a body plan or a file.
         body_lengths: smallest and largest number of modules of a snake, if evolution selects it by an additional
             integer gene; None keeps `modules`. Once a body succeeds reliably, the search continues with shorter ones.
     """
@@ -202,8 +203,8 @@ def take_environment(config: Nested, others: dict[str, Any]) -> None:
         config.set_field("environment", dict(config.episode.environment) | others)
 
 
-def read_organism(organism: Organism | str | PathLike[str]) -> Organism:
-    """Return the organism that something names.
+def read_organism(organism: Organism | int | str | PathLike[str]) -> Organism:
+    """Return the organism that something names; a number is the length of a snake.
 
     Raises:
         RunError: it names none.
@@ -213,7 +214,7 @@ def read_organism(organism: Organism | str | PathLike[str]) -> Organism:
     from symbrion_gym.robot.body_plans import load_organism
 
     try:
-        return load_organism(str(organism))
+        return load_organism(organism if isinstance(organism, int) else str(organism))
     except (OrganismError, OSError) as error:
         raise RunError(f"organism: {error}") from error
 

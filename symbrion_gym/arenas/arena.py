@@ -60,8 +60,8 @@ class Arena:
             not show it, so randomize it.
         friction_map: patches with another friction; None where there is one friction for all. Pieces are cut where it
             changes.
-        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them and
-            the rest of the surface, and the solid ones are the last of the pieces.
+        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them
+            and the rest of the surface, and the solid ones are the last of the pieces.
         objects: known objects in it; `symbrion_gym.arenas.placed_objects.place_objects` adds those that were found.
 
     Raises:
@@ -101,7 +101,7 @@ class Arena:
         if self.friction_map is not None:
             if self.kind in ("hfield", "mixed") and self.friction_map.patches:
                 raise ArenaError(
-                    f"the kind {self.kind!r} has one friction for all; build the arena with kind='convex' to give it patches"
+                    f"the kind {self.kind!r} has one friction for all; build the arena with kind='convex' for patches"
                 )
             object.__setattr__(self, "pieces", split_pieces(self.pieces, self.friction_map))
 

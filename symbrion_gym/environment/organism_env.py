@@ -61,7 +61,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `track_odometry`* | 1      | position of the head by dead reckoning, from the middle of the pit [m] | ±100 |
     | `laser`*          | 19     | ranges of a vertical scan ahead of the head, -60° to 30° [m] | 0 ... 4  |
     | `goal`*           | 2      | place to head for, ahead of the head and to its left [m]   | ±100       |
-    | `goal_direction`* | 2      | its bearing (left is positive) and distance, by dead reckoning [rad, m] | ±π, 100 |
+    | `goal_direction`* | 2      | its bearing (left: +) and distance, by dead reckoning [rad, m] | ±π, 0 ... 100 |
 
     * optional: part of the observation only if `sensors` names it.
 
@@ -157,7 +157,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     to that of the arena: with `friction` at half the arena's, all patches have half of theirs. The reset option
     `patch_friction` moves them within their intervals: 0 is the middle, -1 and 1 are the ends of the 95 % interval.
 
-    `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`.
+    `RecordVideo` of Gymnasium needs moviepy: `pip install symbrion-gym[video]`, whatever its own message says.
 
     Raises:
         OptionError: an option is unknown or out of range (a `ValueError`); the message says what is allowed.
@@ -287,7 +287,10 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
         return {name: getattr(measured, name) for name in ("physics_us", "collision_us", "raycast_us")}
 
     def render(self) -> Any:
-        """Return an image in the render mode; None without one and in a window."""
+        """Return an image in the render mode; None without one and in a window.
+
+        `gymnasium.wrappers.RecordVideo` joins them to a video; it needs the extra: `pip install symbrion-gym[video]`.
+        """
         if self.render_mode is None:
             gym.logger.warn("render() does nothing without a render_mode; give one of render_modes to make()")
             return None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from symbrion_gym.tasks.objects import DockAtObject
 from symbrion_gym.tasks.route import Point, StartName
 from symbrion_gym.tasks.starts import Start
 from symbrion_gym.tasks.task import Task
+from symbrion_gym.tasks.usual_terms import UsualTerms
 
 
 def make_dock(

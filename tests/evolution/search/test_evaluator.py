@@ -84,6 +84,7 @@ def test_two_bodies_are_refused_by_name(modules):
     config = EvolutionConfig(modules=7, organism="H")
     assert EvolutionConfig.from_json(config.to_json()) == config == EvolutionConfig(organism="H")
     assert Evaluator(organism="H").trials.modules == 7
+    assert Evaluator(organism=3).trials.body.find_organism() == snake(3)
 
 
 def test_seeds_give_conditions():

@@ -55,8 +55,7 @@ def test_every_arena_kind_passes_the_checker_without_warnings(arena, task, scann
     options = {"pit": None} if task == "Ramp" else {}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        version = "v1" if task == "Pit" else "v0"
-        env = gym.make(f"symbrion_gym/Snake{task}-{version}", **({"arena": arena, "modules": 3} | options))
+        env = gym.make(f"symbrion_gym/Snake{task}-v1", **({"arena": arena, "modules": 3} | options))
         check_env(env.unwrapped, skip_render_check=True)
         env.close()
 

@@ -69,7 +69,9 @@ def test_sensors_are_all_listed_with_size_and_range() -> None:
         assert part.stop - part.start == int(factor or 1) * sizes.get(letter, 1), name
         space = env.observation_space
         bounds = np.array([space.low[part], space.high[part]]).T
-        np.testing.assert_allclose(bounds, [read_range(limits)] * len(bounds), atol=0.005, err_msg=name)
+        each = [read_range(text) for text in limits.split(", ")]
+        wanted = each if len(each) > 1 else each * len(bounds)
+        np.testing.assert_allclose(bounds, wanted, atol=0.005, err_msg=name)
 
 
 @pytest.mark.parametrize("name", [*NUMBERS, *FLAGS, *RANDOM_OPTIONS])
