@@ -244,6 +244,7 @@ def draw_learning(results: dict[str, Any]) -> None:
         panels[name].plot(seconds, 100 * shares, color=colors[algorithm], marker=".", label=algorithm)
         panels[name].set(title=name, xlabel="robot-seconds", ylim=(-5, 105))
     for axis in panels.values():
+        axis.set_xlim(left=0)
         handles, labels = axis.get_legend_handles_labels()
         axis.legend(
             *zip(*dict(zip(labels, zip(handles, labels, strict=True), strict=True)).values(), strict=True)
