@@ -20,7 +20,9 @@ from pathlib import Path
 from benchmarks.ages import Ages, open_ages
 from benchmarks.champions_table import make_champions_table
 from benchmarks.claims import CLAIMS, GROUPS, LIMITS
+from benchmarks.claims.baselines import BASELINES
 from benchmarks.figures import Claim, ClaimError
+from benchmarks.learning_table import make_learning_table
 from benchmarks.origins import LEGEND, SET_AFTER, Records, describe_measuring, find_origins, strip_ages
 from benchmarks.report import RESULTS, load_records
 from reconstruction.files.atomic_write import write_atomically
@@ -99,6 +101,8 @@ def make_table(records: Records, is_lenient: bool = False, ages: Ages | None = N
         parts += [f"## {title}", " and ".join(commands), "\n".join([HEAD, *lines])]
         if claims is GROUPS["Evolution"]:
             parts.append(make_champions_table(records, ages))
+        if claims is BASELINES and (table := make_learning_table(records, ages)):
+            parts.append(table)
     return "\n\n".join(parts) + "\n"
 
 

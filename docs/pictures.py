@@ -264,6 +264,34 @@ def draw_baselines(results: dict[str, Any]) -> None:
     _save(figure, "baselines.png")
 
 
+def draw_learning(results: dict[str, Any]) -> None:
+    """Draw the share of successes while learning over the robot-seconds spent, a panel per environment."""
+    runs = {part: run for part, run in results.items() if part.startswith("learning/") and run["curve"]}
+    names = list(dict.fromkeys(part.split("/")[1] for part in runs))
+    colors = {"cmaes": "tab:orange", "ppo": "tab:blue", "sac": "tab:green"}
+    columns = min(len(names), 4)
+    rows = -(-len(names) // columns)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(2.6 * columns, 2.3 * rows), layout="constrained", sharey=True
+    )
+    panels = dict(zip(names, np.ravel(axes), strict=False))
+    for part, run in runs.items():
+        _, name, algorithm, _ = part.split("/")
+        seconds, shares = np.array(run["curve"]).T
+        panels[name].plot(seconds, 100 * shares, color=colors[algorithm], marker=".", label=algorithm)
+        panels[name].set(title=name, xlabel="robot-seconds", ylim=(-5, 105))
+    for axis in panels.values():
+        axis.set_xlim(left=0)
+        handles, labels = axis.get_legend_handles_labels()
+        axis.legend(
+            *zip(*dict(zip(labels, zip(handles, labels, strict=True), strict=True)).values(), strict=True)
+        )
+    np.ravel(axes)[0].set_ylabel("successes while learning [%]")
+    for axis in np.ravel(axes)[len(names) :]:
+        axis.set_axis_off()
+    _save(figure, "learning.png")
+
+
 def _add_faces(axis: Any, triangles: np.ndarray, colors: np.ndarray, edge: str) -> None:
     axis.add_collection3d(
         Poly3DCollection(
@@ -322,6 +350,7 @@ def main() -> None:
     if sys.argv[1:] == ["course"]:
         return
     draw_baselines(_load_results("baselines"))
+    draw_learning(_load_results("baselines"))
     draw_crossing(_load_results("evolution"))
     if sys.argv[1:] == ["results"]:
         return

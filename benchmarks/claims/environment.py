@@ -106,6 +106,20 @@ ENVIRONMENT = (
         is_headline=True,
     ),
     Claim(
+        "Audit of all successes of six tasks with 11 bodies in 4 arenas, random + evolved controllers: successes "
+        "rejected; cells of 264 with both",
+        "{0} of {1:,} + {2:,} in {3:,} + {4:,} episodes; {5}",
+        (
+            Value("audit", "cheats/cheats"),
+            Value("audit", "cheats/counts/random successes"),
+            Value("audit", "cheats/counts/evolved successes"),
+            Value("audit", "cheats/counts/random episodes"),
+            Value("audit", "cheats/counts/evolved episodes"),
+            Value("audit", "cheats/cells"),
+        ),
+        bar="<= 0",
+    ),
+    Claim(
         "Steps with random options and invalid actions; values that were not finite",
         "{0:,}; {1}",
         (

@@ -164,7 +164,7 @@ def _evolve(run: Run, seed: int) -> dict[str, Any]:
     genes = len(controller.parameters)
     space = Space(controller.parameters, controller.lower, controller.upper, (0.0,) * genes, (1.0,) * genes)
     strategy = Strategy(space, _SIGMA, _POPULATION, seed)
-    options = {"sensors": tuple(controller.sensors)}
+    options: dict[str, Any] = {"sensors": tuple(controller.sensors)}
     envs: Any = None
     generation = 0
     while not run.is_over:
