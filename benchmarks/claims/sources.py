@@ -34,6 +34,7 @@ _REAL_SCANS = (
     "snake_steps",
     "tracked_robot",
 )
+_PHYSICS = ("worlds", "theory", "wheels", "laws", "energy")
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
 _SEARCH = (
@@ -110,6 +111,10 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "evolution/workers": (*_EVOLUTION, f"{_MACHINE}::measure_workers"),
     "evolution/backends": (*_EVOLUTION, f"{_MACHINE}::measure_backends"),
     "evolution/kills": (*_SEARCH, *_RECORDS, f"{_MACHINE}::measure_kills"),
+    "physics": (
+        "symbrion_gym/robot",
+        *(f"benchmarks/material/physics_{name}.py" for name in _PHYSICS),
+    ),
     "staircase": (
         *_NETWORKS,
         *_PIECES,
