@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evolution_runs import Results
+from benchmarks.material.physics_contact import compare_champions, compare_crossings, measure_step_ratio
 from benchmarks.material.physics_energy import (
     measure_creep,
     measure_depths,
@@ -37,9 +38,9 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate
 from benchmarks.material.physics_worlds import World
+from symbrion_gym.environment.config import CONTACTS
 
 TRACKS = ("spheres", "wheels", "cylinders")
-CONTACTS = ("pyramidal", "elliptic")
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 TORQUES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 """Hinge torques of a snake at the gap [N m]."""
@@ -145,7 +146,7 @@ def _turn(world: World, speed: float = TURN_SPEED) -> Row:
         points = np.concatenate([feet + np.array([shift, 0.0]) for shift in shifts])
         belts = np.where(points[:, 1] > 0, -speed, speed)
         rate = find_turning_rate(points, np.ones(len(points)), belts)
-        corners = np.abs(points[:, 0]) > np.abs(points[:, 0]).max() - 1e-6
+        corners = np.isin(points[:, 0], (points[:, 0].min(), points[:, 0].max()))
         least = find_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
         return _compare(measure_turning_rate(world, speed), rate) | {"corners": least}
 
@@ -200,6 +201,15 @@ def list_touches() -> Iterator[Row]:
             )
 
 
+def list_prices() -> Iterator[Row]:
+    """Yield what elliptic contacts cost, and what changes in crossings and champions."""
+    yield "time of a step, gsrm", lambda: {"ratio": measure_step_ratio("gsrm", 11)}
+    yield "time of a step, truth", lambda: {"ratio": measure_step_ratio("truth", 11)}
+    for pit in (0.30, 0.35):
+        yield f"crossings, pit {pit:.2f} m", lambda pit=pit: compare_crossings(30, pit)
+    yield "champions", lambda: compare_champions(20)
+
+
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "slope": list_slopes,
     "gap": list_gaps,
@@ -208,6 +218,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "energy": list_energies,
     "rest": list_rests,
     "touching": list_touches,
+    "price": list_prices,
 }
 
 
@@ -250,7 +261,10 @@ def _name(world: World) -> str:
 
 
 def _format(row: dict[str, Any]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in row.items())
+    return ", ".join(
+        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in row.items()
+    )
 
 
 def main() -> None:

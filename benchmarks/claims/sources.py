@@ -115,6 +115,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "symbrion_gym/robot",
         *(f"benchmarks/material/physics_{name}.py" for name in _PHYSICS),
     ),
+    "physics/price": (*_TRIALS, *_READY_MADE, "benchmarks/material/physics_contact.py"),
     "staircase": (
         *_NETWORKS,
         *_PIECES,

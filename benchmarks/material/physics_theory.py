@@ -1,7 +1,8 @@
 """Laws that the simulation is compared with: statics of points of contact with Coulomb friction, nothing simulated.
 
-Slopes, and gaps crossed by a straight chain of modules: a row of links, each a chassis with the arm of the module behind,
-between hinges at the centers of the modules. Places are along the ground, the head's center at 0, the others behind it.
+Slopes, and gaps crossed by a straight chain of modules: a row of links, each a chassis with the arm of the module
+behind, between hinges at the centers of the modules. Places are along the ground, the head's center at 0, the others
+behind it.
 """
 
 from __future__ import annotations
