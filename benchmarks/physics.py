@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.evolution_runs import Results
+from benchmarks.material.physics_bars import find_bars
 from benchmarks.material.physics_contact import compare_champions, compare_crossings, measure_step_ratio
 from benchmarks.material.physics_energy import (
     measure_creep,
@@ -241,6 +242,7 @@ def run(quick: bool = False, only: tuple[str, ...] = (), more: bool = False) -> 
             seconds = time.process_time() - start
             print(f"{part}: {name}: {_format(found[name])} ({seconds:.1f} s)", flush=True)
             results.put(part, found)
+    results.put("bars", find_bars(results.content))
     return results.content
 
 
