@@ -94,6 +94,7 @@ def draw_gaps(rows: dict[str, Any]) -> None:
             row for name, row in rows.items()
             if row["modules"] == modules and name.startswith("pyramidal, spheres") and "friction 0.7, 5 ms" in name
             and "radius" not in name
+            and "speed" not in name
         ]  # fmt: skip
         axis.plot(
             [row["torque"] for row in picked],

@@ -46,12 +46,12 @@ def measure_slope_limit(world: World, heading_deg: float = 0.0) -> float:
     return find_largest(lambda slope: climbs_slope(world, slope, heading_deg), 2.0, 60.0, SLOPE_TOLERANCE)
 
 
-def crosses_gap(world: World, gap: float) -> bool:
-    """Return whether a stiff snake drives across a bottomless gap."""
+def crosses_gap(world: World, gap: float, speed: float = GAP_SPEED) -> bool:
+    """Return whether a stiff snake drives across a bottomless gap, its tracks at a speed [m/s]."""
     bench = Bench(world, boxes=((-20.0, _EDGE, 0.0), (_EDGE + gap, 20.0, 0.0)))
-    bench.drive(GAP_SPEED)
+    bench.drive(speed)
     length = world.modules * bench.organism.scout.pitch + gap + _EDGE
-    for _ in range(round(1.3 * length / GAP_SPEED)):
+    for _ in range(round(1.3 * length / speed) + 1):
         bench.step(1.0)
         places = bench.places
         if places[:, 2].min() < _FALLEN:
@@ -61,10 +61,10 @@ def crosses_gap(world: World, gap: float) -> bool:
     return False
 
 
-def measure_gap_limit(world: World) -> float:
+def measure_gap_limit(world: World, speed: float = GAP_SPEED) -> float:
     """Return the widest gap that a stiff snake crosses [m]."""
     longest = world.modules * world.organism.scout.pitch
-    return find_largest(lambda gap: crosses_gap(world, gap), 0.0, longest, 10 * LENGTH_TOLERANCE)
+    return find_largest(lambda gap: crosses_gap(world, gap, speed), 0.0, longest, 10 * LENGTH_TOLERANCE)
 
 
 def climbs_step(world: World, height: float) -> bool:
