@@ -12,6 +12,7 @@ from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.objects import OBJECTS
+from benchmarks.claims.physics import PHYSICS
 from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -29,6 +30,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Arenas of other people's scans": REAL_SCANS,
     "Known objects": OBJECTS,
     "Environment": ENVIRONMENT,
+    "Physics against theory": PHYSICS,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "A real staircase": STAIRCASE,

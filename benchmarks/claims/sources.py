@@ -34,6 +34,7 @@ _REAL_SCANS = (
     "snake_steps",
     "tracked_robot",
 )
+_PHYSICS = ("worlds", "theory", "wheels", "laws", "energy", "bars")
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
 _SEARCH = (
@@ -139,6 +140,11 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "evolution/workers": (*_EVOLUTION, f"{_MACHINE}::measure_workers"),
     "evolution/backends": (*_EVOLUTION, f"{_MACHINE}::measure_backends"),
     "evolution/kills": (*_SEARCH, *_RECORDS, f"{_MACHINE}::measure_kills"),
+    "physics": (
+        "symbrion_gym/robot",
+        *(f"benchmarks/material/physics_{name}.py" for name in _PHYSICS),
+    ),
+    "physics/price": (*_TRIALS, *_READY_MADE, "benchmarks/material/physics_contact.py"),
     "staircase": (
         *_NETWORKS,
         *_PIECES,

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from symbrion_gym.tasks.task import Task
 
 STARTS = ("floor", "pit")
+CONTACTS = ("pyramidal", "elliptic")
 TRACK_CONTROLS = ("constant", "body", "modules", "skid")
 RANDOM_LIMITS = {
     "friction": FRICTION_LIMITS,
@@ -104,6 +105,9 @@ class EnvironmentConfig:
         track_control: "constant", or track speeds are part of the action: "body" one, "modules" one each, "skid" two
             each, left and right.
         tracks: how tracks are modeled; see `ScoutConfig`.
+        contact: model of friction: "pyramidal" (fast; friction is up to 29 % smaller along the diagonals of the arena's
+            axes, and a robot at rest on a slope creeps), or "elliptic" (equal in all directions, ten times stiffer
+            against creep; a step takes 1.1 to 1.9 times as long). See the page on physics.
         timestep: physics step [s].
         frame_skip: physics steps in a control step (tick).
         timers: whether `info` contains the times of MuJoCo's timers.
@@ -148,6 +152,7 @@ class EnvironmentConfig:
     noise: float = 0.0
     track_control: str = "constant"
     tracks: str = "spheres"
+    contact: str = "pyramidal"
     timestep: float = 0.005
     frame_skip: int = 4
     timers: bool = False
@@ -191,6 +196,7 @@ class EnvironmentConfig:
             check_organism_options({"modules": self.modules, "organism": self.organism})
         if self.timestep > MAX_TIMESTEP:
             raise OptionError(f"timestep must be at most {MAX_TIMESTEP} s, got {self.timestep}")
+        check_choice("contact", self.contact, CONTACTS, OptionError)
         check_choice("track_control", self.track_control, TRACK_CONTROLS, OptionError)
         if isinstance(self.start, str):
             check_choice("start", self.start, STARTS, OptionError)

@@ -1,0 +1,89 @@
+"""What the rows of the benchmark of physics come to: the worst of each law, for the table of targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+Rows = dict[str, dict[str, Any]]
+
+BARS: dict[str, tuple[str, str, Callable[[str], bool]]] = {
+    "slope, spheres": (
+        "slope",
+        "off",
+        lambda name: _has(name, "spheres", "heading 0") and not _is_lone(name),
+    ),
+    "slope, wheels": ("slope", "off", lambda name: _has(name, "wheels") and not _is_lone(name)),
+    "slope, cylinders": ("slope", "off", lambda name: _has(name, "cylinders") and not _is_lone(name)),
+    "slope, diagonal, pyramidal": ("slope", "off", lambda name: _has(name, "pyramidal", "heading 45")),
+    "slope, diagonal, elliptic": ("slope", "off", lambda name: _has(name, "elliptic", "heading 45")),
+    "slope, lone module": ("slope", "off", lambda name: _has(name, "spheres") and _is_lone(name)),
+    "gap": ("gap", "off_share", lambda name: True),
+    "gap, 8 modules, 4.5 N m": ("gap", "off_share", lambda name: _has(name, ", 8 modules", "torque 4.5")),
+    "gap, spheres, 2 to 8 N m": (
+        "gap",
+        "off_share",
+        lambda name: (
+            _has(name, "spheres", "friction 0.7") and not any(f"torque {t} " in name for t in (0.5, 1.0, 1.5))
+        ),
+    ),
+    "step, friction 0.5 to 0.9": (
+        "step",
+        "off_share",
+        lambda name: (
+            not _has(name, "friction 0.3") and not _has(name, "cylinders") and not _has(name, "capsules")
+        ),
+    ),
+    "step, friction 0.3": (
+        "step",
+        "off_share",
+        lambda name: (
+            _has(name, "friction 0.3") and not _has(name, "cylinders") and not _has(name, "capsules")
+        ),
+    ),
+    "step, cylinders": ("step", "off_share", lambda name: _has(name, "cylinders", "pyramidal")),
+    "step, capsules": ("step", "off_share", lambda name: _has(name, "capsules")),
+    "turning, lone module": ("turning", "off_share", lambda name: _has(name, "spheres", ", 1 modules")),
+    "turning, 2 to 4 modules, pyramidal": (
+        "turning",
+        "off_share",
+        lambda name: _has(name, "spheres", "pyramidal", "0.05 m") and not _is_lone(name),
+    ),
+    "turning, 2 to 4 modules, elliptic, 5 ms": (
+        "turning",
+        "off_share",
+        lambda name: _has(name, "spheres", "elliptic", "5 ms", "0.05 m") and not _is_lone(name),
+    ),
+    "turning, elliptic, wheels and cylinders": (
+        "turning",
+        "off_share",
+        lambda name: _has(name, "elliptic") and not _has(name, "spheres"),
+    ),
+    "energy": ("energy", "residual", lambda name: True),
+    "creep, pyramidal": ("rest", "speed", lambda name: _has(name, "still", "pyramidal")),
+    "creep, elliptic": ("rest", "speed", lambda name: _has(name, "still", "elliptic")),
+    "creep on flat ground": ("rest", "speed", lambda name: _has(name, "still", "slope 0")),
+    "twitching, pyramidal": ("rest", "per cycle", lambda name: _has(name, "twitching", "pyramidal", "5 ms")),
+    "twitching, elliptic": ("rest", "per cycle", lambda name: _has(name, "twitching", "elliptic", "5 ms")),
+    "depth between modules": ("touching", "between_modules", lambda name: True),
+    "depth between modules, closing": ("touching", "worst_between_modules", lambda name: True),
+}
+"""Name -> law, figure of its rows, and which rows; the largest counts."""
+
+
+def find_bars(results: dict[str, Rows]) -> dict[str, float]:
+    """Return the worst figure of each bar whose rows were measured."""
+    worst = {}
+    for bar, (law, figure, picks) in BARS.items():
+        found = [row[figure] for name, row in results.get(law, {}).items() if figure in row and picks(name)]
+        if found:
+            worst[bar] = float(max(found))
+    return worst
+
+
+def _has(name: str, *words: str) -> bool:
+    return all(word in name for word in words)
+
+
+def _is_lone(name: str) -> bool:
+    return ", 1 modules" in name

@@ -1,0 +1,204 @@
+"""Laws that the simulation is compared with: statics of points of contact with Coulomb friction, nothing simulated.
+
+Slopes, and gaps crossed by a straight chain of modules: a row of links, each a chassis with the arm of the module
+behind, between hinges at the centers of the modules. Places are along the ground, the head's center at 0, the others
+behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from benchmarks.material.physics_worlds import GRAVITY
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.robot.scout_constants import ARM_RADIUS, ScoutConfig
+from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
+
+_LEVEL = 1e-4
+"""Wheels whose lowest points differ in height by less all stand on flat ground [m]."""
+_TOLERANCE = 1e-4
+"""To which widths and heights are found [m]."""
+
+
+class Masses(NamedTuple):
+    """Point masses of a module's parts.
+
+    Attributes:
+        x: along the ground from the module's center [m].
+        z: above its center [m].
+        mass: [kg].
+    """
+
+    x: Float[np.ndarray, " parts"]
+    z: Float[np.ndarray, " parts"]
+    mass: Float[np.ndarray, " parts"]
+
+
+class Chain(NamedTuple):
+    """A straight chain: its weights, where it may stand, its hinges, all from the head's center [m].
+
+    Attributes:
+        weight_x: places of the weights.
+        weight: [N].
+        weight_link: link of each.
+        foot_x: places of the wheels.
+        foot_link: link of each.
+        hinge_x: places of the hinges; hinge i lies between links i and i + 1.
+    """
+
+    weight_x: Float[np.ndarray, " weights"]
+    weight: Float[np.ndarray, " weights"]
+    weight_link: np.ndarray
+    foot_x: Float[np.ndarray, " feet"]
+    foot_link: np.ndarray
+    hinge_x: Float[np.ndarray, " hinges"]
+
+
+def find_slope_limit(friction: float) -> float:
+    """Return the steepest slope that tracks climb when all of the weight is on them [rad]: atan of the friction."""
+    return float(np.arctan(friction))
+
+
+def find_tipping_limit(scout: ScoutConfig) -> float:
+    """Return the slope on which a lone module, its arm folded up, tips over backwards at constant speed [rad].
+
+    The center of mass is then above the rearmost wheels that stand on the ground.
+    """
+    body = find_masses(scout, is_folded=True)
+    rear = -find_standing(scout)[:, 0].min()
+    height = np.average(body.z, weights=body.mass) + scout.size[2] / 2
+    return float(np.arctan((rear + np.average(body.x, weights=body.mass)) / height))
+
+
+def find_standing(scout: ScoutConfig) -> Float[np.ndarray, "wheels 2"]:
+    """Return where a module's wheels stand on flat ground, (x, y) from its center [m]."""
+    wheels = np.array(find_driven_wheels(scout))
+    return wheels[wheels[:, 2] < wheels[:, 2].min() + _LEVEL, :2]
+
+
+def find_feet(scout: ScoutConfig) -> Float[np.ndarray, " feet"]:
+    """Return the places along the ground of those wheels, front to rear [m]."""
+    return np.unique(np.round(find_standing(scout)[:, 0], 6))[::-1]
+
+
+def find_masses(scout: ScoutConfig, is_folded: bool) -> Masses:
+    """Return the masses of a module: chassis, arm (folded up or straight ahead), driven wheels."""
+    wheels = np.array(find_driven_wheels(scout))
+    reach = scout.arm_reach - ARM_RADIUS
+    arm = (0.0, reach) if is_folded else (reach, 0.0)
+    wheel_mass = 0.0 if scout.tracks == "spheres" else scout.wheel_mass
+    return Masses(
+        np.array([0.0, arm[0], *wheels[:, 0]]),
+        np.array([0.0, arm[1], *wheels[:, 2]]),
+        np.array([scout.chassis_mass, scout.arm_mass, *np.full(len(wheels), wheel_mass)]),
+    )
+
+
+def make_chain(organism: Organism) -> Chain:
+    """Return the chain of a snake."""
+    scout, feet, count = organism.scout, find_feet(organism.scout), organism.num_modules
+    modules = [find_masses(scout, is_folded=i == 0) for i in range(count)]
+    owners = [np.full(len(parts.mass), i) for i, parts in enumerate(modules)]
+    for i, owner in enumerate(owners):
+        owner[1] = max(i - 1, 0)  # the arm belongs to the link ahead
+    starts = -scout.pitch * np.arange(count)
+    return Chain(
+        np.concatenate([parts.x + start for parts, start in zip(modules, starts, strict=True)]),
+        np.concatenate([parts.mass * GRAVITY for parts in modules]),
+        np.concatenate(owners),
+        np.add.outer(starts, feet).ravel(),
+        np.repeat(np.arange(count), len(feet)),
+        starts[1:],
+    )
+
+
+def is_held(chain: Chain, torque: float, stands: np.ndarray) -> bool:
+    """Return whether a straight chain can rest on some of its wheels.
+
+    There are forces at those wheels, none pulling, which balance all weights with no hinge above its torque: a linear
+    program.
+
+    Args:
+        chain: the chain.
+        torque: largest torque of a hinge, either way [N m].
+        stands: whether each wheel has ground below it.
+    """
+    if not stands.any():
+        return False
+    feet, owner = chain.foot_x[stands], chain.foot_link[stands]
+    balance = np.stack([np.ones_like(feet), feet])
+    total = np.array([chain.weight.sum(), chain.weight @ chain.weight_x])
+    rows, loads = [], []
+    for i, place in enumerate(chain.hinge_x):
+        ahead = chain.weight_link <= i
+        rows.append(np.where(owner <= i, feet - place, 0.0))
+        loads.append((chain.weight * (chain.weight_x - place))[ahead].sum())
+    limits: dict[str, Any] = {}
+    if rows:
+        arms, load = np.array(rows), np.array(loads)
+        limits["A_ub"] = np.concatenate([arms, -arms])
+        limits["b_ub"] = np.concatenate([load + torque, torque - load])
+    found = linprog(np.zeros(len(feet)), A_eq=balance, b_eq=total, bounds=(0, None), **limits)
+    return found.status == 0
+
+
+def find_gap_limit(organism: Organism, is_round: bool = True) -> float:
+    """Return the widest gap that a straight chain crosses slowly [m].
+
+    It must rest in every position. Between two positions at which a wheel leaves the near side or reaches the far one
+    the forces on the chain do not change, so one balance is examined for each.
+
+    Args:
+        organism: a snake.
+        is_round: whether wheels hold on to the edges. One that hangs over the near edge slips off when the edge presses
+            at the angle of friction: it stands until r sin(atan friction) beyond. One whose center is less than r
+            before the far edge meets a corner that lifts it, as long as it has sunk by less than r.
+    """
+    scout, chain = organism.scout, make_chain(organism)
+    radius = find_wheel_radius(scout) if is_round else 0.0
+    near, far = radius * np.sin(np.arctan(scout.friction)), radius
+    held: dict[bytes, bool] = {}
+
+    def crosses(gap: float) -> bool:
+        leaving, reaching = near - chain.foot_x, gap - far - chain.foot_x
+        events = np.unique(np.concatenate([leaving, reaching]))
+        for shift in (events[:-1] + events[1:]) / 2:
+            stands = (shift < leaving) | (shift > reaching)
+            key = stands.tobytes()
+            if key not in held:
+                held[key] = is_held(chain, scout.hinge_torque, stands)
+            if not held[key]:
+                return False
+        return True
+
+    return find_largest(crosses, 1e-3, organism.num_modules * scout.pitch)
+
+
+def find_beam_gap_limit(organism: Organism) -> float:
+    """Return the same for an even beam: half its length, or where its weight beyond the edge bends a hinge [m]."""
+    scout, count = organism.scout, organism.num_modules
+    weight = GRAVITY * (scout.chassis_mass + scout.arm_mass)
+    bending = float(np.sqrt(2 * scout.hinge_torque / (weight * scout.pitch)))
+    return min(count * scout.pitch / 2, scout.pitch * bending)
+
+
+def find_largest(
+    holds: Callable[[float], bool], low: float, high: float, tolerance: float = _TOLERANCE
+) -> float:
+    """Return the largest value for which something holds, by bisection.
+
+    Args:
+        holds: called with a value.
+        low: for which it holds.
+        high: for which it does not.
+        tolerance: of the value.
+    """
+    while high - low > tolerance:
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
