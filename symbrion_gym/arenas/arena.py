@@ -49,8 +49,8 @@ class Arena:
         height_field: in place of pieces, for the kind "hfield".
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
-        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them and
-            the rest of the surface, and the solid ones are the last of the pieces.
+        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them
+            and the rest of the surface, and the solid ones are the last of the pieces.
         friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
 
     Raises:

@@ -110,7 +110,7 @@ def test_triangles_are_cut_at_the_rim_of_a_rectangle() -> None:
     assert trimesh.triangles.area(rest).sum() == pytest.approx(10.0 - 4 * 0.5 * 0.3)
     behind = take_out(corners[:, ::-1], FLAT, tolerance=0.001, margin=0.0)
     assert len(behind) == 1  # it looks the other way
-    assert len(take_out(corners + [0, 0, 0.1], FLAT, tolerance=0.001, margin=0.0)) == 1
+    assert len(take_out(np.add(corners, (0, 0, 0.1)), FLAT, tolerance=0.001, margin=0.0)) == 1
 
 
 def test_the_largest_rectangle_of_free_cells() -> None:
