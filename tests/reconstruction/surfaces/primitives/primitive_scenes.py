@@ -10,7 +10,7 @@ def make_noisy(
     solid: trimesh.Trimesh, seed: int = 0, edge: float = 0.05, noise: float = NOISE
 ) -> trimesh.Trimesh:
     """Return the surface of a solid in small triangles, its vertices off by a noise [m]."""
-    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, edge)
+    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, edge)[:2]
     mesh = trimesh.Trimesh(vertices, faces)
     mesh.merge_vertices()
     shift = np.random.default_rng(seed).normal(0.0, noise, mesh.vertices.shape)
