@@ -52,6 +52,7 @@ def add_solids(
     notes = {**contact.notes, "primitives": {kind: kinds.count(kind) for kind in sorted(set(kinds))}}
     if not solids:
         return replace(contact, notes=notes)
-    pieces = [*contact.pieces, *solids]
+    is_rest = take_solids_out(mesh, primitives).sum() >= _FEWEST
+    pieces = [*contact.pieces, *solids] if is_rest else solids
     quality = SurfaceDistance(mesh, config.distance).measure(pieces, contact.quality.seconds)
     return replace(contact, pieces=pieces, quality=quality, notes=notes)

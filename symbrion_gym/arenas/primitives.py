@@ -9,7 +9,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Bool
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.files.typed_json import JsonError, as_type
@@ -112,8 +112,8 @@ def find_solids(primitives: Primitives | None) -> list[Primitive]:
     return [] if primitives is None else [one for one in primitives.shapes if one.is_solid]
 
 
-def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Float[np.ndarray, " F"]:
-    """Return which faces of a surface no solid primitive replaces, `[F]` booleans."""
+def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Bool[np.ndarray, " F"]:
+    """Return which faces of a surface no solid primitive replaces."""
     corners = np.asarray(surface.triangles)
     is_left = np.ones(len(corners), dtype=bool)
     for solid in find_solids(primitives):
@@ -148,7 +148,7 @@ def add_mixed_surface(
         spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
 
 
-def _join_small(parts: Sequence[Float[np.ndarray, "F 3 3"]]) -> list[Float[np.ndarray, "F 3 3"]]:
+def _join_small(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return parts that MuJoCo compiles: those of fewer than two triangles join the next."""
     joined: list[np.ndarray] = []
     for part in sorted(parts, key=len):

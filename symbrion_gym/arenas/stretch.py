@@ -19,8 +19,8 @@ def stretch_arena(arena: Arena, factor: float) -> Arena:
 
     Args:
         arena: stays as it is.
-        factor: 1 returns the arena itself. Of the kind "mixed" any other gives one of the kind "convex": a stretched sphere
-            is no primitive.
+        factor: 1 returns the arena itself. Of the kind "mixed" any other gives one of the kind "convex": a
+            stretched sphere is no primitive.
     """
     if factor == 1.0:
         return arena

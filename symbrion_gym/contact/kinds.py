@@ -5,7 +5,7 @@
 | `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
 | `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
 | `primitives` | planes of a terrain become boxes, the rest convex pieces | few large planes |
-| `mixed` | the paper's mixed model: boxes, spheres, cylinders and rectangles, for rays too; the rest as `convex` | fast rays |
+| `mixed` | the paper's mixed model: boxes, spheres, cylinders, rectangles, for rays too; the rest is `convex` | rays |
 | `hfield` | MuJoCo's height field | rough, unbroken ground |
 | `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
 """

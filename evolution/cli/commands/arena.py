@@ -44,8 +44,8 @@ class Arena(SeededCommand):
     accuracy: float | None = None
     """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
     kind: Literal["auto", "convex", "hfield", "prisms", "primitives", "mixed"] = "auto"
-    """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit. Mixed: boxes,
-    spheres, cylinders and rectangles in place of triangles, for rays, too."""
+    """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit.
+    Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
     max_pieces: int | None = None
     """Largest number of convex pieces. More follow rough ground better and make a step slower."""
     time_limit: float | None = None

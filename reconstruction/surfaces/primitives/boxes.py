@@ -82,7 +82,7 @@ def _is_convex(one: Side, other: Side) -> bool:
 def _agrees(one: Side, other: Side) -> bool:
     """Return whether two planes may be sides of one box: opposite, or convex."""
     cosine = one.normal @ other.normal
-    return cosine < 0.5 and _is_convex(one, other)
+    return bool(cosine < 0.5) and _is_convex(one, other)
 
 
 def _make_axes(x: Float[np.ndarray, " 3"], y: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:

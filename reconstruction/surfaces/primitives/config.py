@@ -27,6 +27,8 @@ class PrimitivesConfig:
             each costs every beam that looks its way, as much as a level or two of the tree of triangles ...
         min_rectangle_hollow: ... and where it is hollow, as a room, of which each beam meets more boxes of the tree.
         hollow: a surface is hollow with more area than this, relative to half that of the box around it.
+        min_cover: share of the surface that rectangles and solids have together, or rectangles are left out: where most
+            beams go through the tree all the same, they only cost.
         max_rectangles: of one plane, the largest first.
         cell: resolution at which a plane is divided into rectangles [m].
         margin: triangles reach below the rim of a rectangle by this much [m], so that no beam slips through.
@@ -54,6 +56,7 @@ class PrimitivesConfig:
     min_rectangle: float = 0.06
     min_rectangle_hollow: float = 0.02
     hollow: float = 1.5
+    min_cover: float = 0.6
     max_rectangles: int = 6
     cell: float = 0.01
     margin: float = 0.003

@@ -100,7 +100,11 @@ def find_primitives(
         )
     ]
     planes.sort(key=lambda one: -float(one.half_sizes[0] * one.half_sizes[1]))
-    return Primitives([*boxes, *solids, *planes], tolerance, config)
+    found = Primitives([*boxes, *solids, *planes], tolerance, config)
+    left = sum(float(trimesh.triangles.area(part).sum()) for part in found.find_rest(mesh))
+    if left > (1.0 - config.min_cover) * float(mesh.area):
+        return found._replace(shapes=[*boxes, *solids])
+    return found
 
 
 def _close(found: FoundShape, corners: Float[np.ndarray, "F 3 3"]) -> Primitive:

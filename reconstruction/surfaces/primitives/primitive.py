@@ -62,7 +62,7 @@ class Primitive(NamedTuple):
         if self.kind == "plane":
             return (is_near & (np.abs(local[..., 2] - size[2]) <= tolerance)).all(axis=1)
         on_side = np.abs(off - size) <= tolerance
-        return (is_near[..., None] & on_side).all(axis=1).any(axis=1)
+        return np.any(np.all(np.asarray(is_near)[..., None] & on_side, axis=1), axis=1)
 
 
 def take_out(

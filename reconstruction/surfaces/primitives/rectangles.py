@@ -86,9 +86,7 @@ def find_largest_rectangle(is_free: Bool[np.ndarray, "R C"]) -> tuple[int, GridR
     return best, where
 
 
-def _find_covered(
-    triangles: Float[np.ndarray, "F 3 2"], lines: list[Float[np.ndarray, " N"]]
-) -> Bool[np.ndarray, "R C"]:
+def _find_covered(triangles: Float[np.ndarray, "F 3 2"], lines: list[np.ndarray]) -> Bool[np.ndarray, "R C"]:
     """Return which cells of a grid triangles cover at their corners and in their middle."""
     corners = np.concatenate([triangles, np.zeros((*triangles.shape[:2], 1))], axis=2)
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)

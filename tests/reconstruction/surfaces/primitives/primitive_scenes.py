@@ -10,7 +10,7 @@ def make_noisy(
     solid: trimesh.Trimesh, seed: int = 0, edge: float = 0.05, noise: float = NOISE
 ) -> trimesh.Trimesh:
     """Return the surface of a solid in small triangles, its vertices off by a noise [m]."""
-    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, edge)
+    vertices, faces = trimesh.remesh.subdivide_to_size(solid.vertices, solid.faces, edge)[:2]
     mesh = trimesh.Trimesh(vertices, faces)
     mesh.merge_vertices()
     shift = np.random.default_rng(seed).normal(0.0, noise, mesh.vertices.shape)
@@ -31,8 +31,8 @@ def make_sphere_on_plane() -> trimesh.Trimesh:
 
 
 def make_column_room() -> trimesh.Trimesh:
-    """Return the inside of a room of 4 x 3 x 2 m with a column of 0.2 m from floor to ceiling; faces look inwards."""
-    column = trimesh.creation.cylinder(0.2, 2.4, sections=24).apply_translation((0.5, 0.2, 1.0))
-    inside = trimesh.boolean.difference([make_box((4.0, 3.0, 2.0), (0.0, 0.0, 1.0)), column])
+    """Return the inside of a room of 2 x 1.6 x 1 m with a column of 0.2 m from floor to ceiling; faces look inwards."""
+    column = trimesh.creation.cylinder(0.2, 1.4, sections=24).apply_translation((0.3, 0.2, 0.5))
+    inside = trimesh.boolean.difference([make_box((2.0, 1.6, 1.0), (0.0, 0.0, 0.5)), column])
     inside.invert()
     return inside
