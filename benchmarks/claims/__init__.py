@@ -8,6 +8,7 @@ from benchmarks.claims.baselines import BASELINES
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
+from benchmarks.claims.friction import FRICTION
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.real_scans import REAL_SCANS
@@ -22,6 +23,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Reconstruction": RECONSTRUCTION,
     "Folds and self-intersections": FOLDS,
     "Updating a reconstruction after a change": REFINE,
+    "Friction of the ground": FRICTION,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
     "Environment": ENVIRONMENT,
