@@ -9,6 +9,7 @@ from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
+from benchmarks.claims.friction import FRICTION
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.objects import OBJECTS
@@ -26,6 +27,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Folds and self-intersections": FOLDS,
     "Colors": COLOR,
     "Updating a reconstruction after a change": REFINE,
+    "Friction of the ground": FRICTION,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
     "Known objects": OBJECTS,

@@ -80,6 +80,18 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "benchmarks/material/changes.py",
         "benchmarks/refine.py::measure_change",
     ),
+    "friction": (
+        "reconstruction/slip",
+        "symbrion_gym/sensing/friction_drive.py",
+        "symbrion_gym/sensing/friction_robot.py",
+        "symbrion_gym/sensing/slip_sensors.py",
+        "symbrion_gym/arenas/friction_map.py",
+        "symbrion_gym/arenas/friction_pieces.py",
+        "symbrion_gym/robot",
+        *_COURSE,
+        "benchmarks/material/friction_courses.py",
+        "benchmarks/friction.py::measure_patches",
+    ),
     "arena": (*_NETWORKS, *_PIECES, *_SURFACES, "benchmarks/arena.py::measure_accuracy"),
     "arena/behaviour": (
         *_NETWORKS,

@@ -1,0 +1,25 @@
+"""Friction of the ground, estimated by robots from their slip."""
+
+from benchmarks.figures import Claim, Value
+
+FRICTION = (
+    Claim(
+        "Friction felt by robots, patches of 0.3 to 0.9 on which they drove 1 m or more: 95 % intervals that hold the "
+        "truth (of so many patches)",
+        "{0:.0%} ({1})",
+        (Value("friction", "patches/covered_share"), Value("friction", "patches/patches")),
+        bar=">= 0.9",
+        is_headline=True,
+    ),
+    Claim(
+        "Friction felt by robots, the same patches: largest error",
+        "{0:.3f}",
+        (Value("friction", "patches/worst"),),
+        bar="<= 0.05",
+    ),
+    Claim(
+        "Friction felt by robots, the same patches: root mean square error, mean half-width of the interval",
+        "{0:.3f}, {1:.3f}",
+        (Value("friction", "patches/rms"), Value("friction", "patches/half_width")),
+    ),
+)
