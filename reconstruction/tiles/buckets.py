@@ -51,7 +51,7 @@ def fill_buckets(
     counts: dict[Place, int] = {}
     with_halo: dict[Place, int] = {}
     for number, chunk in enumerate(stream.chunks()):
-        points = chunk - stream.offset
+        points = chunk - np.append(stream.offset, np.zeros(stream.columns - 3))
         points = points[(np.abs(points[:, :2]) < _MOST_PLACE * config.tile).all(axis=1)]
         own = np.floor(points[:, :2] / config.tile).astype(np.int64)
         _count(own, counts)
@@ -63,9 +63,9 @@ def fill_buckets(
     return [Bucket(place, counts[place], with_halo[place]) for place in sorted(counts)]
 
 
-def read_bucket(path: Path) -> Float[np.ndarray, "N 3"]:
-    """Return the points of a tile and its halo, relative to its corner [m]."""
-    return np.fromfile(path, dtype=np.float32).reshape(-1, 3).astype(np.float64)
+def read_bucket(path: Path, columns: int = 3) -> Float[np.ndarray, "N {columns}"]:
+    """Return the points of a tile and its halo, relative to its corner [m]; their colors behind them in 6 columns."""
+    return np.fromfile(path, dtype=np.float32).reshape(-1, columns).astype(np.float64)
 
 
 def name_bucket(folder: Path, place: Place) -> Path:
@@ -74,7 +74,7 @@ def name_bucket(folder: Path, place: Place) -> Path:
 
 
 def _find_near(
-    points: Float[np.ndarray, "N 3"], own: Int[np.ndarray, "N 2"], config: TilesConfig
+    points: Float[np.ndarray, "N columns"], own: Int[np.ndarray, "N 2"], config: TilesConfig
 ) -> dict[Place, Bool[np.ndarray, " N"]]:
     """Return which points are near the border in a direction: (axis, step) -> bool; for step 0 all."""
     is_near = {}
@@ -87,7 +87,7 @@ def _find_near(
 
 
 def _append(
-    points: Float[np.ndarray, "N 3"],
+    points: Float[np.ndarray, "N columns"],
     places: Int[np.ndarray, "N 2"],
     folder: Path,
     tile: float,
@@ -102,7 +102,9 @@ def _append(
     starts = np.flatnonzero(np.r_[True, np.diff(numbers[order]) != 0])
     for begin, end in zip(starts, [*starts[1:], len(points)], strict=True):
         place = (int(places[begin, 0]), int(places[begin, 1]))
-        local = points[begin:end] - [place[0] * tile, place[1] * tile, 0.0]
+        corner = np.zeros(points.shape[1])
+        corner[:2] = place[0] * tile, place[1] * tile
+        local = points[begin:end] - corner
         with name_bucket(folder, place).open("ab") as bucket:
             bucket.write(local.astype(np.float32).tobytes())
         totals[place] = totals.get(place, 0) + int(end - begin)

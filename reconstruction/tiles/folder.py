@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from reconstruction.errors import ReconstructionError
 from reconstruction.files.atomic_write import find_leftovers, write_atomically
 from reconstruction.files.typed_json import JsonError, read_json
+from reconstruction.surfaces.color import add_alpha
 from reconstruction.tiles.buckets import Place
-from reconstruction.tiles.tile import read_surface
+from reconstruction.tiles.tile import read_colors, read_surface
 
 INDEX = "tiles.json"
 FORMAT = 1
@@ -110,8 +111,14 @@ class TiledSurface:
             [faces + count for (_, faces), count in zip(surfaces, counts[:-1], strict=True)]
         )
         # Both sides of a seam have the same vertices.
-        different, numbers = np.unique(vertices, axis=0, return_inverse=True)
-        return trimesh.Trimesh(different, numbers.reshape(-1)[faces], process=False)
+        different, first, numbers = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+        mesh = trimesh.Trimesh(different, numbers.reshape(-1)[faces], process=False)
+        parts = [read_colors(self.folder / name_tile(place)) for place in places]
+        colors = [part for part in parts if part is not None]
+        if len(colors) == len(parts):
+            together = add_alpha(np.concatenate(colors)[first])
+            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=together)
+        return mesh
 
 
 def name_tile(place: Place) -> str:

@@ -6,13 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.files.atomic_write import write_atomically
-from reconstruction.files.bounded_read import read_npz
+from reconstruction.files.bounded_read import find_npz_names, read_npz
 from reconstruction.reconstruct import reconstruct
+from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.preprocess import preprocess
+from reconstruction.surfaces.color import WHITE, ColorSource
 from reconstruction.tiles.buckets import read_bucket
 from reconstruction.tiles.config import TilesConfig
 
@@ -32,7 +34,7 @@ def reconstruct_tile(job: dict[str, Any]) -> dict[str, Any]:
         `place`; `units` of the network, 0 where there are too few points; `used` points; `problem`, one line or None.
     """
     config = TilesConfig(**job["config"])
-    points = read_bucket(Path(job["points"]))
+    points = np.ascontiguousarray(read_bucket(Path(job["points"]), job.get("columns", 3))[:, :3])
     report = {"place": job["place"], "units": 0, "used": 0, "problem": None}
     try:
         if not job["is_raw"]:
@@ -65,10 +67,51 @@ def choose_units(points: Float[np.ndarray, "N 3"], config: TilesConfig) -> int:
     return max(int(2 ** (step / _STEPS_PER_OCTAVE)), config.min_units)
 
 
-def write_surface(path: Path, vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> None:
-    """Write the surface of a tile."""
+def write_surface(
+    path: Path,
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    colors: UInt8[np.ndarray, "V 3"] | None = None,
+) -> None:
+    """Write the surface of a tile, with the colors of its vertices where they are known."""
+    known = {} if colors is None else {"colors": colors}
     with write_atomically(path) as temporary:
-        np.savez_compressed(temporary, vertices=vertices, faces=faces.astype(np.int32))
+        np.savez_compressed(temporary, vertices=vertices, faces=faces.astype(np.int32), **known)
+
+
+def read_colors(path: Path) -> UInt8[np.ndarray, "V 3"] | None:
+    """Read the colors of the vertices of a tile, or None.
+
+    Raises:
+        ReconstructionError: damaged.
+    """
+    try:
+        if "colors" not in find_npz_names(path):
+            return None
+        arrays = read_npz(path, ("vertices", "colors"))
+        colors = arrays["colors"]
+        if colors.dtype != np.uint8 or colors.shape != (len(arrays["vertices"]), 3):
+            raise ValueError(f"colors are {colors.dtype} of {colors.shape}")
+    except (OSError, ValueError, KeyError) as error:
+        raise ReconstructionError(
+            f"{path}: no colors of a tile ({error}); reconstruct the scan again"
+        ) from error
+    return colors
+
+
+def find_tile_colors(
+    bucket: Path, vertices: Float[np.ndarray, "V 3"], corner: Float[np.ndarray, " 3"]
+) -> UInt8[np.ndarray, "V 3"]:
+    """Return the colors of the vertices of a tile, of its points and those of its halo.
+
+    Args:
+        bucket: file of its points, in six columns.
+        vertices: in coordinates of the whole scan [m].
+        corner: of the tile, there [m].
+    """
+    rows = read_bucket(bucket, columns=6)
+    colored = Cloud(rows[:, :3], np.clip(np.round(rows[:, 3:]), 0, WHITE).astype(np.uint8))
+    return ColorSource(colored).find_colors(vertices - corner)
 
 
 def read_surface(path: Path) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.progress import Progress, silent
+from reconstruction.scans.cloud import Cloud
 from reconstruction.tiles.buckets import Bucket, Place, fill_buckets, name_bucket
 from reconstruction.tiles.config import TilesConfig
 from reconstruction.tiles.folder import TiledSurface, claim_folder, name_tile, write_index
 from reconstruction.tiles.point_stream import open_points
 from reconstruction.tiles.seams import Surface, join_tile
-from reconstruction.tiles.tile import read_surface, reconstruct_tile, write_surface
+from reconstruction.tiles.tile import find_tile_colors, read_surface, reconstruct_tile, write_surface
 from reconstruction.tiles.workers import RunJobs, run_in_processes
 
 _NEIGHBORS = tuple((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0))
@@ -31,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 def reconstruct_tiles(
-    source: str | Path | ArrayLike,
+    source: str | Path | ArrayLike | Cloud,
     folder: str | Path,
     config: TilesConfig | None = None,
     *,
@@ -51,7 +52,8 @@ def reconstruct_tiles(
     points there are. Equal sources and seeds give equal files with any number of workers.
 
     Args:
-        source: a file .las, .laz (laspy) or .npy, which are streamed; another point file or an array `[N, 3]`.
+        source: a file .las, .laz (laspy) or .npy, which are streamed; another point file, a cloud or an array `[N, 3]`.
+            Where it has colors, so have the vertices of the tiles.
         folder: new, empty, or of a former reconstruction, whose tiles are replaced. Needs 12 bytes a point meanwhile.
         config: size of tiles and halos, resolution.
         method: "gsrm" or "gg".
@@ -83,6 +85,7 @@ def reconstruct_tiles(
             | {
                 "place": list(bucket.place),
                 "points": str(name_bucket(working, bucket.place)),
+                "columns": stream.columns,
                 "viewpoints": _find_near_viewpoints(positions, bucket.place, config),
                 "out": str(working / name_tile(bucket.place)),
             }
@@ -93,7 +96,7 @@ def reconstruct_tiles(
         reports = _collect(run_jobs, reconstruct_tile, jobs, "surface of tile", 0.1, progress)
         places = {tuple(report["place"]) for report in reports if report["units"]}
         joins = [
-            _make_join(bucket.place, places, working, folder, config)
+            _make_join(bucket.place, places, working, folder, config) | {"columns": stream.columns}
             for bucket in buckets
             if bucket.place in places
         ]
@@ -158,7 +161,11 @@ def finish_tile(job: dict[str, Any]) -> dict[str, Any]:
     own = Surface(*read_surface(Path(job["own"])))
     column, row = job["place"]
     joined = join_tile(own, neighbors, (column, row), config)
-    write_surface(Path(job["out"]), joined.vertices, joined.faces)
+    colors = None
+    if job.get("columns", 3) > 3 and len(joined.vertices):
+        corner = np.array([column, row, 0.0]) * config.tile
+        colors = find_tile_colors(Path(job["points"]), joined.vertices, corner)
+    write_surface(Path(job["out"]), joined.vertices, joined.faces, colors)
     return {"place": job["place"], "faces": len(joined.faces)}
 
 
@@ -170,6 +177,7 @@ def _make_join(
         "place": list(place),
         "config": asdict(config),
         "own": str(working / name_tile(place)),
+        "points": str(name_bucket(working, place)),
         "out": str(folder / name_tile(place)),
         "neighbors": [[x, y, str(working / name_tile((place[0] + x, place[1] + y)))] for x, y in near],
     }
