@@ -10,6 +10,7 @@ from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
+from benchmarks.claims.living import LIVING
 from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -22,6 +23,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Reconstruction": RECONSTRUCTION,
     "Folds and self-intersections": FOLDS,
     "Updating a reconstruction after a change": REFINE,
+    "Places that change": LIVING,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
     "Environment": ENVIRONMENT,

@@ -99,7 +99,7 @@ class Region:
 
     def contains(self, places: Float[np.ndarray, "N 3"]) -> np.ndarray:
         """Return which places lie in it."""
-        return ((places >= np.array(self.low)) & (places <= np.array(self.high))).all(axis=1)
+        return np.asarray(((places >= np.array(self.low)) & (places <= np.array(self.high))).all(axis=1))
 
 
 def make_truth(config: SceneConfig, *, is_changed: bool) -> sg.Arena:

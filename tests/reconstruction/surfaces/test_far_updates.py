@@ -104,7 +104,7 @@ def test_a_file_that_tells_far_faces_of_another_mesh_is_refused(tmp_path):
     rng = np.random.default_rng(0)
     floor = np.c_[rng.uniform(-1, 1, (4_000, 2)), rng.normal(0, 0.003, 4_000)]
     path = tmp_path / "refined.npz"
-    rc.reconstruct(floor, units=100).refine(floor + [0, 0, 0.1]).save(path)
+    rc.reconstruct(floor, units=100).refine(floor + np.array([0.0, 0.0, 0.1])).save(path)
     arrays = dict(np.load(path))
     arrays["far_is_far"] = arrays["far_is_far"][:-1]
     np.savez(path, **arrays)

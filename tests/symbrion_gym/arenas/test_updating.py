@@ -112,9 +112,9 @@ def test_what_changed_is_found():
 def test_what_no_scan_updates_is_refused(plain):
     with pytest.raises(sg.ArenaError, match="exact course"):
         sg.update_arena(sg.load_arena("truth"), make_floor())
+    far = make_floor()
+    far.apply_translation([1e6, 0.0, 0.0])
     with pytest.raises(sg.ArenaError, match="offset"):
-        far = make_floor()
-        far.apply_translation([1e6, 0.0, 0.0])
         sg.update_arena(plain, far)
     with pytest.raises(sg.ArenaError, match="tolerance"):
         UpdateConfig(tolerance=0.0)
