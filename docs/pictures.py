@@ -29,9 +29,9 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.bodies.enumeration import enumerate_bodies
+from evolution.report.arena_view import draw_arena
 from evolution.report.bodies import draw_bodies
 from evolution.report.pictures import to_png
-from evolution.report.arena_view import draw_arena
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results"

@@ -12,6 +12,7 @@ from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.friction import FRICTION
 from benchmarks.claims.imports import IMPORTS
 from benchmarks.claims.limits import LIMITS
+from benchmarks.claims.living import LIVING
 from benchmarks.claims.objects import OBJECTS
 from benchmarks.claims.physics import PHYSICS
 from benchmarks.claims.real_scans import REAL_SCANS
@@ -28,6 +29,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Colors": COLOR,
     "Updating a reconstruction after a change": REFINE,
     "Friction of the ground": FRICTION,
+    "Places that change": LIVING,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
     "Known objects": OBJECTS,

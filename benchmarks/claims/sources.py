@@ -92,6 +92,16 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "benchmarks/material/friction_courses.py",
         "benchmarks/friction.py::measure_patches",
     ),
+    "living": (
+        *_NETWORKS,
+        *_COURSE,
+        *_PIECES,
+        "evolution/experiments/live",
+        "benchmarks/material/changes.py",
+        "benchmarks/living.py::measure_change",
+        "benchmarks/living.py::measure_update",
+        "benchmarks/living.py::measure_room",
+    ),
     "arena": (*_NETWORKS, *_PIECES, *_SURFACES, "benchmarks/arena.py::measure_accuracy"),
     "arena/behaviour": (
         *_NETWORKS,

@@ -110,17 +110,26 @@ def scan(
     return places[seen] + rng.normal(0, NOISE, (len(seen), 3)), origins[seen]
 
 
-def make_changes(seed: int = 0) -> dict[str, Change]:
-    """Return all scenarios; most have a tenth as many new readings as old ones."""
-    plain, boxed = make_surface(Course()), make_surface(Course(), box=BOX)
-    wider = make_surface(Course(), widening=0.05)
-    shorter = make_surface(Course(), end=2.7)
+def make_changes(
+    seed: int = 0, course: Course | None = None, box: tuple[float, ...] = BOX
+) -> dict[str, Change]:
+    """Return all scenarios; most have a tenth as many new readings as old ones.
+
+    Args:
+        seed: seed of the readings.
+        course: the course; None for the default.
+        box: the box that is new or gone.
+    """
+    course = course or Course()
+    plain, boxed = make_surface(course), make_surface(course, box=box)
+    wider = make_surface(course, widening=0.05)
+    shorter = make_surface(course, end=2.7)
     points, with_box = draw(plain, NUM_POINTS, seed), draw(boxed, NUM_POINTS, seed)
     few, other = NUM_POINTS // 10, seed + 100
-    around_pit, around_box = (lambda p: np.abs(p[:, 0]) < 0.45), _near_box(0.25)
+    around_pit, around_box = (lambda p: np.abs(p[:, 0]) < 0.45), _near_box(box, 0.25)
     seen, origins = scan(plain, few, other, around_box)
     stopped = draw(boxed, NUM_POINTS, other)
-    stopped = stopped[~_near_box(0.02)(stopped)]
+    stopped = stopped[~_near_box(box, 0.02)(stopped)]
     beyond = draw(plain, few, other, lambda p: p[:, 0] > 2.6)
     return {
         "agreeing": Change(plain, plain, points, draw(plain, few, other)),
@@ -134,10 +143,10 @@ def make_changes(seed: int = 0) -> dict[str, Change]:
     }
 
 
-def _near_box(margin: float) -> Callable:
+def _near_box(box: tuple[float, ...], margin: float) -> Callable:
     def is_near(points: np.ndarray) -> np.ndarray:
-        low = np.array([BOX[0], BOX[2]]) - margin
-        high = np.array([BOX[1], BOX[3]]) + margin
+        low = np.array([box[0], box[2]]) - margin
+        high = np.array([box[1], box[3]]) + margin
         return np.asarray(((points[:, :2] > low) & (points[:, :2] < high)).all(axis=1))
 
     return is_near

@@ -67,8 +67,8 @@ def update_arena(
     scanned = take_surface(surface, viewpoints)
     if not np.array_equal(scanned.offset, arena.offset):
         raise ArenaError(
-            f"the surface lies at an offset of {scanned.offset} m, the arena at {arena.offset} m; give the surface that "
-            "the arena was made of, refined"
+            f"the surface lies at an offset of {scanned.offset} m, the arena at {arena.offset} m; give the "
+            "surface that the arena was made of, refined"
         )
     progress("repairing the mesh", 0.0)
     mesh = repair_surface(scanned, options.config.repair)

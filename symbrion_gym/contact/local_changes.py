@@ -203,7 +203,7 @@ def _find_open(
         is_far &= ~was_far | np.repeat(is_changed, len(_WEIGHTS))
     else:
         is_far &= np.repeat(is_changed, len(_WEIGHTS))
-    return is_far.reshape(len(tested), -1).any(axis=1)
+    return np.asarray(is_far.reshape(len(tested), -1).any(axis=1))
 
 
 def sample_faces(

@@ -119,7 +119,7 @@ def drive_round(
 
 
 def _find_limits() -> Float[np.ndarray, " R"]:
-    """Return the ranges below which something was certainly seen [m]: what is seen nowhere reads the range, and noise."""
+    """Return the ranges below which something was certainly seen [m]: nothing reads the range, and noise."""
     noise, ranges = SensorNoise(), find_scout_rays().max_ranges
     num_infrared = 2 * len(SIDES)
     deviation = np.where(np.arange(len(ranges)) < num_infrared, noise.ir, noise.laser)
@@ -127,7 +127,7 @@ def _find_limits() -> Float[np.ndarray, " R"]:
 
 
 def apply_error(pose: Float[np.ndarray, "4 4"], error: Float[np.ndarray, " 6"]) -> Float[np.ndarray, "4 4"]:
-    """Return a pose moved by an error: x, y, z in the world [m], then yaw, pitch, roll about the module's axes [rad]."""
+    """Return a pose moved by an error: x, y, z in the world [m], then yaw, pitch, roll of the module [rad]."""
     turn = make_pose(0.0, 0.0, error[3], roll=error[5], pitch=error[4])
     moved = pose @ np.asarray(turn).reshape(4, 4)
     moved[:3, 3] += error[:3]

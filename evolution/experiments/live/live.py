@@ -173,7 +173,7 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
 
 
 def plan_round(scene: SceneConfig) -> Plan:
-    """Return where the Scout goes: over the place of the old box, around the new one, up the ramp, along the pit's edge.
+    """Return where the Scout goes: over the old box's place, around the new box, up the ramp, along the pit.
 
     At each place it looks around by turning on the spot: its laser has one vertical fan of beams.
     """
@@ -278,7 +278,7 @@ def _without_time(arena: sg.Arena) -> sg.Arena:
 def _find_champion(config: LiveConfig, progress: rc.Progress) -> ev.Champion:
     """Return the champion of the model before; an unfinished evolution goes on."""
     folder = config.folder / "run"
-    if RunFolder(folder).has_run:
+    if RunFolder(folder).has_run():
         run = ev.resume(str(folder), progress=progress, workers=config.workers)
     else:
         run = ev.evolve(

@@ -24,7 +24,7 @@ class MatchConfig:
     Attributes:
         window: readings of this long share one correction [s]: the error of a pose changes little meanwhile.
         gate: readings farther from the surface than this take no part [m]: something has changed there.
-        sigma: standard deviation of a reading from the surface [m], more than its noise, as the surface has errors, too.
+        sigma: standard deviation of a reading from the surface [m], more than its noise: the surface has errors, too.
         iterations: of the correction.
         farthest: longer ranges are left out [m]: the error of an angle moves their ends most.
         cell: readings within a cell of this width become their mean [m].

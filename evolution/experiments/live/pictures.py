@@ -46,9 +46,9 @@ def draw_models(result: LiveResult, scene: SceneConfig) -> Figure:
             cmap="viridis",
         )
         for region in find_regions(scene):
-            low, high = np.array(region.low), np.array(region.high)
-            ax.add_patch(Rectangle(low[:2], *(high - low)[:2], fill=False, edgecolor="red"))
-            ax.text(low[0], high[1], region.name, color="red", va="bottom")
+            (x0, y0, _), (x1, y1, _) = region.low, region.high
+            ax.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor="red"))
+            ax.text(x0, y1, region.name, color="red", va="bottom")
         ax.set_title(_TITLES[name], loc="left")
         ax.set_ylabel("y [m]")
     axes[-1].set_xlabel("x [m]")

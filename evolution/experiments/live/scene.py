@@ -99,7 +99,7 @@ class Region:
 
     def contains(self, places: Float[np.ndarray, "N 3"]) -> np.ndarray:
         """Return which places lie in it."""
-        return ((places >= np.array(self.low)) & (places <= np.array(self.high))).all(axis=1)
+        return np.asarray(((places >= np.array(self.low)) & (places <= np.array(self.high))).all(axis=1))
 
 
 def make_truth(config: SceneConfig, *, is_changed: bool) -> sg.Arena:
@@ -118,7 +118,7 @@ def make_truth(config: SceneConfig, *, is_changed: bool) -> sg.Arena:
         surface = _put_on_floor(surface, course, box)
         size = (box.x[1] - box.x[0], box.y[1] - box.y[0], box.height + _DEPTH)
         solid = trimesh.creation.box(size)
-        solid.apply_translation((np.mean(box.x), np.mean(box.y), (box.height - _DEPTH) / 2))
+        solid.apply_translation([sum(box.x) / 2, sum(box.y) / 2, (box.height - _DEPTH) / 2])
         pieces = [*pieces, solid]
     about: dict[str, Any] = {"source": "truth, changed" if is_changed else "truth"}
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces))
