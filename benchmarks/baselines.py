@@ -234,6 +234,8 @@ class Baselines:
 
 
 PARTS = tuple(name for name in vars(Baselines) if not name.startswith("_"))
+USUAL_PARTS = tuple(name for name in PARTS if name != "learning")
+"""Learning takes days, and needs the extra `rl`: it is run only when it is named."""
 
 
 def run(quick: bool = False, only: tuple[str, ...] = (), lessons: Lessons | None = None) -> dict[str, Any]:
@@ -241,12 +243,12 @@ def run(quick: bool = False, only: tuple[str, ...] = (), lessons: Lessons | None
 
     Args:
         quick: few trials.
-        only: names of the parts to measure; all by default.
+        only: names of the parts to measure; all but "learning" by default.
         lessons: runs of the part "learning".
     """
     results = Results("baselines")
     baselines = Baselines(results, quick, lambda text: print(text, flush=True), lessons)
-    for name in only or PARTS:
+    for name in only or USUAL_PARTS:
         getattr(baselines, name)()
     return results.content
 
