@@ -73,6 +73,12 @@ def test_a_scout_drives_to_random_places(arena: str) -> None:
         assert drive(ground, *(tuple(places.positions[place, :2]) for place in (start, goal)))
 
 
+def test_a_scout_drives_by_dead_reckoning() -> None:
+    example = load("drive_by_dead_reckoning")
+    assert example.drive(sg.load_arena("truth"), (-2.7, -0.3), (-2.1, 0.2))
+    assert 0 <= example.count("gsrm", 1, duration=2.0) <= 1
+
+
 def test_pycma_searches_around_an_evaluator(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("evolution.backends.rollout.simulate", bowl)
     genotype, fitness = load("search_with_pycma").main(generations=3)
