@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.material.physics_theory import find_beam_gap_limit, find_gap_limit
+from benchmarks.material.physics_theory import find_beam_gap_limit, find_gap_limits
 from benchmarks.material.physics_wheels import find_step_limit
 from benchmarks.material.physics_worlds import World
 from reconstruction.files.atomic_write import write_atomically
@@ -81,15 +81,9 @@ def draw_gaps(rows: dict[str, Any]) -> None:
     figure, axis = plt.subplots(figsize=(8.5, 4.6), layout="constrained")
     torques = np.arange(0.4, 8.41, 0.1)
     for modules, color in MODULE_COLORS.items():
-        snakes = [
-            World(modules=modules, scout={"hinge_torque": float(torque)}).organism for torque in torques
-        ]
-        axis.plot(
-            torques,
-            [100 * find_gap_limit(snake) for snake in snakes],
-            color=color,
-            label=f"theory, {modules} modules",
-        )
+        limits = find_gap_limits(World(modules=modules).organism, [float(torque) for torque in torques])
+        label = f"theory, {modules} modules"
+        axis.plot(torques, [100 * limit for limit in limits], color=color, label=label)
         picked = [
             row for name, row in rows.items()
             if row["modules"] == modules and name.startswith("pyramidal, spheres") and "friction 0.7, 5 ms" in name
@@ -119,7 +113,7 @@ def draw_gaps(rows: dict[str, Any]) -> None:
 def draw_steps(rows: dict[str, Any]) -> None:
     """Draw the highest step that a lone module climbs by friction."""
     figure, axis = plt.subplots(figsize=(7.5, 4.2), layout="constrained")
-    curve = np.linspace(0.2, 1.0, 41)
+    curve = np.linspace(0.2, 0.9, 36)
     for tracks, style, words in (("spheres", "-", "radius 20 mm"), ("cylinders", "--", "radius 11 mm")):
         limits = [
             1000 * find_step_limit(World(tracks=tracks, friction=float(mu)).organism.scout) for mu in curve

@@ -46,6 +46,10 @@ PHYSICS = (
         *("turning, 2 to 4 modules, elliptic, 5 ms", "%", "10", PERCENT),
     ),
     _claim(
+        f"{_TURN}spheres, elliptic contacts, 1 ms or tracks at 0.01 m/s; largest error",
+        *("turning, 2 to 4 modules, elliptic, 1 ms or 0.01 m/s", "%", "10", PERCENT),
+    ),
+    _claim(
         f"{_TURN}2-4 modules on spheres, pyramidal contacts; largest error",
         *("turning, 2 to 4 modules, pyramidal", "%", "10", PERCENT),
     ),

@@ -54,6 +54,11 @@ BARS: dict[str, tuple[str, str, Callable[[str], bool]]] = {
         "off_share",
         lambda name: _has(name, "spheres", "elliptic", "5 ms", "0.05 m") and not _is_lone(name),
     ),
+    "turning, 2 to 4 modules, elliptic, 1 ms or 0.01 m/s": (
+        "turning",
+        "off_share",
+        lambda name: _has(name, "spheres", "elliptic") and (_has(name, " 1 ms") or _has(name, "0.01 m")),
+    ),
     "turning, elliptic, wheels and cylinders": (
         "turning",
         "off_share",

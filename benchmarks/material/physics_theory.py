@@ -7,7 +7,7 @@ behind it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,44 +117,48 @@ def make_chain(organism: Organism) -> Chain:
     )
 
 
-def is_held(chain: Chain, torque: float, stands: np.ndarray) -> bool:
-    """Return whether a straight chain can rest on some of its wheels.
+def find_holding_torque(chain: Chain, stands: np.ndarray) -> float:
+    """Return the least torque with which a straight chain rests on some of its wheels [N m]; infinite if none does.
 
-    There are forces at those wheels, none pulling, which balance all weights with no hinge above its torque: a linear
-    program.
+    There are forces at those wheels, none pulling, which balance all weights with no hinge above its torque, either
+    way: a linear program.
 
     Args:
         chain: the chain.
-        torque: largest torque of a hinge, either way [N m].
         stands: whether each wheel has ground below it.
     """
     if not stands.any():
-        return False
+        return np.inf
     feet, owner = chain.foot_x[stands], chain.foot_link[stands]
-    balance = np.stack([np.ones_like(feet), feet])
+    balance = np.stack([np.append(np.ones_like(feet), 0.0), np.append(feet, 0.0)])
     total = np.array([chain.weight.sum(), chain.weight @ chain.weight_x])
     rows, loads = [], []
     for i, place in enumerate(chain.hinge_x):
         ahead = chain.weight_link <= i
-        rows.append(np.where(owner <= i, feet - place, 0.0))
-        loads.append((chain.weight * (chain.weight_x - place))[ahead].sum())
-    limits: dict[str, Any] = {}
-    if rows:
-        arms, load = np.array(rows), np.array(loads)
-        limits["A_ub"] = np.concatenate([arms, -arms])
-        limits["b_ub"] = np.concatenate([load + torque, torque - load])
-    found = linprog(np.zeros(len(feet)), A_eq=balance, b_eq=total, bounds=(0, None), **limits)
-    return found.status == 0
+        arms = np.where(owner <= i, feet - place, 0.0)
+        load = (chain.weight * (chain.weight_x - place))[ahead].sum()
+        rows += [np.append(arms, -1.0), np.append(-arms, -1.0)]
+        loads += [load, -load]
+    cost = np.append(np.zeros(len(feet)), 1.0)
+    limits: dict[str, Any] = {"A_ub": np.array(rows), "b_ub": np.array(loads)} if rows else {}
+    found = linprog(cost, A_eq=balance, b_eq=total, bounds=(0, None), **limits)
+    return float(found.fun) if found.status == 0 else np.inf
 
 
 def find_gap_limit(organism: Organism, is_round: bool = True) -> float:
-    """Return the widest gap that a straight chain crosses slowly [m].
+    """Return the widest gap that a straight chain crosses slowly [m]; see `find_gap_limits`."""
+    return find_gap_limits(organism, [organism.scout.hinge_torque], is_round)[0]
+
+
+def find_gap_limits(organism: Organism, torques: Sequence[float], is_round: bool = True) -> list[float]:
+    """Return the widest gaps that a straight chain crosses slowly [m], by the torque of its hinges.
 
     It must rest in every position. Between two positions at which a wheel leaves the near side or reaches the far one
     the forces on the chain do not change, so one balance is examined for each.
 
     Args:
         organism: a snake.
+        torques: of its hinges [N m].
         is_round: whether wheels hold on to the edges. One that hangs over the near edge slips off when the edge presses
             at the angle of friction: it stands until r sin(atan friction) beyond. One whose center is less than r
             before the far edge meets a corner that lifts it, as long as it has sunk by less than r.
@@ -162,21 +166,22 @@ def find_gap_limit(organism: Organism, is_round: bool = True) -> float:
     scout, chain = organism.scout, make_chain(organism)
     radius = find_wheel_radius(scout) if is_round else 0.0
     near, far = radius * np.sin(np.arctan(scout.friction)), radius
-    held: dict[bytes, bool] = {}
+    needed: dict[bytes, float] = {}
 
-    def crosses(gap: float) -> bool:
+    def crosses(gap: float, torque: float) -> bool:
         leaving, reaching = near - chain.foot_x, gap - far - chain.foot_x
         events = np.unique(np.concatenate([leaving, reaching]))
         for shift in (events[:-1] + events[1:]) / 2:
             stands = (shift < leaving) | (shift > reaching)
             key = stands.tobytes()
-            if key not in held:
-                held[key] = is_held(chain, scout.hinge_torque, stands)
-            if not held[key]:
+            if key not in needed:
+                needed[key] = find_holding_torque(chain, stands)
+            if needed[key] > torque:
                 return False
         return True
 
-    return find_largest(crosses, 1e-3, organism.num_modules * scout.pitch)
+    widest = organism.num_modules * scout.pitch
+    return [find_largest(lambda gap, t=torque: crosses(gap, t), 1e-3, widest) for torque in torques]
 
 
 def find_beam_gap_limit(organism: Organism) -> float:
