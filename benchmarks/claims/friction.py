@@ -22,4 +22,13 @@ FRICTION = (
         "{0:.3f}, {1:.3f}",
         (Value("friction", "patches/rms"), Value("friction", "patches/half_width")),
     ),
+    Claim(
+        "Champions on a course with ice, 5 seeds: successes in the truth after evolution on what robots felt, and on one "
+        "friction for all",
+        "{0} and {1} of {2}",
+        tuple(
+            Value("friction", f"champions/{path}")
+            for path in ("felt/successes", "one/successes", "one/trials")
+        ),
+    ),
 )

@@ -23,7 +23,7 @@ ICE = Course(pit=0.0, friction_patches=((-1.6, -0.4, -0.25, 1.0, 0.15),))
 """Two ramps; ice on the first, from its left side to 0.25 m right of the middle: straight ahead leads onto it."""
 START, GOAL = (-2.75, 0.0), (0.1, 0.0)
 GENERATIONS = 10
-"""Small budgets: three genes, speed and turning of the tracks and steering toward the goal."""
+"""Small budgets: two genes."""
 _JUDGING_SEED = 77
 
 
@@ -74,7 +74,7 @@ def evolve_champion(models: Models, name: str, seed: int, trials: int) -> dict[s
         task="reach",
         start=START,
         goal=GOAL,
-        controller="posture",
+        controller="benchmarks.material.detour:Detour",
         track_control="skid",
         timestep=0.01,
         frame_skip=2,

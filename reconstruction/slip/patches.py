@@ -138,7 +138,7 @@ def _find_stretches(readings: FrictionReadings, config: FrictionPatchConfig) -> 
 def _leave_borders(
     readings: FrictionReadings,
     part: Int[np.ndarray, " P"],
-    others: list[tuple[Int[np.ndarray, ...], int, int]],
+    others: list[tuple[Int[np.ndarray, " _"], int, int]],
     config: FrictionPatchConfig,
 ) -> Int[np.ndarray, " I"]:
     """Return the readings of a stretch that are not at its border with one of another friction.
