@@ -8,7 +8,7 @@ import numpy as np
 from symbrion_gym.arenas.texture import TEXTURE_FILE, SurfaceTexture
 
 LIT_COLOR = (0.8, 0.8, 0.8, 1.0)
-"""Factor on the texture: level ground gets 1.2 times its light from the lamps of an arena and the viewer's headlight."""
+"""Factor on the texture: level ground gets 1.2 times its light from an arena's lamps and the viewer's headlight."""
 
 
 def add_texture(
