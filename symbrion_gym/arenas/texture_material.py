@@ -7,6 +7,9 @@ import numpy as np
 
 from symbrion_gym.arenas.texture import TEXTURE_FILE, SurfaceTexture
 
+LIT_COLOR = (0.8, 0.8, 0.8, 1.0)
+"""Factor on the texture: level ground gets 1.2 times its light from an arena's lamps and the viewer's headlight."""
+
 
 def add_texture(
     spec: mujoco.MjSpec, geom: mujoco.MjsGeom, texture: SurfaceTexture, use_files: bool = False
@@ -32,4 +35,4 @@ def add_texture(
         mesh.userfacetexcoord = np.arange(texture.uv.size // 2, dtype=np.int32)
     material = spec.add_material(name=name, specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
-    geom.material, geom.rgba = name, [1.0, 1.0, 1.0, 1.0]
+    geom.material, geom.rgba = name, LIT_COLOR

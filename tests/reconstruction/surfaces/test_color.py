@@ -1,3 +1,5 @@
+"""Colors of a surface."""
+
 import numpy as np
 import pytest
 import trimesh

@@ -1,3 +1,5 @@
+"""The error of colors."""
+
 import numpy as np
 import pytest
 import trimesh

@@ -1,3 +1,5 @@
+"""Tiles with colors."""
+
 import numpy as np
 import pytest
 

@@ -1,3 +1,5 @@
+"""Arenas with colors: atlas, texture, folder, model."""
+
 import json
 
 import mujoco

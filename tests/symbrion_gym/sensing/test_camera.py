@@ -1,3 +1,5 @@
+"""Cameras of the survey and of a simulation."""
+
 import mujoco
 import numpy as np
 import pytest

@@ -1,3 +1,5 @@
+"""Exports of arenas with colors."""
+
 import mujoco
 import numpy as np
 import pytest
