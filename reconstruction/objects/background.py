@@ -79,7 +79,9 @@ def find_planes(points: Float[np.ndarray, "N 3"], min_area: float, rng: np.rando
     min_patches = max(int(0.5 * min_area / PATCH**2), 4)
     while len(planes) < _MAX_PLANES and len(left.center) >= min_patches:
         trials = rng.choice(len(left.center), min(_NUM_TRIALS, len(left.center)), replace=False)
-        counts = [_find_on(left, left.normal[i], left.center[i] @ left.normal[i]).sum() for i in trials]
+        counts = [
+            _find_on(left, left.normal[i], float(left.center[i] @ left.normal[i])).sum() for i in trials
+        ]
         best = trials[int(np.argmax(counts))]
         if max(counts) < min_patches:
             break
@@ -172,7 +174,8 @@ def _make_plane(points: np.ndarray, normal: np.ndarray, offset: float, min_area:
     raster = np.zeros(field.max(axis=0) + _SPREAD + 2, dtype=bool)
     raster[field[:, 0], field[:, 1]] = True
     joined = ndimage.binary_dilation(raster, np.ones((3, 3)), iterations=_SPREAD)
-    parts, count = ndimage.label(joined)
+    parts = np.empty(joined.shape, np.int64)
+    count = int(ndimage.label(joined, output=parts))  # pyright: ignore[reportArgumentType]
     areas = ndimage.sum_labels(raster, parts, np.arange(1, count + 1)) * _RASTER**2
     wanted = np.flatnonzero(areas >= min_area) + 1
     return Plane(normal, offset, axes, low, np.isin(parts, wanted)) if len(wanted) else None

@@ -29,12 +29,12 @@ class NearestFaces(NamedTuple):
     distance: Float[np.ndarray, "A B C"]
 
     def find(
-        self, points: Float[np.ndarray, "*n 3"]
-    ) -> tuple[Float[np.ndarray, "*n"], Int[np.ndarray, "*n"]]:
+        self, points: Float[np.ndarray, "K M 3"]
+    ) -> tuple[Float[np.ndarray, "K M"], Int[np.ndarray, "K M"]]:
         """Return about the distance [m] and the nearest face of each point; infinite off the table."""
         field = np.floor((points - self.low) / self.step).astype(np.int64)
         inside = ((field >= 0) & (field < self.face.shape)).all(axis=-1)
-        i, j, k = np.where(inside[..., None], field, 0).reshape(-1, 3).T
+        i, j, k = np.where(np.asarray(inside)[..., None], field, 0).reshape(-1, 3).T
         distance = np.where(inside, self.distance[i, j, k].reshape(inside.shape), np.inf)
         return distance, self.face[i, j, k].reshape(inside.shape)
 
@@ -53,5 +53,5 @@ def make_nearest_faces(
     middles = np.ascontiguousarray(low + (fields + 0.5) * step)
     squared, face = igl.point_mesh_squared_distance(middles, vertices, faces)[:2]
     return NearestFaces(
-        low, step, np.asarray(face).reshape(shape), np.sqrt(np.asarray(squared)).reshape(shape)
+        low, step, np.asarray(face, np.int64).reshape(shape), np.sqrt(np.asarray(squared)).reshape(shape)
     )

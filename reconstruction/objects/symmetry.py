@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 SAME = 0.01
 """Two shapes are the same where no sample is farther from the other than this share of the diameter."""
+_SAME_AXIS = np.cos(np.deg2rad(3.0))
+"""Axes of inertia that deviate less from x, y or z than 3 degrees are taken as these."""
 _NUM_SAMPLES = 1500
 _FOLDS = (2, 3, 4, 6)
 _ROUND_STEPS = 36
@@ -23,8 +25,8 @@ _ROUND_STEPS = 36
 def find_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "S 3 3"]:
     """Return the rotations about a center that map a mesh onto itself, the identity first.
 
-    Tried are rotations by full fractions of a turn about the axes of inertia and, for boxes with equal sides, about
-    the axes x, y, z; combinations of those found belong to the result as well.
+    Tried are rotations by full fractions of a turn about the axes x, y, z and the axes of inertia;
+    combinations of those found belong to the result as well.
 
     Args:
         mesh: the object [m].
@@ -34,10 +36,12 @@ def find_symmetries(mesh: trimesh.Trimesh, center: Float[np.ndarray, " 3"]) -> F
     _, axes = np.linalg.eigh(points.T @ points)
     limit = SAME * 2 * float(np.linalg.norm(points, axis=1).max())
     found = [np.eye(3)]
-    for axis in [*axes.T, *np.eye(3)]:
+    own = [axis for axis in axes.T if np.abs(axis).max() < _SAME_AXIS]
+    for axis in [*np.eye(3), *own]:
         if is_same(mesh, center, points, make_turn(axis, 2.0), limit):  # no symmetry but that of revolution
-            found += [make_turn(axis, 2 * np.pi * k / _ROUND_STEPS) for k in range(1, _ROUND_STEPS)]
-            continue
+            found = [make_turn(axis, 2 * np.pi * k / _ROUND_STEPS) for k in range(_ROUND_STEPS)]
+            flip = make_turn(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]), np.pi)
+            return _close_group([*found[:2], *([flip] if is_same(mesh, center, points, flip, limit) else [])])
         for fold in _FOLDS:
             turn = make_turn(axis, 2 * np.pi / fold)
             if is_same(mesh, center, points, turn, limit):

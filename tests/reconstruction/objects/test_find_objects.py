@@ -1,0 +1,89 @@
+"""Known objects found in scans of a made room, with the library of the extra `objects`."""
+
+import numpy as np
+import pytest
+
+import reconstruction as rc
+from benchmarks.material.known_objects import make_socket
+from benchmarks.objects import judge
+from reconstruction.errors import ReconstructionError
+from reconstruction.objects.finding import suppress
+from reconstruction.objects.verification import Verdict
+
+MESHES = {"socket": make_socket()}
+
+
+def make_scan(num_objects, seed=40):
+    pytest.importorskip("embreex", reason="scans of made rooms need the extra 'embree'")
+    from benchmarks.material.object_rooms import RoomScan, make_survey
+
+    how = RoomScan(noise=0.003)
+    return make_survey(MESHES, seed, num_objects, how)
+
+
+@pytest.fixture
+def library():
+    return pytest.importorskip("cv2", reason="the extra 'objects' (opencv-contrib-python-headless) is absent")
+
+
+def test_sockets_are_found_with_their_poses(library):
+    survey = make_scan(2)
+    found = rc.find_objects(survey.cloud, MESHES)
+    judged = judge(survey, found, MESHES)
+    assert (judged.found, judged.false) == (2, 0)
+    assert max(judged.position_mm) < 20
+    assert max(judged.angle_deg) < 5
+    assert all(each.score > 0.94 and each.num_beams > 40 for each in found)
+    again = rc.find_objects(survey.cloud, MESHES)
+    for one, other in zip(found, again, strict=True):
+        np.testing.assert_array_equal(one.position, other.position)
+        np.testing.assert_array_equal(one.rotation, other.rotation)
+        assert one.score == other.score
+
+
+def test_positions_are_those_of_the_file(library):
+    survey = make_scan(1)
+    far = np.array([500_000.0, 4_000_000.0, 200.0])
+    cloud = survey.cloud.replace(points=survey.cloud.points + far, viewpoints=survey.cloud.viewpoints + far)
+    (found,) = rc.find_objects(cloud, MESHES)
+    assert np.linalg.norm(found.position - far - survey.objects[0].position) < 0.02
+
+
+def test_an_empty_room_has_no_objects(library):
+    assert rc.find_objects(make_scan(0).cloud, MESHES) == []
+
+
+def test_objects_are_found_in_a_mesh(library):
+    import trimesh
+
+    socket = MESHES["socket"].copy().apply_translation((0, 0.2, 0.5))
+    wall = trimesh.creation.box((0.1, 2.0, 2.0)).apply_translation((-0.05, 0, 0.5))
+    room = trimesh.boolean.union([socket, wall])
+    (found,) = rc.find_objects(room, MESHES)
+    np.testing.assert_allclose(found.position, (0, 0.2, 0.5), atol=0.005)
+    np.testing.assert_allclose(found.rotation, np.eye(3), atol=0.05)
+
+
+def test_without_objects_there_is_nothing_to_find(library):
+    with pytest.raises(ReconstructionError, match="objects is empty"):
+        rc.find_objects(np.zeros((10, 3)), {})
+
+
+def test_a_missing_library_is_named_in_one_line(monkeypatch):
+    monkeypatch.setattr("reconstruction.extras.find_spec", lambda name: None)
+    with pytest.raises(RuntimeError, match=r"extra 'objects' .*cv2.*symbrion-gym\[objects\]"):
+        rc.find_objects(np.zeros((10, 3)), MESHES)
+
+
+def test_of_two_finds_at_one_place_the_better_is_kept():
+    from reconstruction.objects.finding import _Candidate
+    from reconstruction.objects.model import make_model
+
+    model = make_model("socket", MESHES["socket"])
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[1, 0, 3], poses[2, 0, 3] = 0.01, 0.4
+    found = [
+        _Candidate(model, pose, Verdict(score, 1.0, 100, 0.0))
+        for pose, score in zip(poses, (0.95, 0.99, 0.96), strict=True)
+    ]
+    assert suppress(found) == [found[1], found[2]]

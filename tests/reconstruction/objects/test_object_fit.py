@@ -1,0 +1,135 @@
+"""Fitting and verifying poses, and the planes that are set aside."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchmarks.material.known_objects import make_socket
+from reconstruction.errors import ReconstructionError
+from reconstruction.objects.alignment import align
+from reconstruction.objects.background import find_background, find_planes, measure_noise
+from reconstruction.objects.config import ObjectsConfig
+from reconstruction.objects.model import make_model
+from reconstruction.objects.rays import Beams, cast
+from reconstruction.objects.symmetry import find_angle, make_turn
+from reconstruction.objects.verification import verify_by_beams, verify_by_distance
+from reconstruction.scans.cloud import Cloud
+
+NOISE = 0.003
+
+
+@pytest.fixture(scope="module")
+def socket():
+    return make_model("socket", make_socket())
+
+
+@pytest.fixture(scope="module")
+def beams(socket):
+    """Beams from two places at a socket at the origin and at the wall that it hangs on."""
+    rng = np.random.default_rng(0)
+    places = np.array([[1.2, 0.5, 0.3], [1.0, -0.6, -0.2]])
+    origins = np.repeat(places, 1200, axis=0)
+    targets = np.column_stack([np.full(2400, 0.04), rng.uniform(-0.15, 0.15, (2400, 2))])
+    directions = targets - origins
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = Beams(np.arange(2400), origins, directions, np.ones(2400))
+    hit, _ = cast(socket, np.eye(4), rays)
+    wall = -origins[:, 0] / directions[:, 0]
+    ranges = np.minimum(hit, wall) + rng.normal(0, NOISE, 2400)
+    return rays._replace(ranges=ranges), ~np.isfinite(hit)
+
+
+def test_a_fit_ends_at_the_true_pose(socket, beams):
+    rays, is_wall = beams
+    points = (rays.origins + rays.directions * rays.ranges[:, None])[~is_wall]
+    toward = -rays.directions[~is_wall]
+    start = np.eye(4)
+    start[:3, :3] = make_turn(np.array([1.0, 2.0, 0.5]), np.deg2rad(12.0))
+    start[:3, 3] = 0.012, -0.008, 0.01
+    for is_exact, limit in ((False, 0.02), (True, 0.01)):
+        poses, worth = align(socket, start[None], points, toward, NOISE, is_exact=is_exact)
+        assert np.linalg.norm(poses[0][:3, 3]) < limit
+        assert find_angle(poses[0][:3, :3], np.eye(3)) < np.deg2rad(6.0)
+        assert worth[0] > 0.4 * len(points)
+
+
+def test_beams_speak_for_the_true_pose_and_against_others(socket, beams):
+    rays, is_wall = beams
+    config = ObjectsConfig()
+
+    def ask(pose):
+        return verify_by_beams(socket, pose, rays, is_wall, NOISE, config)
+
+    right = ask(np.eye(4))
+    assert right.score > 0.98
+    assert right.coverage > 0.98
+    assert right.error == pytest.approx(NOISE, rel=0.2)
+    for shift in ((0.05, 0, 0), (-0.05, 0, 0), (0, 0.04, 0)):
+        pose = np.eye(4)
+        pose[:3, 3] = shift
+        assert ask(pose).score < config.min_score
+    upside_down = np.eye(4)
+    upside_down[:3, :3] = np.diag([1.0, -1.0, -1.0])
+    assert ask(upside_down).score < config.min_score
+
+
+def test_free_space_rules_an_object_out(socket, beams):
+    rays, _ = beams
+    through = rays._replace(ranges=rays.ranges + 0.5)
+    assert (
+        verify_by_beams(socket, np.eye(4), through, np.ones(2400, bool), NOISE, ObjectsConfig()).score < 0.2
+    )
+
+
+def test_what_hides_an_object_lowers_its_coverage_alone(socket, beams):
+    rays, is_wall = beams
+    hidden = rays.ranges.copy()
+    hidden[:1200] = 0.3
+    found = verify_by_beams(socket, np.eye(4), rays._replace(ranges=hidden), is_wall, NOISE, ObjectsConfig())
+    assert found.score > 0.98
+    assert 0.3 < found.coverage < 0.7
+
+
+def test_without_viewpoints_distances_decide(socket):
+    points = socket.points[socket.points[:, 0] > 0.01]
+    config, wall = ObjectsConfig(), np.zeros(len(points), bool)
+    right = verify_by_distance(socket, np.eye(4), points, wall, NOISE, 0.008, config)
+    assert right.score > 0.99
+    moved = np.eye(4)
+    moved[0, 3] = 0.03
+    assert verify_by_distance(socket, moved, points, wall, NOISE, 0.008, config).score < 0.9
+
+
+def test_walls_are_found_and_their_noise_is_measured():
+    rng = np.random.default_rng(3)
+    wall = np.column_stack([rng.normal(0, 0.004, 60_000), rng.uniform(-1, 1, (60_000, 2))])
+    thing = rng.uniform(-0.05, 0.05, (500, 3)) + np.array([0.3, 0, 0])
+    cloud = Cloud(np.concatenate([wall, thing]))
+    planes = find_planes(cloud.points, 0.1, np.random.default_rng(0))
+    assert len(planes) == 1
+    assert abs(planes[0].normal[0]) == pytest.approx(1.0, abs=1e-3)
+    assert measure_noise(cloud, planes) == pytest.approx(0.004, rel=0.1)
+    background = find_background(cloud.points, planes, 0.016)
+    assert background[:60_000].mean() > 0.99
+    assert not background[60_000:].any()
+
+
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        (trimesh.Trimesh(), "no faces"),
+        (trimesh.creation.box((65.0, 65.0, 45.0)), "is the mesh in meters"),
+        (trimesh.creation.box((0.005, 0.005, 0.005)), "is 0.005 m long"),
+    ],
+)
+def test_meshes_that_are_no_objects_are_refused(mesh, words):
+    with pytest.raises(ReconstructionError, match=words):
+        make_model("thing", mesh)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"spacing": 0.0}, {"noise": -1.0}, {"min_score": 1.5}, {"min_beams": 0}, {"sampling": 2.0}]
+)
+def test_numbers_out_of_range_are_refused(wrong):
+    with pytest.raises(ReconstructionError, match=next(iter(wrong))):
+        ObjectsConfig(**wrong)

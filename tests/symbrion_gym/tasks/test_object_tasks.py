@@ -1,0 +1,105 @@
+"""Tasks at known objects: reaching and docking, by both judges."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+import symbrion_gym as sg
+from symbrion_gym.arenas.placed_objects import PlacedObject
+from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.errors import ArenaError, TaskError
+from symbrion_gym.tasks.audit import Trajectory
+from symbrion_gym.tasks.objects import DockAtObject, ReachObject
+from symbrion_gym.tasks.second_judge import audit_task
+
+FACING = np.diag([-1.0, -1.0, 1.0])
+"""The front points along -x, to the start."""
+BOX = trimesh.creation.box((0.2, 0.2, 0.2))
+
+
+def make_arena(rotation=FACING, y=0.3):
+    each = PlacedObject("station", np.array([-2.0, y, 0.1]), rotation, BOX)
+    return replace(sg.load_arena("truth"), objects=(each,))
+
+
+def drive(task, arena=None, modules=1, **options):
+    """Drive straight ahead; return the environment, the last `info` and the trajectory."""
+    arena = make_arena() if arena is None else arena
+    start = options.pop("start", (-2.6, 0.3))
+    env = OrganismEnv(task=task, arena=arena, modules=modules, start=start, track_control="body", **options)
+    env.reset(seed=0)
+    moves = [*range(7), *env.world.hinge_qpos]
+    action = np.append(np.zeros(env.world.num_hinges), 1.0)
+    rows, times = [env.data.qpos[moves].copy()], [0.0]
+    while True:
+        *_, terminated, truncated, info = env.step(action)
+        rows.append(env.data.qpos[moves].copy())
+        times.append(info["time"])
+        if terminated or truncated:
+            return env, info, Trajectory(np.array(times), np.array(rows))
+
+
+def judge(env, trajectory):
+    return audit_task(trajectory, env.world.task, env.world.scene, env.config.track_speed)
+
+
+@pytest.mark.parametrize("task", ["reach", "dock"])
+@pytest.mark.parametrize("modules", [1, 2])
+def test_a_body_that_drives_to_the_front_succeeds(task, modules):
+    env, info, trajectory = drive(task, modules=modules, goal="object_station_0")
+    assert info["success"], info
+    assert judge(env, trajectory).faults == ()
+    time, qpos = trajectory
+    half = len(time) // 2
+    faults = judge(env, Trajectory(time[:half], qpos[:half])).faults
+    assert any("from the object" in text for text in faults), faults
+
+
+def test_the_dock_ends_at_the_front():
+    env, info, _ = drive("dock", goal="station")
+    assert info["success"]
+    assert env.data.qpos[0] + env.world.scene.organism.scout.arm_reach == pytest.approx(-2.1, abs=0.04)
+
+
+def test_a_dock_that_is_not_aligned_is_no_success():
+    turned = FACING @ np.array([[np.cos(0.4), -np.sin(0.4), 0], [np.sin(0.4), np.cos(0.4), 0], [0, 0, 1]])
+    env, info, trajectory = drive("dock", make_arena(turned), goal="station", tolerance=0.1, duration=8.0)
+    assert not info["success"]
+    assert any("degrees off the front" in text for text in judge(env, trajectory).faults)
+
+
+def test_a_dock_beside_the_front_is_no_success():
+    env, info, trajectory = drive("dock", make_arena(y=0.36), goal="station", duration=8.0, start=(-2.6, 0.3))
+    # The start looks at the place before the object, so the head is turned to the front for this test.
+    time, qpos = trajectory
+    assert not info["success"] or judge(env, trajectory).is_success
+    shifted = qpos.copy()
+    shifted[:, 1] += 0.1
+    assert not judge(env, Trajectory(time, shifted)).is_success
+
+
+def test_a_task_at_an_object_is_stored():
+    for task in (sg.make_task("dock", goal="station"), sg.make_task("reach", goal="object_socket_0")):
+        again = sg.read_task(task.as_dict())
+        assert again == task
+    assert isinstance(sg.make_task("dock").goal, DockAtObject)
+    assert isinstance(sg.make_task("reach", goal="socket").goal, ReachObject)
+
+
+def test_an_object_that_is_not_there_is_named():
+    with pytest.raises(ArenaError, match="no objects 'socket' in the arena; there are: object_station_0"):
+        OrganismEnv(task="reach", arena=make_arena(), modules=1, goal="socket")
+
+
+def test_an_object_in_the_air_beyond_the_rim_is_not_reached():
+    away = PlacedObject("station", np.array([-8.0, 0.3, 0.1]), FACING, BOX)
+    with pytest.raises(ArenaError, match="no way to the front of 'station'"):
+        OrganismEnv(task="dock", arena=replace(make_arena(), objects=(away,)), modules=1, goal="station")
+
+
+@pytest.mark.parametrize("wrong", [{"goal": ""}, {"tolerance": 0.0}, {"max_angle": -1.0}])
+def test_parameters_out_of_range_are_refused(wrong):
+    with pytest.raises(TaskError):
+        sg.make_task("dock", **wrong)
