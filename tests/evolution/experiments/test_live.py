@@ -31,12 +31,8 @@ def test_the_truth_has_the_boxes_and_the_wall_where_they_are():
     assert [region.name for region in find_regions(scene)] == ["box added", "box gone", "wall moved"]
     for arena in (before, now):
         # Contact ends where the surface is.
-        assert (
-            measure_gaps(
-                *sample_faces(arena.surface, np.arange(len(arena.surface.faces))), arena.pieces
-            ).max()
-            < 1e-6
-        )
+        places = sample_faces(arena.surface, np.arange(len(arena.surface.faces)))
+        assert measure_gaps(*places, arena.pieces).max() < 1e-6
 
 
 def test_nothing_has_changed_in_a_scene_without_changes():
