@@ -34,9 +34,8 @@ def count(name: str, places: int = 20, **options) -> int:
         start = rng.choice(np.flatnonzero(ground.region == ground.region[goal]))
         if np.linalg.norm(ground.positions[goal] - ground.positions[start]) > 0.3:
             places -= 1
-            reached += drive(
-                arena, *(tuple(ground.positions[i, :2]) for i in (start, goal)), places, **options
-            )
+            ends = [tuple(ground.positions[i, :2]) for i in (start, goal)]
+            reached += drive(arena, ends[0], ends[1], places, **options)
     return reached
 
 
