@@ -19,7 +19,8 @@ from benchmarks.material.color_judge import PAINTS, judge
 from benchmarks.material.made_scenes import SCENES, MadeScan
 from benchmarks.report import write_results
 from reconstruction.files.atomic_write import write_atomically
-from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.reconstruct import reconstruct
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.cloud import Cloud
 from reconstruction.scans.preprocess import preprocess
 from reconstruction.scans.selection import thin

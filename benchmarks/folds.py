@@ -17,7 +17,8 @@ import symbrion_gym as sg
 from benchmarks.material.changes import make_changes
 from benchmarks.material.clouds import DATA, load_stairs, make_far_arena, make_hills
 from benchmarks.report import write_results
-from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.reconstruct import reconstruct
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.ready_made import RECIPES, SPACING
 

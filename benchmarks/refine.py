@@ -22,7 +22,8 @@ import trimesh
 from benchmarks.material.changes import NUM_POINTS, Change, draw, make_changes, make_surface
 from benchmarks.report import write_results
 from reconstruction.geometry.sampling import sample_area
-from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.reconstruct import reconstruct
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.arenas.course import Course
 

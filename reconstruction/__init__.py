@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from reconstruction.lazy import export_lazily
-from reconstruction.reconstruct import Reconstruction, reconstruct  # the function has the name of its module
+from reconstruction.reconstruct import reconstruct  # the function has the name of its module
+from reconstruction.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
     from reconstruction.errors import ReconstructionError, ReconstructionPackageError, ScanError

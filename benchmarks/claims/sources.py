@@ -7,6 +7,7 @@ may name others by `sources`.
 
 _NETWORKS = (
     "reconstruction/reconstruct.py",
+    "reconstruction/reconstruction.py",
     "reconstruction/geometry",
     "reconstruction/networks",
     "reconstruction/surfaces",

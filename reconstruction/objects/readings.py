@@ -45,7 +45,7 @@ def read_scan(scan: Any, spacing: float, seed: int) -> Cloud:
     Raises:
         ReconstructionError: it is none of these, or holds too few points.
     """
-    from reconstruction.reconstruct import Reconstruction
+    from reconstruction.reconstruction import Reconstruction
 
     if isinstance(scan, Reconstruction):
         scan = scan.readings

@@ -82,3 +82,9 @@ def _check_extent(points: Float[np.ndarray, "N 3"]) -> None:
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(centered @ centered.T), 0))
     if values[1] <= FLATNESS * values[2]:
         raise ReconstructionError(f"all {len(points)} points lie on one line, they hold no surface")
+
+
+def check_seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ReconstructionError(f"seed must be a whole number from 0 on, got {seed!r}")
+    return int(seed)

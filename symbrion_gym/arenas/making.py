@@ -36,7 +36,7 @@ from symbrion_gym.contact.options import ContactConfig, ContactOptions
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
-    from reconstruction.reconstruct import Reconstruction
+    from reconstruction.reconstruction import Reconstruction
 
 logger = logging.getLogger(__name__)
 

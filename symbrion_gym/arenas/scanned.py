@@ -27,7 +27,7 @@ from symbrion_gym.contact.ray_mesh import RayMesh
 from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
-    from reconstruction.reconstruct import Reconstruction
+    from reconstruction.reconstruction import Reconstruction
     from reconstruction.slip.patches import FrictionEstimate
 
 _WITH_FRAME = (".glb", ".gltf", ".dae")
@@ -173,7 +173,7 @@ def _take(surface: Reconstruction | trimesh.Trimesh | str | Path, frame: MeshFra
         check_has_surface(Path(surface))
         if Path(surface).suffix.lower() == ".npz":
             _check_no_frame(frame, name)
-            from reconstruction.reconstruct import Reconstruction
+            from reconstruction.reconstruction import Reconstruction
 
             try:
                 return _take_reconstruction(Reconstruction.load(surface), name)

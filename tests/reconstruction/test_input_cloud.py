@@ -10,7 +10,8 @@ from test_reconstruct import make_ground
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.visibility import find_seen_sides
 from reconstruction.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
-from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.reconstruct import reconstruct
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.cloud import Cloud
 from reconstruction.surfaces.quality import find_distances
 

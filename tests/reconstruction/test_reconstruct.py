@@ -13,7 +13,8 @@ from damage import flip_bits
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.geometry.orientation import orient_outwards
-from reconstruction.reconstruct import Reconstruction, reconstruct
+from reconstruction.reconstruct import reconstruct
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.point_check import check_points
 
 METHODS = ("gsrm", "gg")

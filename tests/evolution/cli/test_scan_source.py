@@ -9,7 +9,7 @@ import trimesh
 
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.main import _parse, run
-from reconstruction.reconstruct import Reconstruction
+from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.scan import ScanLog
 
 SHEET = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.01], (2000, 3))
