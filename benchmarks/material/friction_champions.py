@@ -55,7 +55,8 @@ def make_models(folder: Path, seed: int = 0) -> Models:
     estimate = surface.refine(slip=log.slip).friction
     assert estimate is not None
     known = [(round(patch.friction, 4), round(patch.half_width, 4)) for patch in estimate.patches]
-    return Models(*(str(folder / name) for name in arenas), known)
+    truth_folder, felt_folder, one_folder = (str(folder / name) for name in arenas)
+    return Models(truth_folder, felt_folder, one_folder, known)
 
 
 def evolve_champion(models: Models, name: str, seed: int, trials: int) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Courses with friction patches drawn at random, and what an estimate of their friction is worth."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,7 +55,7 @@ class PatchRow(NamedTuple):
 def draw_course(seed: int) -> Course:
     """Draw a course: sizes, a friction, and patches of 0.3 to 0.9 across all or half of its width."""
     rng = np.random.default_rng([20, seed])
-    sizes = {
+    sizes: dict[str, Any] = {
         "height": rng.uniform(0.15, 0.27),
         "ramp": rng.uniform(0.9, 1.2),
         "plateau": rng.uniform(0.45, 0.7),
@@ -67,7 +68,7 @@ def draw_course(seed: int) -> Course:
         across = [(), (-1.0, 0.0), (0.0, 1.0)][rng.integers(3)]
         patches.append((x, end, *across, friction))
         x = end + rng.uniform(0.5, 1.2)
-    return Course(**{**vars(course), "friction_patches": tuple(patches)})
+    return replace(course, friction_patches=tuple(patches))
 
 
 def feel_course(

@@ -141,7 +141,7 @@ def _is_inside(places: Float[np.ndarray, "N 2"], outline: Outline) -> np.ndarray
     corners = np.array(outline)
     edges = np.roll(corners, -1, axis=0) - corners
     away = places[:, None] - corners
-    return (edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] >= 0.0).all(axis=1)
+    return np.all(edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] >= 0.0, axis=1)
 
 
 def _check_outline(outline: Outline) -> None:
