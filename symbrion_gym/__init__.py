@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
-    from symbrion_gym.arenas.placed_objects import PlacedObject, place_objects
+    from symbrion_gym.arenas.object_placing import place_objects
+    from symbrion_gym.arenas.placed_objects import PlacedObject
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.assets import NAMED_ARENAS
     from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig

@@ -49,7 +49,7 @@ class Arena:
         provenance: what it was made of, with which options and versions.
         offset: what was subtracted from the coordinates of the scan [m].
         friction_source: "exact", "given" by the user, or "assumed": a scan does not show it, so randomize it.
-        objects: known objects in it; `symbrion_gym.arenas.placed_objects.place_objects` adds those that were found.
+        objects: known objects in it; `symbrion_gym.place_objects` adds those that were found.
 
     Raises:
         ArenaError: name, friction or kind is out of range, or the kind does not go with the height field.
