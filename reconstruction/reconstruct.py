@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from numpy.typing import ArrayLike
 
 from reconstruction.errors import ReconstructionError
@@ -13,10 +11,7 @@ from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
 from reconstruction.reconstruction import Reconstruction
 from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.point_check import check_seed
-
-if TYPE_CHECKING:
-    pass
+from reconstruction.scans.point_check import check_number, check_seed
 
 DEFAULT_UNITS = 2200
 """Of the paper's mode: that of its experiments."""

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
     from symbrion_gym.arenas.loading import load_arena
     from symbrion_gym.arenas.making import make_arena
-    from symbrion_gym.arenas.placed_objects import PlacedObject, place_objects
+    from symbrion_gym.arenas.object_placing import place_objects
+    from symbrion_gym.arenas.placed_objects import PlacedObject
     from symbrion_gym.arenas.texture_atlas import AtlasConfig
     from symbrion_gym.arenas.tiles import load_tiles
     from symbrion_gym.arenas.updating import update_arena

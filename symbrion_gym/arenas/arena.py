@@ -62,7 +62,7 @@ class Arena:
             changes.
         primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them
             and the rest of the surface, and the solid ones are the last of the pieces.
-        objects: known objects in it; `symbrion_gym.arenas.placed_objects.place_objects` adds those that were found.
+        objects: known objects in it; `symbrion_gym.place_objects` adds those that were found.
 
     Raises:
         ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height

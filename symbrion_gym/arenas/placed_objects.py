@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from reconstruction.geometry.decimation import simplify
 from symbrion_gym.errors import ArenaError
-
-if TYPE_CHECKING:
-    from symbrion_gym.arenas.arena import Arena
 
 OBJECT_GROUP = 1
 """Geom group of known objects: drawn; touched by nothing and seen by no sensor, as the scanned surface has them."""
 OBJECT_COLOR = (0.16, 0.45, 0.80, 1.0)
-MAX_FACES = 2000
-"""Meshes with more faces are simplified to as many."""
 MAX_OBJECTS = 1000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,59}")
 _ROUNDING = 1e-5
@@ -89,27 +83,6 @@ class PlacedObject:
             "vertices": np.round(np.asarray(self.mesh.vertices, np.float64), 6).tolist(),
             "faces": np.asarray(self.mesh.faces).tolist(),
         }
-
-
-def place_objects(arena: Arena, found: Iterable[Any], meshes: Mapping[str, trimesh.Trimesh]) -> Arena:
-    """Return an arena with objects that were found in its scan, as `arena.objects`.
-
-    Args:
-        arena: stays as it is; its offset is subtracted from the positions. Of its objects those of other names are
-            kept.
-        found: what `reconstruction.find_objects` returned.
-        meshes: the objects' meshes, by name.
-
-    Raises:
-        ArenaError: an object has no mesh, or cannot be placed.
-    """
-    placed = [each for each in arena.objects if each.name not in meshes]
-    for each in found:
-        if each.name not in meshes:
-            raise ArenaError(f"no mesh for object {each.name!r}; there are: {', '.join(meshes) or 'none'}")
-        position = np.asarray(each.position, np.float64) - np.asarray(arena.offset)
-        placed.append(PlacedObject(each.name, position, each.rotation, _lighten(meshes[each.name])))
-    return replace(arena, objects=tuple(placed))
 
 
 def check_objects(objects: Any) -> tuple[PlacedObject, ...]:
@@ -212,10 +185,3 @@ def read_objects(content: Any) -> tuple[PlacedObject, ...]:
 def stretch_objects(objects: Iterable[PlacedObject], factor: float) -> tuple[PlacedObject, ...]:
     """Return objects whose places along x are multiplied; they keep their size and rotation."""
     return tuple(replace(each, position=each.position * np.array([factor, 1.0, 1.0])) for each in objects)
-
-
-def _lighten(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
-    if len(faces) > MAX_FACES:
-        vertices, faces = simplify(vertices, faces, MAX_FACES)
-    return trimesh.Trimesh(np.round(vertices, 6), faces, process=False)
