@@ -74,9 +74,10 @@ def write_surface(
     colors: UInt8[np.ndarray, "V 3"] | None = None,
 ) -> None:
     """Write the surface of a tile, with the colors of its vertices where they are known."""
-    known = {} if colors is None else {"colors": colors}
+    arrays = {"vertices": vertices, "faces": faces.astype(np.int32)}
+    arrays |= {} if colors is None else {"colors": colors}
     with write_atomically(path) as temporary:
-        np.savez_compressed(temporary, vertices=vertices, faces=faces.astype(np.int32), **known)
+        np.savez_compressed(temporary, **arrays)  # pyright: ignore[reportArgumentType]
 
 
 def read_colors(path: Path) -> UInt8[np.ndarray, "V 3"] | None:
