@@ -95,13 +95,14 @@ class EpisodeConfig:
         task: a `Task` or the name of one; None: to cross a pit, or to reach `goal`.
         start: where a trial begins: "pit" (close before the pit), "floor", or (x, y) or (x, y, z) [m]; None: where
             the task says, and "pit" without task and goal.
-        goal: (x, y) or (x, y, z) to be reached [m]; None: where the task or the arena says.
+        goal: (x, y) or (x, y, z) to be reached [m], or a known object of the arena, as "object_socket_0"; None: where
+            the task or the arena says.
         environment: further options of the environment, such as pit, bottomless, duration or track_control.
     """
 
     task: Any = None
     start: str | Point | None = None
-    goal: Point | None = None
+    goal: str | Point | None = None
     environment: Options = ()
 
     def __post_init__(self) -> None:
@@ -114,7 +115,10 @@ class EpisodeConfig:
         elif self.start is not None:
             set_field(self, "start", _as_point("start", self.start))
         if self.goal is not None:
-            set_field(self, "goal", _as_point("goal", self.goal))
+            if not isinstance(self.goal, str):
+                set_field(self, "goal", _as_point("goal", self.goal))
+            elif self.task is None:
+                raise RunError(f"goal is the object {self.goal!r}, which needs a task: 'reach' or 'dock'")
             if "goal" in dict(self.environment):
                 raise RunError("goal is given, and environment.goal, too; leave out one of them")
 

@@ -23,7 +23,7 @@ CLI_TYPES: Mapping[str, Any] = {
     "organism": str | None,
     "task": str | None,
     "start": Literal[STARTS] | Place | None,
-    "goal": Place | None,
+    "goal": Place | str | None,
     "environment": tuple[tuple[str, str], ...],
     "controller": str,
     "origin": Literal[ORIGINS],

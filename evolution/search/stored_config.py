@@ -28,7 +28,7 @@ SHARED_KINDS: Kinds = {
     "body_lengths": tuple[int, int] | None,
     "task": str | dict[str, Any] | None,
     "start": str | Point | None,
-    "goal": Point | None,
+    "goal": str | Point | None,
     "environment": Options,
     "controller": str | dict[str, Any],
     "controller_config": ControllerConfig,

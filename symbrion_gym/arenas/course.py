@@ -60,8 +60,7 @@ class Course:
 
     def __post_init__(self) -> None:
         check_pattern(self.color_pattern)
-        patches = tuple(tuple(map(float, patch)) for patch in self.friction_patches)
-        object.__setattr__(self, "friction_patches", patches)
+        object.__setattr__(self, "friction_patches", _read_patches(self.friction_patches))
         _refuse_unless_positive(self, ("height", "floor", "ramp", "plateau", "width", "friction"))
         if not 0.0 <= self.pit <= _LONGEST:
             raise ArenaError(f"Course: pit must be a width of 0 to {_LONGEST:g} m, got {self.pit}")
@@ -265,6 +264,16 @@ def _refuse_unless_positive(course: Course | StairsCourse, names: tuple[str, ...
             raise ArenaError(
                 f"{type(course).__name__}: {name} must be above 0, up to {_LONGEST:g}, got {value}"
             )
+
+
+def _read_patches(patches: Any) -> tuple[tuple[float, ...], ...]:
+    try:
+        return tuple(tuple(map(float, patch)) for patch in patches)
+    except (TypeError, ValueError) as error:
+        raise ArenaError(
+            f"friction_patches is {patches!r}; a list of rectangles is needed, each (lowest x, highest x, friction) or "
+            "(lowest x, highest x, lowest y, highest y, friction)"
+        ) from error
 
 
 def _make_patch(values: tuple[float, ...], width: float) -> FrictionPatch:

@@ -38,6 +38,11 @@ from symbrion_gym.errors import ArenaError
 if TYPE_CHECKING:
     from reconstruction.reconstruction import Reconstruction
 
+_NO_COLORS = (
+    "images of environments and MuJoCo's viewer show an arena of the kind 'mixed' without its colors, which "
+    "`symbrion view` and cameras do see; kind='convex' shows them everywhere"
+)
+
 logger = logging.getLogger(__name__)
 
 
@@ -138,6 +143,8 @@ def make_arena(
     shapes = contact.pieces if contact.height_field is None else contact.height_field
     quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
     warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
+    if primitives is not None and scanned.colored is not None:
+        warnings.append(_NO_COLORS)
     for warning in warnings:
         logger.warning("%s", warning)
     progress("done", 1.0)

@@ -209,6 +209,11 @@ class EnvironmentConfig:
             from symbrion_gym.tasks.recorders import check_recorders
 
             object.__setattr__(self, "recorders", check_recorders(self.recorders))
+        if not isinstance(self.course, Mapping):
+            raise OptionError(
+                f"course is {self.course!r}; sizes by name are needed, as {{'pit': 0.5}}; for a Course give "
+                "arena=Arena.from_course(course)"
+            )
         for name in self.randomize:
             check_choice("randomize", name, RANDOM_OPTIONS, OptionError)
 

@@ -46,7 +46,7 @@ _SAME_PLACE = 1e-6
 
 
 def survey(
-    arena: str | os.PathLike | Arena | trimesh.Trimesh,
+    arena: str | os.PathLike | Arena | Course | StairsCourse | trimesh.Trimesh,
     path: ArrayLike | None = None,
     sensor: SurveyRobot | LaserScanner | None = None,
     seed: int = 0,
@@ -63,7 +63,7 @@ def survey(
     room with pilasters stands around it; only the horizontal scanner sees it.
 
     Args:
-        arena: a name, an `Arena`, a trimesh, or a mesh file.
+        arena: a name, an `Arena`, a course, a trimesh, or a mesh file.
         path: `[W, 2]` waypoints [m] on the ground; straight legs, turns on the spot. Default: see
             `make_path`.
         sensor: robot, or scanner on the default robot.
@@ -88,6 +88,7 @@ def survey(
             friction is to be felt on a mesh, of which nobody knows any.
         MissingExtraError: the extra `scan` is not installed.
     """
+    arena = Arena.from_course(arena) if isinstance(arena, Course | StairsCourse) else arena
     ground_robot, ground_arena = find_friction_robot(friction, arena)
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
