@@ -210,11 +210,7 @@ class BodyEvolutionConfig(Nested):
             )
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
-        limits = self.bodies.limits
-        smallest = BodyGenome()
-        for _ in range(limits.smallest - 1):
-            smallest = BodyGenome(back=smallest)
-        organism = smallest.to_organism()
+        organism = self.make_shortest().to_organism()
         tracks = count_tracks(self.episode.track_control, organism.num_modules)
         if not (organism.hinges or tracks):
             raise RunError(
@@ -224,6 +220,13 @@ class BodyEvolutionConfig(Nested):
         must_be_found = self.execution.folder is not None or self.execution.backend != "batch"
         controller = refer_to_controller(self.controller, organism, tracks, must_be_found=must_be_found)
         self.set_field("controller", controller)
+
+    def make_shortest(self) -> BodyGenome:
+        """Return a row of as few modules as are searched."""
+        shortest = BodyGenome()
+        for _ in range(self.bodies.limits.smallest - 1):
+            shortest = BodyGenome(back=shortest)
+        return shortest
 
     def make_trials(self, body: BodyGenome, count: int, seed: tuple[int, ...]) -> Trials:
         """Return the trials of genotypes of a body."""

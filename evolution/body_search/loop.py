@@ -14,6 +14,7 @@ from typing import Any
 
 from evolution.backends.making import Backend, make_backend
 from evolution.backends.prepared_arenas import prepare_arena
+from evolution.backends.rollout import warm_up
 from evolution.backends.simulation import Simulate
 from evolution.body_search.algorithms.making import make_algorithm
 from evolution.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
@@ -45,12 +46,14 @@ def evolve_bodies(
         progress: called with the progress of the run.
 
     Raises:
-        RunError: the folder contains a run, cannot be written or is being written by another run.
+        RunError: the folder contains a run, cannot be written or is being written by another run, or the environment
+            cannot be made.
         ArenaError: there is no such arena, or it cannot be built.
     """
     config.to_json()  # refuses what no file could restore, before anything is written
     if simulate is None and config.iterations:
         prepare_arena(config.arena, progress)
+        warm_up(config.make_trials(config.make_shortest(), 1, ()), 1, 1)
     if config.folder is None:
         return _run(config, BodyRecord(), None, simulate, on_iteration, progress)
     folder = RunFolder(config.folder)

@@ -37,7 +37,7 @@ class TracksConfig:
         height: of a belt, twice the radius of the wheels at its ends [m].
         position: middle between both belts in the frame of the body; x is ahead, y left, z up [m].
         mass: of both belts together [kg].
-        friction: sliding friction on the ground; it replaces that of the ground.
+        friction: sliding friction on the ground; it replaces that of the ground, but not that of a friction patch.
         model: "belts" are geoms of the body with a surface velocity, without joints; "wheels" are driven wheels with
             nothing between them and an actuator a side, so that the speed is a control. They turn 7 to 30 % slower than
             `Tracks.turning_rate` says, and need the integrator `implicitfast`.
@@ -134,7 +134,10 @@ class Tracks:
                 model.geom_surfacevel[geom] = find_belt_velocity(self.config, speed, is_end=i < 2)
 
     def turning_rate(self, left: float, right: float) -> float:
-        """Return how fast the robot turns to the left on level ground [rad/s]; see `find_turning_rate`."""
+        """Return how fast the robot turns to the left on level ground [rad/s]; see `find_turning_rate`.
+
+        It knows these two tracks alone: with two more before or behind, the robot turns several times slower.
+        """
         config = self.config
         return find_turning_rate(left, right, config.stations, config.gauge, config.width)
 

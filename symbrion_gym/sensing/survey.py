@@ -23,12 +23,13 @@ from symbrion_gym.sensing.camera import CameraConfig
 from symbrion_gym.sensing.friction_drive import drive_lanes, find_friction_robot
 from symbrion_gym.sensing.friction_robot import FrictionRobot
 from symbrion_gym.sensing.laser_scanner import LaserScanner
-from symbrion_gym.sensing.survey_camera import color_readings, take_arena
+from symbrion_gym.sensing.survey_camera import color_readings, take_arena, take_course
 from symbrion_gym.sensing.survey_robot import SurveyRobot
 from symbrion_gym.sensing.survey_world import SurveyRoom, SurveyWorld
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.arenas.course import Course, StairsCourse
 
 _FIRST_WAYPOINT = 2
 """The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
@@ -88,7 +89,7 @@ def survey(
             friction is to be felt on a mesh, of which nobody knows any.
         MissingExtraError: the extra `scan` is not installed.
     """
-    arena = Arena.from_course(arena) if isinstance(arena, Course | StairsCourse) else arena
+    arena = take_course(arena)
     ground_robot, ground_arena = find_friction_robot(friction, arena)
     require_extras("a survey", "scan")
     robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -55,6 +55,14 @@ def take_arena(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> Arena:
     raise SurveyError(
         f"camera: give an Arena with colors (make_arena of a colored mesh), not {type(arena).__name__}"
     )
+
+
+def take_course(arena: Any) -> Any:
+    """Return the arena of a course, and whatever else it is as it is."""
+    from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.arenas.course import Course, StairsCourse
+
+    return Arena.from_course(arena) if isinstance(arena, Course | StairsCourse) else arena
 
 
 def color_readings(

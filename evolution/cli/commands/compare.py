@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import tyro
 
 import evolution as ev
+from evolution.body_search.run import TABLE, has_bodies
 from evolution.cli.command import Command, UsageError, require_writable_file
 from evolution.cli.commands.evolve import require_run
 from evolution.cli.console import Console
@@ -32,6 +33,10 @@ class Compare(Command):
             raise UsageError("no run to compare; give one or more run folders")
         for folder in self.folders:
             require_run(folder)
+            if has_bodies(folder):
+                raise UsageError(
+                    f"{folder} is a search for bodies, which has no learning curve; see {folder / TABLE}"
+                )
         if self.out is not None:
             require_writable_file(self.out, "--out", (".png", ".html"))
 

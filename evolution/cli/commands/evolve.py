@@ -91,7 +91,12 @@ class Evolve(SeededCommand):
         if self.execution.generations < 1:
             raise UsageError(f"--generations {self.execution.generations} is too few; give 1 or more")
         require_writable_folder(self._folder, "--folder")
+        _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
+            if self.algorithm != "halving" or self.max_seconds is not None:
+                raise UsageError(
+                    "--algorithm and --max-seconds are of a search for bodies; give --bodies MIN MAX"
+                )
             self.make_config()
         else:
             self.make_bodies_config()
@@ -152,6 +157,12 @@ class Evolve(SeededCommand):
         ):
             run = ev.evolve(config, on_generation=callback, progress=step.progress)
         return report_run(run, console)
+
+
+def _check_goal(goal: object) -> None:
+    """Refuse a single number: a word is a known object, and a place has two numbers."""
+    if isinstance(goal, str) and not goal.strip("+-.0123456789"):
+        raise UsageError(f"--goal {goal}: a known object is a name, a place is `FLOAT FLOAT`")
 
 
 def describe_body(config: "ev.EvolutionConfig") -> str:

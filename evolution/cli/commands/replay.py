@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 import evolution as ev
+from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena
 from evolution.cli.command import SeededCommand, UsageError, require_writable_file
 from evolution.cli.commands.evolve import require_run
@@ -58,7 +59,7 @@ class Replay(SeededCommand):
         """
         if self.video is not None:
             require_extras("`symbrion replay --video`", "report")
-        champion = ev.load_run(self.folder).champion
+        champion = (ev.load_bodies if has_bodies(self.folder) else ev.load_run)(self.folder).champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
         summary: dict[str, Any] = {"arena": self.arena, "trials": self.trials, "champion": champion.as_dict()}

@@ -201,6 +201,14 @@ def test_folders_are_refused_in_one_line(tmp_path):
         resume_bodies(tmp_path / "notes", seed=3)
 
 
+def test_a_task_that_the_arena_does_not_have_leaves_no_folder(tmp_path):
+    folder = tmp_path / "run"
+    config = BodyEvolutionConfig(arena="truth", task="dock", track_control="skid", folder=str(folder))
+    with pytest.raises(RunError, match="cannot be made: no objects 'station'"):
+        evolve_bodies(config)
+    assert not folder.exists()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -159,3 +159,11 @@ def test_height_fields_have_one_friction() -> None:
     found = FrictionMap((FrictionPatch(0.2, (DIAMOND,)),))
     with pytest.raises(ArenaError, match="kind='convex'"):
         Arena("a", [], surface, quality, kind="hfield", height_field=heights, friction_map=found)
+
+
+@pytest.mark.parametrize(
+    "patches", [(0.0, 1.0, 0.3), ["ice"], [FrictionPatch.of_rectangle((0, 0), (1, 1), 0.3)]]
+)
+def test_patches_that_are_no_rectangles_are_refused(patches: object) -> None:
+    with pytest.raises(ArenaError, match=r"a list of rectangles is needed, each \(lowest x"):
+        Course(friction_patches=patches)  # pyright: ignore[reportArgumentType]

@@ -113,3 +113,13 @@ def test_a_stretched_one_is_convex(arena: sg.Arena) -> None:
 def test_arenas_of_other_kinds_are_written_without_primitives(tmp_path: Path) -> None:
     sg.load_arena("gsrm").save(tmp_path / "gsrm")
     assert "primitives" not in json.loads((tmp_path / "gsrm" / "arena.json").read_text())
+
+
+def test_a_mixed_arena_of_a_colored_scan_says_where_its_colors_are(caplog: pytest.LogCaptureFixture) -> None:
+    box = trimesh.creation.box((1.0, 1.0, 0.2))
+    plain = sg.make_arena(box, kind="mixed", cache=False)
+    assert "colors" not in " ".join(plain.provenance["warnings"])
+    box.visual.vertex_colors = np.tile([200, 30, 30, 255], (len(box.vertices), 1))
+    arena = sg.make_arena(box, kind="mixed", cache=False)
+    assert "kind 'mixed' without its colors" in caplog.text
+    assert arena.texture is not None

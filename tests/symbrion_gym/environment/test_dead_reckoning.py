@@ -131,3 +131,13 @@ def test_motion_of_a_straight_body():
     assert turn[1] > 0 > turn[0]
     assert left[1] > 0  # the head lies before the middle
     assert find_motion(cross(1))[0].sum() == pytest.approx(0.2)  # arms look at the middle
+
+
+def test_simulations_that_have_not_begun_head_nowhere():
+    options = {**LONE, "task": "reach", "goal": (-2.0, 0.0), "start": (-2.7, 0.0)}
+    envs = gym.make_vec(
+        "symbrion_gym/Reach-v0", num_envs=3, vectorization_mode="vector_entry_point", **options
+    )
+    observation, _ = envs.reset(seed=0, options={"reset_mask": np.array([True, False, False])})
+    assert np.isfinite(observation).all()
+    envs.close()

@@ -40,6 +40,12 @@ def test_equal_seeds_give_equal_colors(log, truth):
     assert np.array_equal(sg.survey(truth, path=PATH, camera=True).colors, log.colors)
 
 
+def test_a_course_is_surveyed_like_its_arena(log, truth):
+    again = sg.survey(truth.course, path=PATH, camera=True)
+    np.testing.assert_array_equal(again.colors, log.colors)
+    np.testing.assert_array_equal(again.ranges, log.ranges)
+
+
 def test_colors_survive_the_file_and_preprocessing(log, tmp_path):
     read = rc.load_scan_log(log.save(tmp_path / "log.npz"))
     assert np.array_equal(read.colors, log.colors)

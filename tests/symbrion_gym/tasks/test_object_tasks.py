@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import evolution as ev
 import symbrion_gym as sg
 from symbrion_gym.arenas.placed_objects import PlacedObject
 from symbrion_gym.environment.organism_env import OrganismEnv
@@ -103,3 +104,21 @@ def test_an_object_in_the_air_beyond_the_rim_is_not_reached():
 def test_parameters_out_of_range_are_refused(wrong):
     with pytest.raises(TaskError):
         sg.make_task("dock", **wrong)
+
+
+def test_an_object_is_the_goal_of_a_run(tmp_path):
+    make_arena().save(tmp_path / "arena")
+    options = {"task": "reach", "goal": "object_station_0", "modules": 1, "arena": str(tmp_path / "arena")}
+    config = ev.EvolutionConfig(
+        **options,
+        controller="reactive",
+        environment={"duration": 0.5, "track_control": "skid"},
+        generations=1,
+        population_size=4,
+        trials=1,
+        folder=str(tmp_path / "run"),
+    )
+    ev.evolve(config)
+    assert ev.load_run(tmp_path / "run").champion.episode.goal == "object_station_0"
+    with pytest.raises(ev.RunError, match="needs a task"):
+        ev.EvolutionConfig(goal="object_station_0")
