@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import trimesh
@@ -14,6 +14,7 @@ from symbrion_gym.sensing.camera import CameraConfig, Paint, expose, look_at
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
+    from symbrion_gym.arenas.course import Course, StairsCourse
     from symbrion_gym.sensing.survey_robot import SurveyRobot
     from symbrion_gym.sensing.survey_world import SurveyWorld
 
@@ -57,7 +58,9 @@ def take_arena(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> Arena:
     )
 
 
-def take_course(arena: Any) -> Any:
+def take_course(
+    arena: str | os.PathLike | Arena | Course | StairsCourse | trimesh.Trimesh,
+) -> str | os.PathLike | Arena | trimesh.Trimesh:
     """Return the arena of a course, and whatever else it is as it is."""
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.arenas.course import Course, StairsCourse
