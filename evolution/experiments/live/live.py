@@ -16,9 +16,10 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track
-from evolution.experiments.live.drive import DriveConfig, Plan, Readings, drive_round
+from evolution.experiments.live.drive import DriveConfig, Readings, drive_round
 from evolution.experiments.live.matching import DrivenPoints, MatchConfig, find_points
 from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
+from evolution.experiments.live.route import plan_round
 from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.search.run import RunFolder
 from reconstruction.files.atomic_write import write_atomically
@@ -27,6 +28,7 @@ from reconstruction.files.typed_json import JsonError, read_json
 from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import ChangeConfig
+from reconstruction.networks.change.free_space import FreeSpaceConfig
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.ready_made import SPACING
 
@@ -35,7 +37,9 @@ MARKER = "live.json"
 OUTPUTS = ("before.npz", "after.npz", "readings.npz", "arenas", "run", "models.png", "results.json")
 _SAMPLES = 40_000
 """Places of the true surface on which the error of a model is measured."""
-RAYS_ONLY = ChangeConfig(absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000))
+RAYS_ONLY = ChangeConfig(
+    absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000), free_space=FreeSpaceConfig(max_rays=65_536)
+)
 """A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing."""
 Made = TypeVar("Made")
 
@@ -153,7 +157,9 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
         after = _make_or_load(
             folder / "after.npz",
             rc.Reconstruction.load,
-            lambda: before.refine(driven.points, config.seed, step.progress, origins=driven.origins),
+            lambda: before.refine(
+                driven.points, config.seed, step.progress, origins=driven.origins, free_rays=driven.free_rays
+            ),
         )
     with track("5/6 arena, where it has changed") as step:
         updated = _make_or_load(
@@ -170,33 +176,6 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
     with write_atomically(folder / "results.json") as beside:
         beside.write_text(json.dumps(result.as_dict(), indent=2) + "\n")
     return result
-
-
-def plan_round(scene: SceneConfig) -> Plan:
-    """Return where the Scout goes: over the old box's place, around the new box, up the ramp, along the pit.
-
-    At each place it looks around by turning on the spot: its laser has one vertical fan of beams.
-    """
-    course, full = scene.course, np.pi
-    foot, edge = course.ramp_feet[0], course.pit_edges[0]
-    start = -course.length / 2 + 0.6
-    plan: Plan = [(start, 0.0, full)]
-    if scene.old_box is not None:
-        (x, _), (y, _) = (scene.old_box.x, scene.old_box.y)
-        plan += [
-            (x + dx, y + dy, full)
-            for dx, dy in ((0.35, 0.5), (0.45, 0.2), (0.3, 0.1), (0.15, 0.2), (0.2, 0.45))
-        ]
-        plan.append((start, 0.0, 0.5))
-    if scene.new_box is not None:
-        x, y = scene.new_box.x, scene.new_box.y
-        left, right, back = y[1] + 0.2, y[0] - 0.2, x[0] - 0.2
-        plan += [(back, right, full), (back, y[0], full), (back, left, full), (x[0] + 0.05, left, full)]
-        plan += [(back, left, 0.5), (back, right, 0.5), (x[1] - 0.15, right, full)]
-    crest = edge - course.plateau
-    plan += [(float(x), 0.15, full) for x in np.linspace(foot, crest, 9)[1:]]
-    plan += [(edge - 0.12, float(y), 1.2) for y in np.linspace(-0.75, 0.75, 7)]
-    return plan
 
 
 def claim_folder(config: LiveConfig) -> None:
