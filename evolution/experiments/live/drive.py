@@ -37,9 +37,9 @@ class DriveConfig:
         RunError: a field is not above 0.
     """
 
-    turn_speed: float = 0.5
+    turn_speed: float = 0.4
     reach: float = 0.04
-    ticks: int = 2
+    ticks: int = 1
     duration: float = 1500.0
     position_error: float = 0.005
     angle_error: float = float(np.deg2rad(0.25))

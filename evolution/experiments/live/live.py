@@ -29,6 +29,7 @@ from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import ChangeConfig
 from reconstruction.networks.change.free_space import FreeSpaceConfig
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.ready_made import SPACING
 
@@ -41,6 +42,8 @@ RAYS_ONLY = ChangeConfig(
     absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000), free_space=FreeSpaceConfig(max_rays=65_536)
 )
 """A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing."""
+LOCAL = GSRMRefinementConfig(min_confirmations=1e9)
+"""Units that a few readings have missed next to a change are not gone with it."""
 Made = TypeVar("Made")
 
 
@@ -246,7 +249,7 @@ def _load_readings(path: Path) -> Readings:
 def _scan(config: LiveConfig, truths: dict[str, sg.Arena], progress: rc.Progress) -> rc.Reconstruction:
     log = sg.survey(truths["before"], seed=config.seed, progress=progress)
     points = rc.thin(rc.preprocess(log), SPACING)
-    return rc.reconstruct(points, units=config.units, seed=config.seed, change=RAYS_ONLY, progress=progress)
+    return rc.reconstruct(points, units=config.units, seed=config.seed, change=RAYS_ONLY, refinement=LOCAL, progress=progress)
 
 
 def _without_time(arena: sg.Arena) -> sg.Arena:

@@ -42,7 +42,7 @@ class MatchConfig:
     farthest: float = 1.6
     cell: float = 0.02
     min_readings: int = 2
-    free_every: int = 4
+    free_every: int = 8
 
     def __post_init__(self) -> None:
         check_positive(self, [field.name for field in fields(self)], RunError)
