@@ -18,8 +18,8 @@ import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track
 from evolution.experiments.live.drive import DriveConfig, Readings, drive_round
 from evolution.experiments.live.matching import DrivenPoints, MatchConfig, find_points
-from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
 from evolution.experiments.live.route import plan_round
+from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
 from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.search.run import RunFolder
 from reconstruction.files.atomic_write import write_atomically
@@ -39,9 +39,15 @@ OUTPUTS = ("before.npz", "after.npz", "readings.npz", "arenas", "run", "models.p
 _SAMPLES = 40_000
 """Places of the true surface on which the error of a model is measured."""
 RAYS_ONLY = ChangeConfig(
-    absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000), free_space=FreeSpaceConfig(max_rays=65_536)
+    moved_share=0.03,
+    compared_per_face=12,
+    absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000),
+    free_space=FreeSpaceConfig(max_rays=65_536),
 )
-"""A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing."""
+"""A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing.
+
+All readings are compared, and few that disagree suffice: the floor beside a new wall has many more that agree.
+"""
 LOCAL = GSRMRefinementConfig(min_confirmations=1e9)
 """Units that a few readings have missed next to a change are not gone with it."""
 Made = TypeVar("Made")
@@ -71,7 +77,7 @@ class LiveConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     modules: int = 8
     units: int = 2200
-    generations: int = 30
+    generations: int = 4
     trials: int = 20
     workers: int = 1
 
@@ -88,9 +94,9 @@ class LiveResult:
     """What a robot has learned of a place that has changed.
 
     Attributes:
-        errors: change -> mean distance of the true surface there from the model, before and after [m].
-        successes: arena -> trials in which the champion succeeded: "model before", "model after", "truth before",
-            "truth now".
+        errors: change, or "elsewhere" -> mean distance of the true surface there from the model, before and after [m].
+        successes: control ("champion", "zero", "random") -> arena ("model before", "model after", "truth before",
+            "truth now") -> trials in which it succeeded.
         trials: of these.
         update: what `update_arena` noted.
         localization: mean error of the Scout's position, as told and as matched [m].
@@ -100,7 +106,7 @@ class LiveResult:
     """
 
     errors: dict[str, tuple[float, float]]
-    successes: dict[str, int]
+    successes: dict[str, dict[str, int]]
     trials: int
     update: dict[str, Any]
     localization: tuple[float, float]
@@ -205,7 +211,7 @@ def claim_folder(config: LiveConfig) -> None:
 def measure_errors(
     scene: SceneConfig, truth: trimesh.Trimesh, meshes: list[trimesh.Trimesh]
 ) -> dict[str, tuple[float, ...]]:
-    """Return for each change the mean distance of the true surface there from each mesh [m].
+    """Return for each change, and elsewhere, the mean distance of the true surface from each mesh [m].
 
     Args:
         scene: what has changed.
@@ -213,13 +219,19 @@ def measure_errors(
         meshes: of models.
     """
     places = sample_area(np.asarray(truth.vertices), np.asarray(truth.faces), _SAMPLES)
-    found = {}
+    found, is_elsewhere = {}, np.ones(len(places), dtype=bool)
     for region in find_regions(scene):
         own = places[region.contains(places)]
         distances = [
             find_distances(own, np.asarray(mesh.vertices), np.asarray(mesh.faces)) for mesh in meshes
         ]
         found[region.name] = tuple(float(distance.mean()) for distance in distances)
+        is_elsewhere &= ~region.contains(places)
+    rest = [
+        find_distances(places[is_elsewhere], np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        for mesh in meshes
+    ]
+    found["elsewhere"] = tuple(float(distance.mean()) for distance in rest)
     return found
 
 
@@ -249,7 +261,9 @@ def _load_readings(path: Path) -> Readings:
 def _scan(config: LiveConfig, truths: dict[str, sg.Arena], progress: rc.Progress) -> rc.Reconstruction:
     log = sg.survey(truths["before"], seed=config.seed, progress=progress)
     points = rc.thin(rc.preprocess(log), SPACING)
-    return rc.reconstruct(points, units=config.units, seed=config.seed, change=RAYS_ONLY, refinement=LOCAL, progress=progress)
+    return rc.reconstruct(
+        points, units=config.units, seed=config.seed, change=RAYS_ONLY, refinement=LOCAL, progress=progress
+    )
 
 
 def _without_time(arena: sg.Arena) -> sg.Arena:
@@ -287,18 +301,27 @@ def _judge(
     arenas: dict[str, sg.Arena],
     truths: dict[str, sg.Arena],
     progress: rc.Progress,
-) -> dict[str, int]:
+) -> dict[str, dict[str, int]]:
+    """Return the successes of the champion, of no control, and of a random one in each arena."""
+    rng = np.random.default_rng((config.seed, 2))
+    genes = {
+        "champion": np.asarray(champion.genotype),
+        "zero": np.zeros(len(champion.genotype)),
+        "random": rng.uniform(-1.0, 1.0, len(champion.genotype)),
+    }
     places = {
         "model before": arenas["before"],
         "model after": arenas["after"],
         "truth before": truths["before"],
         "truth now": truths["after"],
     }
-    found = {}
+    found: dict[str, dict[str, int]] = {name: {} for name in genes}
     for number, (name, place) in enumerate(places.items()):
         progress(name, number / len(places))
-        outcome = ev.judge(champion, place, config.trials, config.seed, workers=config.workers)
-        found[name] = int(outcome.successes)
+        for control, genotype in genes.items():
+            tried = champion if control == "champion" else dataclasses.replace(champion, genotype=genotype)
+            outcome = ev.judge(tried, place, config.trials, config.seed, workers=config.workers)
+            found[control][name] = int(outcome.successes)
     return found
 
 
@@ -307,7 +330,7 @@ def _summarize(
     arenas: dict[str, sg.Arena],
     truths: dict[str, sg.Arena],
     driven: DrivenPoints,
-    successes: dict[str, int],
+    successes: dict[str, dict[str, int]],
 ) -> LiveResult:
     meshes = [arenas["before"].surface, arenas["after"].surface]
     errors = measure_errors(config.scene, truths["after"].surface, meshes)

@@ -37,7 +37,7 @@ class MatchConfig:
 
     window: float = 0.3
     gate: float = 0.04
-    sigma: float = 0.02
+    sigma: float = 0.05
     iterations: int = 4
     farthest: float = 1.6
     cell: float = 0.02

@@ -183,9 +183,7 @@ def learn_changes(
     """
     progress("refine", 0.0)
     (vertices, faces, spacing), limits = learner.surface, learner.config.change
-    change = detect_changes(
-        vertices, faces, old_points, new_points, spacing, limits, origins, free_rays
-    )
+    change = detect_changes(vertices, faces, old_points, new_points, spacing, limits, origins, free_rays)
     readings = new_points[change.compared]
     selection = learner.select(change, readings)
     if selection is None:

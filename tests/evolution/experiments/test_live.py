@@ -93,6 +93,24 @@ def test_a_drive_that_ends_before_its_first_place_is_refused(driven):
         drive_round(driven[0], [Stop(-2.4, 0.1, 1.5)], DriveConfig(duration=0.5))
 
 
+def test_beams_that_meet_nothing_go_through_nothing(driven):
+    arena, readings = driven
+    exact = readings._replace(poses=readings.true_poses)
+    free = find_points(exact, arena.surface, MatchConfig(gate=1e-9)).free_rays
+    assert len(free) > 100
+    np.testing.assert_allclose(np.linalg.norm(free[:, 1] - free[:, 0], axis=1), MatchConfig().farthest)
+    # They begin in front of the Scout, above the floor, and stay above it.
+    assert free[:, :, 2].min() > 0.0
+
+
+def test_a_stop_faces_what_it_is_to_look_at():
+    arena = make_truth(SceneConfig(), is_changed=True)
+    readings = drive_round(arena, [Stop(-2.4, 0.1, 0.1, (-3.0, 0.1))], DriveConfig(), seed=3)
+    yaw = np.arctan2(readings.true_poses[:, 1, 0], readings.true_poses[:, 0, 0])
+    assert abs(yaw[0]) < 0.3
+    assert np.abs(yaw).max() > np.pi - 0.3
+
+
 def test_readings_of_nothing_are_refused(driven):
     arena, readings = driven
     with pytest.raises(ev.RunError, match="nothing"):
@@ -109,7 +127,8 @@ def test_the_error_of_a_model_is_that_of_the_change_it_misses():
     scene = SceneConfig(old_box=None)
     before, now = (make_truth(scene, is_changed=changed) for changed in (False, True))
     errors = measure_errors(scene, now.surface, [before.surface, now.surface])
-    assert set(errors) == {"box added", "wall moved"}
+    assert set(errors) == {"box added", "wall moved", "elsewhere"}
+    assert max(errors.pop("elsewhere")) < 1e-9
     for missed, known in errors.values():
         assert missed > 0.01
         assert known < 1e-9
