@@ -16,11 +16,11 @@ from reconstruction.files.bounded_read import read_npz
 from reconstruction.methods import find_method, make_config
 from reconstruction.scans.cloud import Cloud
 from reconstruction.slip.joining import read_slip_arrays
-from reconstruction.surfaces.far_faces import FarFaces
 
 if TYPE_CHECKING:
     from reconstruction.methods import NetworkConfig, State
     from reconstruction.slip.drags import FrictionReadings
+    from reconstruction.surfaces.far_faces import FarFaces
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -139,6 +139,8 @@ def _make_far(arrays: dict[str, np.ndarray], num_faces: int) -> FarFaces:
     Raises:
         ReconstructionError: this is not told of every face.
     """
+    from reconstruction.surfaces.far_faces import FarFaces
+
     is_far, spacing = arrays["far_is_far"], arrays["far_spacing"]
     if is_far.dtype != bool or is_far.shape != (num_faces,) or not (spacing.shape == () and spacing >= 0):
         raise ReconstructionError(

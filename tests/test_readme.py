@@ -66,7 +66,7 @@ def test_missing_path_is_named_with_claim_and_remedy() -> None:
 def test_what_was_never_measured_is_not_claimed() -> None:
     records = copy.deepcopy(load_records())
     del records["scans"]["results"]["real_scan"]
-    del records["environment"]
+    del records["environment"], records["audit"]
     table = make_table(records)
     assert "Real scan: share of all other readings that preprocessing keeps" not in table
     assert "## Environment" not in table

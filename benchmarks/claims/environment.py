@@ -61,7 +61,6 @@ ENVIRONMENT = (
         "{0} of {1}",
         _agreement("timestep", "pit 0.30"),
         bar=">= 28 of 30",
-        is_headline=True,
     ),
     Claim(
         "30 random controllers, pit of 0.35 m: same outcome with a physics timestep of 5 ms as with 1 ms",

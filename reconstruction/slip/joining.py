@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.slip.drags import FrictionReadings, SlipPriors, find_friction
@@ -43,6 +42,8 @@ def join_slip(
     new = new._replace(places=new.places - offset)
     if known is None or not len(new.frictions):
         return new if known is None else known
+    from scipy.spatial import cKDTree
+
     distance = cKDTree(new.places).query(known.places)[0]
     kept = FrictionReadings(*(array[distance > REPLACED] for array in known))
     shift = int(kept.runs.max()) + 1 if len(kept.runs) else 0

@@ -26,7 +26,7 @@ def assert_rests(env: SnakePitEnv, yaw: float) -> None:
     heights = env.physics.position[0, :, 2].copy()
     mujoco.mj_step(env.model, env.data)
     assert -env.data.contact.dist.min(initial=0.0) <= _DEPTH
-    hold = np.full(env.action_space.shape, np.nan)
+    hold = env.data.ctrl[: len(env.world.organism.servos)] / env.world.organism.scout.hinge_range
     for _ in range(25):
         env.step(hold)
         assert (env.physics.position[0, :, 2] - heights).max() <= _RISE
