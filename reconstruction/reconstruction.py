@@ -16,7 +16,7 @@ from reconstruction.errors import ReconstructionError
 from reconstruction.files.bounded_read import MAX_BYTES
 from reconstruction.input_cloud import join_clouds, make_cloud_of_rays
 from reconstruction.methods import find_learner
-from reconstruction.networks.change.input_checks import check_origins, check_scale
+from reconstruction.networks.change.input_checks import check_free_rays, check_origins, check_scale
 from reconstruction.networks.som.compilation import keep_compiled_programs
 from reconstruction.progress import Progress, silent
 from reconstruction.saved_file import Saved, read_saved, write_saved
@@ -184,6 +184,7 @@ class Reconstruction:
         progress: Progress = silent,
         *,
         origins: ArrayLike | None = None,
+        free_rays: ArrayLike | None = None,
         slip: SlipReadings | None = None,
     ) -> Reconstruction:
         """Return the same network after it has learned from new readings; this one stays as it is.
@@ -200,6 +201,8 @@ class Reconstruction:
             origins: `[N, 3]` sensor position of each reading, or `[3]` one for all, in the same frame [m]: surface
                 that their rays pass through is removed. Without them a part is removed where it is not read again
                 but all around it is.
+            free_rays: `[K, 2, 3]` rays that met nothing: where they began, and how far they surely went, in the same
+                frame [m]: surface that they pass through is removed.
             slip: what a robot read that dragged its tracks over the ground, in the same frame; None for that of a scan
                 log, where it holds some. Alone, without points, it leaves the surface as it is.
 
@@ -224,13 +227,14 @@ class Reconstruction:
             new_points = new_points.points + new_points.offset
         new = check_points(new_points) - self.offset
         check_scale(new, self.points)
+        free = None if free_rays is None else check_free_rays(free_rays) - self.offset
         seen_from = None if origins is None else check_origins(origins, len(new)) - self.offset
         seed = check_seed(seed)
         keep_compiled_programs()
         from reconstruction.networks.change.refinement import learn_changes
 
         learner = find_learner(self.method)(self.state, self.config)
-        state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from)
+        state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from, free)
         valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
         notes: dict[str, Any] = {}
         if colors is not None or self.colors is not None:

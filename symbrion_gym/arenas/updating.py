@@ -20,7 +20,7 @@ from symbrion_gym.arenas.seen_places import choose_positions
 from symbrion_gym.contact.acceptance import find_miss
 from symbrion_gym.contact.contact import Contact
 from symbrion_gym.contact.default_accuracy import find_accuracy
-from symbrion_gym.contact.local_changes import UPDATE_DEFAULTS, UpdateConfig
+from symbrion_gym.contact.local_changes import UPDATE_DEFAULTS, UpdateConfig, find_changed_faces
 from symbrion_gym.contact.local_update import update_contact
 from symbrion_gym.contact.options import ContactConfig, ContactOptions
 from symbrion_gym.errors import ArenaError
@@ -72,7 +72,7 @@ def update_arena(
         )
     progress("repairing the mesh", 0.0)
     mesh = repair_surface(scanned, options.config.repair)
-    if _is_same(mesh, arena.surface):
+    if not any(part.any() for part in find_changed_faces(arena.surface, mesh, update.digits)):
         progress("done", 1.0)
         return arena
     accuracy = arena.provenance.get("accuracy") or find_accuracy(
@@ -105,10 +105,6 @@ def _read_options(arena: Arena, config: ContactConfig | None) -> ContactOptions:
     names = ("accuracy", "max_pieces", "kind", "thickness", "seed", "time_limit")
     given = {name: known[name] for name in names if name in known}
     return ContactOptions(**given, config=config or ContactConfig())
-
-
-def _is_same(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
-    return np.array_equal(mesh.vertices, other.vertices) and np.array_equal(mesh.faces, other.faces)
 
 
 def _replace(

@@ -36,6 +36,7 @@ class UpdateConfig:
         more_pieces: all is built again where there would be more than this many times the pieces ...
         more_few: ... and this many more: contacts with many pieces are slower.
         least_share: a part is built with this share of the points of a whole surface, at least.
+        digits: decimals to which vertices are equal [m]: those of an arena's files.
 
     Raises:
         ArenaError: a field is not above 0.
@@ -51,6 +52,7 @@ class UpdateConfig:
     more_pieces: float = 4.0
     more_few: int = 128
     least_share: float = 0.1
+    digits: int = 4
 
     def __post_init__(self) -> None:
         check_positive(self, [field.name for field in fields(self)], ArenaError)
@@ -86,12 +88,12 @@ def find_local_changes(
 
     Args:
         old: the surface that the pieces were made of.
-        new: the surface now; what did not change is equal to the bit.
+        new: the surface now; what did not change is equal but for the rounding of files.
         pieces: convex solids.
         accuracy: of the pieces [m].
         config: what counts.
     """
-    is_changed, was_changed = _find_changed_faces(old, new)
+    is_changed, was_changed = find_changed_faces(old, new, config.digits)
     is_removed = np.zeros(len(pieces), dtype=bool)
     is_open = np.zeros(len(new.faces), dtype=bool)
     if not is_changed.any() and not was_changed.any():
@@ -117,19 +119,26 @@ def find_local_changes(
     return LocalChanges(is_removed, is_open, is_changed)
 
 
-def _find_changed_faces(
-    old: trimesh.Trimesh, new: trimesh.Trimesh
+def find_changed_faces(
+    old: trimesh.Trimesh, new: trimesh.Trimesh, digits: int
 ) -> tuple[Bool[np.ndarray, " G"], Bool[np.ndarray, " F"]]:
-    """Return which faces of the new surface the old one does not have, and which of the old one are gone."""
-    place = find_same_faces(_sort_corners(old), _sort_corners(new))
+    """Return which faces of the new surface the old one does not have, and which of the old one are gone.
+
+    Args:
+        old: the surface before, as it was made or as it was read from a file that rounds.
+        new: the surface now.
+        digits: decimals that are compared [m].
+    """
+    place = find_same_faces(_sort_corners(old, digits), _sort_corners(new, digits))
     was_changed = np.ones(len(old.faces), dtype=bool)
     was_changed[place[place >= 0]] = False
     return place < 0, was_changed
 
 
-def _sort_corners(mesh: trimesh.Trimesh) -> Sheet:
-    """Return the surface with each face beginning at its lowest corner: the same face is equal wherever it begins."""
-    vertices = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+def _sort_corners(mesh: trimesh.Trimesh, digits: int) -> Sheet:
+    """Return the rounded surface with each face beginning at its lowest corner: equal wherever it began."""
+    # + 0.0 turns -0.0 into 0.0: their bits differ.
+    vertices = np.ascontiguousarray(np.round(np.asarray(mesh.vertices, dtype=np.float64), digits) + 0.0)
     faces = np.asarray(mesh.faces, dtype=np.int64)
     order = np.empty(len(vertices), dtype=np.int64)
     order[np.lexsort(vertices.T)] = np.arange(len(vertices))

@@ -37,7 +37,7 @@ class Live(SeededCommand):
     """Number of modules of the champion."""
     units: int = 2200
     """Neurons of the network."""
-    generations: int = 30
+    generations: int = 4
     """Limit on the generations of the evolution in the model before."""
     trials: int = 20
     """Randomized trials in which the champion is judged in each arena."""
@@ -87,9 +87,12 @@ class Live(SeededCommand):
         columns = ["change", "model before [mm]", "model after [mm]"]
         console.show_table("Mean distance of the true surface from the model", columns, rows)
         console.show_table(
-            "The champion",
-            ["arena", "successes"],
-            [[name, f"{count} of {result.trials}"] for name, count in result.successes.items()],
+            "Successes of the champion, of no control, and of a random one",
+            ["control", *next(iter(result.successes.values()))],
+            [
+                [control, *(f"{count} of {result.trials}" for count in found.values())]
+                for control, found in result.successes.items()
+            ],
         )
         update = result.update
         again = update.get("built_again", "")

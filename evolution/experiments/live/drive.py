@@ -37,9 +37,9 @@ class DriveConfig:
         RunError: a field is not above 0.
     """
 
-    turn_speed: float = 0.5
+    turn_speed: float = 0.4
     reach: float = 0.04
-    ticks: int = 2
+    ticks: int = 1
     duration: float = 1500.0
     position_error: float = 0.005
     angle_error: float = float(np.deg2rad(0.25))
@@ -53,7 +53,8 @@ class Readings(NamedTuple):
     """What a Scout has read on a round.
 
     Attributes:
-        ranges: of its rays (`find_scout_rays`) at every kept tick [m]; nan where nothing was seen.
+        ranges: of its rays (`find_scout_rays`) at every kept tick [m]; infinity where nothing is within range, nan
+            where a ray begins in something.
         poses: module -> world, as it was told, with the errors of the configuration.
         true_poses: module -> world; only to measure localization by.
         times: [s].
@@ -65,10 +66,30 @@ class Readings(NamedTuple):
     times: Float[np.ndarray, " T"]
 
 
+_FACING = 0.1
+"""A place is faced within this angle [rad]."""
 _CERTAIN = 5.0
 """Standard deviations that noise never reaches."""
-Plan = list[tuple[float, float, float]]
-"""Places to drive to, x and y [m], and by how much to turn on the spot there [rad], to either side."""
+
+
+class Stop(NamedTuple):
+    """A place to drive to, and to look around at.
+
+    Attributes:
+        x: [m].
+        y: [m].
+        sweep: by how much to turn on the spot there, to either side [rad].
+        toward: where to face before [m]; None for the heading of the arrival.
+    """
+
+    x: float
+    y: float
+    sweep: float
+    toward: tuple[float, float] | None = None
+
+
+Plan = list[Stop]
+"""Where a round goes."""
 
 
 def drive_round(
@@ -106,7 +127,8 @@ def drive_round(
         pose = apply_error(true, error * scale)
         if tick % config.ticks == 0:
             is_seen = (observation > 0.0) & (observation < limits)
-            kept.append((np.where(is_seen, observation, np.nan), pose, true, tick * env.dt))
+            unseen = np.where(observation >= limits, np.inf, np.nan)
+            kept.append((np.where(is_seen, observation, unseen), pose, true, tick * env.dt))
         observation, _, terminated, truncated, _ = env.step(steps.choose(pose))
         done = terminated or truncated
         tick += 1
@@ -153,7 +175,7 @@ class _Steps:
 
     def choose(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 2"]:
         """Return the speeds of the left and the right track, -1 to 1."""
-        x, y, angle = self._plan[self.place]
+        x, y, angle, toward = self._plan[self.place]
         yaw = float(np.arctan2(pose[1, 0], pose[0, 0]))
         if self._phase == 0:
             way = np.array([x, y]) - pose[:2, 3]
@@ -162,6 +184,12 @@ class _Steps:
                 speed = max(0.0, np.cos(turn)) ** 2 if abs(turn) < 0.5 else 0.0
                 turn = float(np.clip(turn, -1.0, 1.0)) * self._config.turn_speed
                 return np.clip([speed - turn, speed + turn], -1.0, 1.0)
+            self._phase, self._turned, self._last_yaw = -1, 0.0, yaw
+        if self._phase < 0:
+            turn = 0.0 if toward is None else _wrap(float(np.arctan2(toward[1] - y, toward[0] - x)) - yaw)
+            if abs(turn) > _FACING:
+                speed = float(np.copysign(self._config.turn_speed, turn))
+                return np.array([-speed, speed])
             self._phase, self._turned, self._last_yaw = 1, 0.0, yaw
         self._turned += _wrap(yaw - self._last_yaw)
         self._last_yaw = yaw

@@ -16,8 +16,9 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track
-from evolution.experiments.live.drive import DriveConfig, Plan, Readings, drive_round
+from evolution.experiments.live.drive import DriveConfig, Readings, drive_round
 from evolution.experiments.live.matching import DrivenPoints, MatchConfig, find_points
+from evolution.experiments.live.route import plan_round
 from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
 from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.search.run import RunFolder
@@ -27,6 +28,8 @@ from reconstruction.files.typed_json import JsonError, read_json
 from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import ChangeConfig
+from reconstruction.networks.change.free_space import FreeSpaceConfig
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.ready_made import SPACING
 
@@ -35,8 +38,18 @@ MARKER = "live.json"
 OUTPUTS = ("before.npz", "after.npz", "readings.npz", "arenas", "run", "models.png", "results.json")
 _SAMPLES = 40_000
 """Places of the true surface on which the error of a model is measured."""
-RAYS_ONLY = ChangeConfig(absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000))
-"""A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing."""
+RAYS_ONLY = ChangeConfig(
+    moved_share=0.03,
+    compared_per_face=12,
+    absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000),
+    free_space=FreeSpaceConfig(max_rays=65_536),
+)
+"""A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing.
+
+All readings are compared, and few that disagree suffice: the floor beside a new wall has many more that agree.
+"""
+LOCAL = GSRMRefinementConfig(min_confirmations=1e9)
+"""Units that a few readings have missed next to a change are not gone with it."""
 Made = TypeVar("Made")
 
 
@@ -64,7 +77,7 @@ class LiveConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     modules: int = 8
     units: int = 2200
-    generations: int = 30
+    generations: int = 4
     trials: int = 20
     workers: int = 1
 
@@ -81,9 +94,9 @@ class LiveResult:
     """What a robot has learned of a place that has changed.
 
     Attributes:
-        errors: change -> mean distance of the true surface there from the model, before and after [m].
-        successes: arena -> trials in which the champion succeeded: "model before", "model after", "truth before",
-            "truth now".
+        errors: change, or "elsewhere" -> mean distance of the true surface there from the model, before and after [m].
+        successes: control ("champion", "zero", "random") -> arena ("model before", "model after", "truth before",
+            "truth now") -> trials in which it succeeded.
         trials: of these.
         update: what `update_arena` noted.
         localization: mean error of the Scout's position, as told and as matched [m].
@@ -93,7 +106,7 @@ class LiveResult:
     """
 
     errors: dict[str, tuple[float, float]]
-    successes: dict[str, int]
+    successes: dict[str, dict[str, int]]
     trials: int
     update: dict[str, Any]
     localization: tuple[float, float]
@@ -153,7 +166,9 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
         after = _make_or_load(
             folder / "after.npz",
             rc.Reconstruction.load,
-            lambda: before.refine(driven.points, config.seed, step.progress, origins=driven.origins),
+            lambda: before.refine(
+                driven.points, config.seed, step.progress, origins=driven.origins, free_rays=driven.free_rays
+            ),
         )
     with track("5/6 arena, where it has changed") as step:
         updated = _make_or_load(
@@ -170,33 +185,6 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
     with write_atomically(folder / "results.json") as beside:
         beside.write_text(json.dumps(result.as_dict(), indent=2) + "\n")
     return result
-
-
-def plan_round(scene: SceneConfig) -> Plan:
-    """Return where the Scout goes: over the old box's place, around the new box, up the ramp, along the pit.
-
-    At each place it looks around by turning on the spot: its laser has one vertical fan of beams.
-    """
-    course, full = scene.course, np.pi
-    foot, edge = course.ramp_feet[0], course.pit_edges[0]
-    start = -course.length / 2 + 0.6
-    plan: Plan = [(start, 0.0, full)]
-    if scene.old_box is not None:
-        (x, _), (y, _) = (scene.old_box.x, scene.old_box.y)
-        plan += [
-            (x + dx, y + dy, full)
-            for dx, dy in ((0.35, 0.5), (0.45, 0.2), (0.3, 0.1), (0.15, 0.2), (0.2, 0.45))
-        ]
-        plan.append((start, 0.0, 0.5))
-    if scene.new_box is not None:
-        x, y = scene.new_box.x, scene.new_box.y
-        left, right, back = y[1] + 0.2, y[0] - 0.2, x[0] - 0.2
-        plan += [(back, right, full), (back, y[0], full), (back, left, full), (x[0] + 0.05, left, full)]
-        plan += [(back, left, 0.5), (back, right, 0.5), (x[1] - 0.15, right, full)]
-    crest = edge - course.plateau
-    plan += [(float(x), 0.15, full) for x in np.linspace(foot, crest, 9)[1:]]
-    plan += [(edge - 0.12, float(y), 1.2) for y in np.linspace(-0.75, 0.75, 7)]
-    return plan
 
 
 def claim_folder(config: LiveConfig) -> None:
@@ -223,7 +211,7 @@ def claim_folder(config: LiveConfig) -> None:
 def measure_errors(
     scene: SceneConfig, truth: trimesh.Trimesh, meshes: list[trimesh.Trimesh]
 ) -> dict[str, tuple[float, ...]]:
-    """Return for each change the mean distance of the true surface there from each mesh [m].
+    """Return for each change, and elsewhere, the mean distance of the true surface from each mesh [m].
 
     Args:
         scene: what has changed.
@@ -231,13 +219,19 @@ def measure_errors(
         meshes: of models.
     """
     places = sample_area(np.asarray(truth.vertices), np.asarray(truth.faces), _SAMPLES)
-    found = {}
+    found, is_elsewhere = {}, np.ones(len(places), dtype=bool)
     for region in find_regions(scene):
         own = places[region.contains(places)]
         distances = [
             find_distances(own, np.asarray(mesh.vertices), np.asarray(mesh.faces)) for mesh in meshes
         ]
         found[region.name] = tuple(float(distance.mean()) for distance in distances)
+        is_elsewhere &= ~region.contains(places)
+    rest = [
+        find_distances(places[is_elsewhere], np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        for mesh in meshes
+    ]
+    found["elsewhere"] = tuple(float(distance.mean()) for distance in rest)
     return found
 
 
@@ -267,7 +261,9 @@ def _load_readings(path: Path) -> Readings:
 def _scan(config: LiveConfig, truths: dict[str, sg.Arena], progress: rc.Progress) -> rc.Reconstruction:
     log = sg.survey(truths["before"], seed=config.seed, progress=progress)
     points = rc.thin(rc.preprocess(log), SPACING)
-    return rc.reconstruct(points, units=config.units, seed=config.seed, change=RAYS_ONLY, progress=progress)
+    return rc.reconstruct(
+        points, units=config.units, seed=config.seed, change=RAYS_ONLY, refinement=LOCAL, progress=progress
+    )
 
 
 def _without_time(arena: sg.Arena) -> sg.Arena:
@@ -305,18 +301,27 @@ def _judge(
     arenas: dict[str, sg.Arena],
     truths: dict[str, sg.Arena],
     progress: rc.Progress,
-) -> dict[str, int]:
+) -> dict[str, dict[str, int]]:
+    """Return the successes of the champion, of no control, and of a random one in each arena."""
+    rng = np.random.default_rng((config.seed, 2))
+    genes = {
+        "champion": np.asarray(champion.genotype),
+        "zero": np.zeros(len(champion.genotype)),
+        "random": rng.uniform(-1.0, 1.0, len(champion.genotype)),
+    }
     places = {
         "model before": arenas["before"],
         "model after": arenas["after"],
         "truth before": truths["before"],
         "truth now": truths["after"],
     }
-    found = {}
+    found: dict[str, dict[str, int]] = {name: {} for name in genes}
     for number, (name, place) in enumerate(places.items()):
         progress(name, number / len(places))
-        outcome = ev.judge(champion, place, config.trials, config.seed, workers=config.workers)
-        found[name] = int(outcome.successes)
+        for control, genotype in genes.items():
+            tried = champion if control == "champion" else dataclasses.replace(champion, genotype=genotype)
+            outcome = ev.judge(tried, place, config.trials, config.seed, workers=config.workers)
+            found[control][name] = int(outcome.successes)
     return found
 
 
@@ -325,7 +330,7 @@ def _summarize(
     arenas: dict[str, sg.Arena],
     truths: dict[str, sg.Arena],
     driven: DrivenPoints,
-    successes: dict[str, int],
+    successes: dict[str, dict[str, int]],
 ) -> LiveResult:
     meshes = [arenas["before"].surface, arenas["after"].surface]
     errors = measure_errors(config.scene, truths["after"].surface, meshes)

@@ -29,18 +29,20 @@ class MatchConfig:
         farthest: longer ranges are left out [m]: the error of an angle moves their ends most.
         cell: readings within a cell of this width become their mean [m].
         min_readings: cells with fewer are left out: stray readings.
+        free_every: of every so many scans one shows what space is free: neighbors show the same.
 
     Raises:
         RunError: a field is not above 0.
     """
 
-    window: float = 1.0
+    window: float = 0.3
     gate: float = 0.04
-    sigma: float = 0.02
+    sigma: float = 0.05
     iterations: int = 4
     farthest: float = 1.6
     cell: float = 0.02
     min_readings: int = 2
+    free_every: int = 8
 
     def __post_init__(self) -> None:
         check_positive(self, [field.name for field in fields(self)], RunError)
@@ -52,12 +54,14 @@ class DrivenPoints(NamedTuple):
     Attributes:
         points: [m].
         origins: where the sensor was [m].
+        free_rays: where beams of the laser that met nothing began, and how far they surely went [m].
         told_error: mean distance of the robot from where it was told to be [m].
         matched_error: the same after matching [m].
     """
 
     points: Float[np.ndarray, "N 3"]
     origins: Float[np.ndarray, "N 3"]
+    free_rays: Float[np.ndarray, "K 2 3"]
     told_error: float
     matched_error: float
 
@@ -101,7 +105,20 @@ def find_points(
         float(np.linalg.norm(found[:, :3, 3] - readings.true_poses[:, :3, 3], axis=1).mean())
         for found in (readings.poses, poses)
     ]
-    return DrivenPoints(points, origins, *errors)
+    return DrivenPoints(points, origins, _find_free_rays(readings.ranges, poses, config), *errors)
+
+
+def _find_free_rays(
+    ranges: Float[np.ndarray, "T R"], poses: Float[np.ndarray, "T 4 4"], config: MatchConfig
+) -> Float[np.ndarray, "K 2 3"]:
+    """Return the laser's beams that met nothing, up to the farthest range that is used: space there is free."""
+    rays = find_scout_rays()
+    is_laser = rays.max_ranges > config.farthest
+    scans, beams = np.nonzero(np.isposinf(ranges[:: config.free_every]) & is_laser)
+    poses = poses[:: config.free_every][scans]
+    ends = rays.origins[beams] + config.farthest * rays.directions[beams]
+    places = np.stack([rays.origins[beams], ends], axis=1)
+    return np.einsum("nij,nkj->nki", poses[:, :3, :3], places) + poses[:, None, :3, 3]
 
 
 def _match(

@@ -108,6 +108,7 @@ def detect_changes(
     spacing: float,
     config: ChangeConfig,
     origins: Float[np.ndarray, "M 3"] | None = None,
+    free_rays: Float[np.ndarray, "K 2 3"] | None = None,
 ) -> Change:
     """Compare new readings with a surface.
 
@@ -119,6 +120,7 @@ def detect_changes(
         spacing: mean distance between neighboring vertices [m].
         config: the limits.
         origins: where each new reading was made from [m]; what lies between is gone.
+        free_rays: begin and end of rays that met nothing [m]; what lies between is gone.
     """
     import igl
 
@@ -156,11 +158,15 @@ def detect_changes(
     is_strong = _find_strong(winners, readings, distance, tolerance, spacing, len(vertices), config)
     is_read, density = find_read(vertices, new_points, spacing, config.absence)
     is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing, config.absence)
-    if origins is not None:
+    if origins is not None or free_rays is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
         reach = config.free_space.face_reach * spacing
+        free = np.empty((0, 2, 3)) if free_rays is None else free_rays
+        begins, ends = free[:, 0], free[:, 1]
+        if origins is not None:
+            begins, ends = np.concatenate([origins[compared], begins]), np.concatenate([readings, ends])
         is_gone |= find_crossed_vertices(
-            vertices, faces, readings, origins[compared], agreeing, tolerance, reach, config.free_space
+            vertices, faces, ends, begins, agreeing, tolerance, reach, config.free_space
         )
     return Change(compared, winners, distance, tolerance, is_moved, is_strong, is_gone, is_read, density)
 

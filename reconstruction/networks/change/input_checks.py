@@ -35,6 +35,25 @@ def check_origins(origins: object, num_points: int) -> Float[np.ndarray, "M 3"]:
     return np.ascontiguousarray(np.broadcast_to(array, (num_points, 3)))
 
 
+def check_free_rays(free_rays: object) -> Float[np.ndarray, "K 2 3"]:
+    """Return rays that met nothing: where each began, and how far it went.
+
+    Raises:
+        ReconstructionError: another shape, not numbers, NaN or infinity.
+    """
+    try:
+        array = np.asarray(free_rays, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ReconstructionError(f"free_rays must be real numbers: {error}") from error
+    if array.ndim != 3 or array.shape[1:] != (2, 3):
+        raise ReconstructionError(
+            f"free_rays must have the shape [K, 2, 3] (begin and end of each), got {list(array.shape)}"
+        )
+    if not np.isfinite(array).all():
+        raise ReconstructionError("free_rays holds NaN or infinity; end each ray where it was surely free")
+    return array
+
+
 def check_scale(
     new_points: Float[np.ndarray, "M 3"], old_points: Float[np.ndarray, "N 3"], max_scale: float = 30.0
 ) -> None:

@@ -168,6 +168,7 @@ def learn_changes(
     seed: int = 0,
     progress: Progress = silent,
     origins: Float[np.ndarray, "M 3"] | None = None,
+    free_rays: Float[np.ndarray, "K 2 3"] | None = None,
 ) -> tuple[State, Bool[np.ndarray, " N"]]:
     """Do what `refine` does; return the new network, and which of the old points are still valid.
 
@@ -178,10 +179,11 @@ def learn_changes(
         seed: seed of all random numbers.
         progress: receives how far the work is.
         origins: where the new readings were made from [m]; what their rays go through is gone.
+        free_rays: begin and end of rays that met nothing [m]; what they go through is gone.
     """
     progress("refine", 0.0)
     (vertices, faces, spacing), limits = learner.surface, learner.config.change
-    change = detect_changes(vertices, faces, old_points, new_points, spacing, limits, origins)
+    change = detect_changes(vertices, faces, old_points, new_points, spacing, limits, origins, free_rays)
     readings = new_points[change.compared]
     selection = learner.select(change, readings)
     if selection is None:

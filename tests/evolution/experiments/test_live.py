@@ -7,9 +7,10 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.experiments.live.drive import DriveConfig, Readings, apply_error, drive_round
-from evolution.experiments.live.live import LiveConfig, claim_folder, measure_errors, plan_round
+from evolution.experiments.live.drive import DriveConfig, Readings, Stop, apply_error, drive_round
+from evolution.experiments.live.live import LiveConfig, claim_folder, measure_errors
 from evolution.experiments.live.matching import MatchConfig, find_points
+from evolution.experiments.live.route import plan_round
 from evolution.experiments.live.scene import Box, SceneConfig, find_regions, make_truth
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.contact.local_changes import measure_gaps, sample_faces
@@ -57,7 +58,7 @@ def test_impossible_scenes_are_refused():
 @pytest.fixture(scope="module")
 def driven() -> tuple[sg.Arena, Readings]:
     arena = make_truth(SceneConfig(), is_changed=True)
-    return arena, drive_round(arena, [(-2.4, 0.1, 1.5), (-2.2, 0.1, 0.5)], DriveConfig(), seed=3)
+    return arena, drive_round(arena, [Stop(-2.4, 0.1, 1.5), Stop(-2.2, 0.1, 0.5)], DriveConfig(), seed=3)
 
 
 def test_readings_lie_on_the_truth_by_the_true_poses(driven):
@@ -80,16 +81,34 @@ def test_matching_brings_readings_nearer_to_the_surface(driven):
 
 def test_equal_seeds_read_the_same(driven):
     arena, readings = driven
-    again = drive_round(arena, [(-2.4, 0.1, 1.5), (-2.2, 0.1, 0.5)], DriveConfig(), seed=3)
+    again = drive_round(arena, [Stop(-2.4, 0.1, 1.5), Stop(-2.2, 0.1, 0.5)], DriveConfig(), seed=3)
     np.testing.assert_array_equal(again.ranges, readings.ranges)
     np.testing.assert_array_equal(again.poses, readings.poses)
-    other = drive_round(arena, [(-2.4, 0.1, 0.2)], DriveConfig(), seed=4)
+    other = drive_round(arena, [Stop(-2.4, 0.1, 0.2)], DriveConfig(), seed=4)
     assert not np.array_equal(other.poses[0], readings.poses[0])
 
 
 def test_a_drive_that_ends_before_its_first_place_is_refused(driven):
     with pytest.raises(ev.RunError, match="could not finish"):
-        drive_round(driven[0], [(-2.4, 0.1, 1.5)], DriveConfig(duration=0.5))
+        drive_round(driven[0], [Stop(-2.4, 0.1, 1.5)], DriveConfig(duration=0.5))
+
+
+def test_beams_that_meet_nothing_go_through_nothing(driven):
+    arena, readings = driven
+    exact = readings._replace(poses=readings.true_poses)
+    free = find_points(exact, arena.surface, MatchConfig(gate=1e-9)).free_rays
+    assert len(free) > 100
+    np.testing.assert_allclose(np.linalg.norm(free[:, 1] - free[:, 0], axis=1), MatchConfig().farthest)
+    # They begin in front of the Scout, above the floor, and stay above it.
+    assert free[:, :, 2].min() > 0.0
+
+
+def test_a_stop_faces_what_it_is_to_look_at():
+    arena = make_truth(SceneConfig(), is_changed=True)
+    readings = drive_round(arena, [Stop(-2.4, 0.1, 0.1, (-3.0, 0.1))], DriveConfig(), seed=3)
+    yaw = np.arctan2(readings.true_poses[:, 1, 0], readings.true_poses[:, 0, 0])
+    assert abs(yaw[0]) < 0.3
+    assert np.abs(yaw).max() > np.pi - 0.3
 
 
 def test_readings_of_nothing_are_refused(driven):
@@ -108,7 +127,8 @@ def test_the_error_of_a_model_is_that_of_the_change_it_misses():
     scene = SceneConfig(old_box=None)
     before, now = (make_truth(scene, is_changed=changed) for changed in (False, True))
     errors = measure_errors(scene, now.surface, [before.surface, now.surface])
-    assert set(errors) == {"box added", "wall moved"}
+    assert set(errors) == {"box added", "wall moved", "elsewhere"}
+    assert max(errors.pop("elsewhere")) < 1e-9
     for missed, known in errors.values():
         assert missed > 0.01
         assert known < 1e-9
@@ -116,7 +136,7 @@ def test_the_error_of_a_model_is_that_of_the_change_it_misses():
 
 def test_the_round_stays_on_the_course():
     scene = SceneConfig()
-    for x, y, _ in plan_round(scene):
+    for x, y, *_ in plan_round(scene):
         assert abs(y) < scene.course.width / 2 - 0.1
         assert -scene.course.length / 2 < x < scene.course.pit_edges[0]
     assert len(find_scout_rays().origins) == 27

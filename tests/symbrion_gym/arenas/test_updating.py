@@ -34,6 +34,22 @@ def test_the_same_surface_gives_the_same_arena(plain):
     assert sg.update_arena(plain, make_floor(hole=0.3)) is plain
 
 
+def test_a_saved_and_loaded_arena_has_not_changed(plain, tmp_path):
+    from symbrion_gym.arenas.saving import _SURFACE_DIGITS
+
+    assert UpdateConfig().digits == _SURFACE_DIGITS
+    fine, other = make_floor(hole=0.3), make_floor(hole=0.3, bump=0.2)
+    for mesh in (fine, other):  # no vertex is as round as the file
+        mesh.vertices = mesh.vertices * (1.0 + np.pi * 1e-5) + 1.23456789e-5
+    sg.make_arena(fine, accuracy=0.005, cache=False).save(tmp_path / "arena")
+    loaded = sg.Arena.load(tmp_path / "arena")
+    assert not np.array_equal(loaded.surface.vertices, fine.vertices)
+    assert sg.update_arena(loaded, fine) is loaded
+    updated = sg.update_arena(loaded, other)
+    assert 0.0 < updated.provenance["update"]["changed_area"] < 0.1
+    assert count_kept(loaded, updated) == updated.provenance["update"]["kept"] >= 1
+
+
 def test_a_new_platform_gets_pieces_and_the_others_stay(plain):
     updated = sg.update_arena(plain, make_floor(bump=0.2, hole=0.3))
     notes = updated.provenance["update"]

@@ -7,6 +7,7 @@ from shapes import make_floor
 from shapes import read_floor as read
 
 from reconstruction.errors import ReconstructionError
+from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import (
     Change,
     ChangeConfig,
@@ -30,6 +31,23 @@ def test_readings_of_the_same_surface_change_nothing(sheet):
         change = detect_changes(*sheet, read(8000), read(number, seed=1), SPACING, CONFIG)
         assert not change.is_moved.any()
         assert not change.is_gone.any()
+
+
+def test_what_beams_that_met_nothing_went_through_is_gone(sheet):
+    begins = np.stack(np.meshgrid(np.linspace(0.8, 1.2, 20), np.linspace(0.8, 1.2, 20), [-0.3]), axis=-1)
+    begins = begins.reshape(-1, 3)
+    rising, short = (np.stack([begins, begins + np.array([0.0, 0.0, rise])], axis=1) for rise in (1.0, 0.29))
+    new = read(8000, seed=1)
+    known = new[(np.abs(new[:, :2] - 1) > 0.3).any(axis=1)]
+    inside = (np.abs(sheet[0][:, :2] - 1) < 0.15).all(axis=1)
+    rays_only = ChangeConfig(absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000))
+    gone, stays = (
+        detect_changes(*sheet, read(8000), known[:400], SPACING, rays_only, None, rays).is_gone
+        for rays in (rising, short)
+    )
+    assert gone[inside].all()
+    assert not gone[(np.abs(sheet[0][:, :2] - 1) > 0.4).any(axis=1)].any()
+    assert not stays.any()
 
 
 def test_a_raised_part_has_moved(sheet):

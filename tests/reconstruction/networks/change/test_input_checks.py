@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.errors import ReconstructionError
-from reconstruction.networks.change.input_checks import check_origins, check_scale
+from reconstruction.networks.change.input_checks import check_free_rays, check_origins, check_scale
 
 
 def test_origins_that_are_none_are_refused():
@@ -16,6 +16,17 @@ def test_origins_that_are_none_are_refused():
     ):
         with pytest.raises(ReconstructionError, match=reason):
             check_origins(wrong, 5)
+
+
+def test_free_rays_that_are_none_are_refused():
+    assert check_free_rays(np.zeros((4, 2, 3))).shape == (4, 2, 3)
+    for wrong, reason in (
+        (np.zeros((4, 3)), r"\[K, 2, 3\]"),
+        (np.full((1, 2, 3), np.inf), "infinity"),
+        ([["a"]], "real numbers"),
+    ):
+        with pytest.raises(ReconstructionError, match=reason):
+            check_free_rays(wrong)
 
 
 def test_another_unit_is_noticed():
