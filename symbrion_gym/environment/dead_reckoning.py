@@ -58,7 +58,10 @@ class DeadReckoning:
         self._places: list[Float[np.ndarray, "C 2"]] = [np.zeros((1, 2))] * num
         self._radii: list[Float[np.ndarray, " C"]] = [np.zeros(1)] * num
         self._number = np.zeros(num, dtype=np.int64)
-        self._target, self._radius = np.zeros((num, 2)), np.full(num, -1.0)
+        self._target, self._radius = (
+            np.zeros((num, 2)),
+            np.full(num, -1.0),
+        )  # nothing is passed before the start
         self._has_driven = np.zeros(num, dtype=bool)
 
     @property
