@@ -118,7 +118,10 @@ class EpisodeConfig:
             if not isinstance(self.goal, str):
                 set_field(self, "goal", _as_point("goal", self.goal))
             elif self.task is None:
-                raise RunError(f"goal is the object {self.goal!r}, which needs a task: 'reach' or 'dock'")
+                raise RunError(
+                    f"goal is {self.goal!r}, as of a known object: that needs the task 'reach' or 'dock'; give one, or "
+                    "(x, y) in meters"
+                )
             if "goal" in dict(self.environment):
                 raise RunError("goal is given, and environment.goal, too; leave out one of them")
 
