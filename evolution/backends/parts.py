@@ -119,8 +119,8 @@ class EpisodeConfig:
                 set_field(self, "goal", _as_point("goal", self.goal))
             elif self.task is None:
                 raise RunError(
-                    f"goal is {self.goal!r}, as of a known object, which needs a task: 'reach' or 'dock'; or give (x, y) "
-                    "in meters"
+                    f"goal is {self.goal!r}, as of a known object, which needs a task: 'reach' or 'dock'; or give "
+                    "(x, y) in meters"
                 )
             if "goal" in dict(self.environment):
                 raise RunError("goal is given, and environment.goal, too; leave out one of them")
