@@ -18,7 +18,8 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.evolution_runs import Results
-from benchmarks.material.learning import ALGORITHMS, Budget, learn
+from benchmarks.material.learning import ALGORITHMS, learn
+from benchmarks.material.learning_run import Budget
 from evolution.backends.trials import Randomization
 from evolution.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
 from evolution.search.evaluation import evaluate

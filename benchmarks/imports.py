@@ -27,7 +27,7 @@ PROGRAMS = {
     "import symbrion_gym": "import symbrion_gym",
     "import evolution": "import evolution",
     "gym.make and reset, gsrm": (
-        "import gymnasium, symbrion_gym; gymnasium.make('symbrion_gym/SnakePit-v0', arena='gsrm').reset(seed=0)"
+        "import gymnasium, symbrion_gym; gymnasium.make('symbrion_gym/SnakePit-v1', arena='gsrm').reset(seed=0)"
     ),
     "symbrion --help": COMMAND.format(words=["--help"]),
     "symbrion evolve --arena nonsense": COMMAND.format(words=["evolve", "--arena", "nonsense"]),

@@ -5,7 +5,8 @@ from typing import Any
 
 from benchmarks.ages import Ages
 from benchmarks.baselines import DEFAULT_IDS
-from benchmarks.material.learning import ALGORITHMS, NEEDED, STARTS
+from benchmarks.material.learning import ALGORITHMS
+from benchmarks.material.learning_run import NEEDED, STARTS
 from benchmarks.origins import Records, describe_measuring
 
 COLUMNS = ("id", "algorithm", "solved", "decisions", "robot-seconds", "processor minutes", "measured")

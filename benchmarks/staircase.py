@@ -13,10 +13,10 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 import trimesh
 
+import symbrion_gym as sg
 from benchmarks.material.stairs import (
     FIRST_RISER,
     NUM_STEPS,
@@ -213,8 +213,7 @@ def drive(
 ) -> tuple[Drive, np.ndarray | None]:
     """Run a champion from the floor up the stairs; also return a picture at its largest height."""
     start, goal = (stretch_stairs(np.array([x, LANE, 0.0]), 1.0)[:2] for x in (START, GOAL))
-    env = gym.make(
-        "symbrion_gym/SnakeTerrain-v0",
+    snake = sg.OrganismEnv(
         arena=arena,
         modules=MODULES,
         start=tuple(start),
@@ -223,23 +222,21 @@ def drive(
         duration=duration,
         stuck_time=8.0,
         render_mode=render_mode,
-        disable_env_checker=True,
     )
-    snake: Any = env.unwrapped
     champion = Champion(genes, _GENES, "reactive", MODULES, arena.name, 0, 0.0)
     policy = ChampionPolicy(champion, snake.observation_structure)
-    observation, info = env.reset(seed=0)
+    observation, info = snake.reset(seed=0)
     state, is_over, track, highest = None, False, [], -math.inf
     picture: Any = None
     while not is_over:
         action, state = policy.predict(observation, state)
-        observation, _, terminated, truncated, info = env.step(action)
+        observation, _, terminated, truncated, info = snake.step(action)
         is_over = terminated or truncated
         track.append(snake.physics.position[0].copy())
         mean_height = float(track[-1][:, 2].mean())
         if render_mode and mean_height > highest + 0.02:
-            highest, picture = mean_height, env.render()
-    env.close()
+            highest, picture = mean_height, snake.render()
+    snake.close()
     return _describe_drive(arena, np.array(track), info), picture
 
 

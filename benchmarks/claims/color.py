@@ -28,7 +28,7 @@ COLOR = (
             (Value("color", f"{group}/*/vertices", "max"),),
             bar="<= 0.05",
         )
-        for group in ("courses", "held-out courses")
+        for group in GROUPS
     ),
     *(
         Claim(

@@ -23,8 +23,8 @@ FRICTION = (
         (Value("friction", "patches/rms"), Value("friction", "patches/half_width")),
     ),
     Claim(
-        "Champions on a course with ice, 5 seeds: successes in the truth after evolution on what robots felt, and on "
-        "one friction for all",
+        "Champions of 5 seeds on a course with ice, which was changed after first figures: successes in the truth "
+        "after evolution on what robots felt, and on one friction for all",
         "{0} and {1} of {2}",
         tuple(
             Value("friction", f"champions/{path}")

@@ -25,9 +25,9 @@ OBJECTS = (
         bar="<= 5",
     ),
     Claim(
-        f"{_WHERE}: processor time of a survey, s (median)",
-        "{0:.1f}",
-        (Value("objects", "sockets/cpu_s_median"),),
+        f"{_WHERE}: processor time of a survey, s, of the slowest (median)",
+        "{0:.1f} ({1:.1f})",
+        (Value("objects", "sockets/cpu_s_max"), Value("objects", "sockets/cpu_s_median")),
         bar="<= 10",
     ),
 )

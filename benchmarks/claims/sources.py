@@ -151,6 +151,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "evolution/search/cmaes.py",
         "symbrion_gym/adapters",
         "benchmarks/material/learning.py",
+        "benchmarks/material/learning_run.py",
         "benchmarks/material/simple_policy.py",
     ),
     "audit": (*_ROBOT, *_READY_MADE, "benchmarks/material/audited_tasks.py"),

@@ -9,7 +9,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
 if TYPE_CHECKING:
-    from benchmarks.material.learning import Policy, Run
+    from benchmarks.material.learning_run import Policy, Run
 
 _NOTED_EVERY = 4096
 """Decisions between two points of the curve."""

@@ -49,7 +49,7 @@ class UpdateConfig:
     most_area: float = 0.5
     least_points: int = 2_000
     context_rings: int = 4
-    more_pieces: float = 4.0
+    more_pieces: float = 2.0
     more_few: int = 128
     least_share: float = 0.1
     digits: int = 4

@@ -2,7 +2,8 @@
 
 from benchmarks.baselines import DEFAULT_IDS, Baselines, Lessons
 from benchmarks.learning_table import NOT_RUN, make_learning_table
-from benchmarks.material.learning import ALGORITHMS, Budget, Run
+from benchmarks.material.learning import ALGORITHMS
+from benchmarks.material.learning_run import Budget, Run
 
 ORIGIN = {"date": "2026-11-22", "commit": None, "dirty": False, "is_quick": False}
 
@@ -63,7 +64,7 @@ def test_a_stored_run_is_repeated_only_with_a_larger_budget(monkeypatch):
 
 
 def test_a_run_judges_only_what_is_promising(monkeypatch):
-    monkeypatch.setattr("benchmarks.material.learning.judge", lambda name, policy: 41)
+    monkeypatch.setattr("benchmarks.material.learning_run.judge", lambda name, policy: 41)
     run = Run("symbrion_gym/Reach-v0", Budget(robot_seconds=50.0))
     run.robot_seconds = 10.0
     run.note(0.5, lambda count: lambda observation: observation)
