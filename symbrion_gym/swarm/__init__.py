@@ -1,0 +1,1 @@
+"""Many robots in one arena: docks, signals, two levels of physics, the environment of the swarm."""
