@@ -96,7 +96,7 @@ def test_tolerances_decide(name, move):
 
 def test_height_and_roll_decide():
     state = make_state([[0.0, 0.0, 0.0], [-SCOUT.pitch, 0.0, 0.0]])
-    high = state._replace(position=state.position + [[0.0, 0.0, 0.009], [0.0, 0.0, 0.0]])
+    high = state._replace(position=state.position + np.array([[0.0, 0.0, 0.009], [0.0, 0.0, 0.0]]))
     assert find_matches(high, all_latch(2)) == ()
     rotation = np.stack([np.eye(3), make_rotation(roll=np.deg2rad(12.0))])
     assert find_matches(state._replace(rotation=rotation), all_latch(2)) == ()
