@@ -90,9 +90,7 @@ def _is_separated(
     return False
 
 
-def _check_steepness(
-    poses: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"], arena: Arena
-) -> None:
+def _check_steepness(poses: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"], arena: Arena) -> None:
     steep = np.arccos(np.clip(normal[:, 2], -1.0, 1.0))
     for robot in np.flatnonzero(steep > STEEPEST):
         raise ArenaError(

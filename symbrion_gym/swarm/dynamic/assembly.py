@@ -39,6 +39,7 @@ class Assembly:
         hinge_dof: their addresses in qvel.
         hinge_servo: ids of their actuators.
         track_geoms: ids of the geoms that drive, left before right.
+        owners: for each geom the robot that it belongs to; -1 for those of the arena.
     """
 
     layout: Layout
@@ -50,6 +51,7 @@ class Assembly:
     hinge_dof: Int[np.ndarray, " N"]
     hinge_servo: Int[np.ndarray, " N"]
     track_geoms: Int[np.ndarray, "N T"]
+    owners: Int[np.ndarray, " G"]
 
     def find_root(self, tree: Tree) -> tuple[int, int]:
         """Return the addresses of a tree's free joint in qpos and qvel."""
@@ -144,4 +146,14 @@ def _find_ids(layout: Layout, model: mujoco.MjModel, names: list[str], scout: Sc
         np.array([-1 if joint < 0 else model.jnt_dofadr[joint] for joint in joints]),
         np.array([mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name) for name in hinges]),
         np.array([[model.geom(f"{name}_track_{k}").id for k in wheels] for name in names]),
+        _find_owners(model, names),
     )
+
+
+def _find_owners(model: mujoco.MjModel, names: list[str]) -> Int[np.ndarray, " G"]:
+    owners = np.full(model.ngeom, -1)
+    for geom in range(model.ngeom):
+        for robot, name in enumerate(names):
+            if model.geom(geom).name.startswith(f"{name}_"):
+                owners[geom] = robot
+    return owners

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,22 @@ import numpy as np
 from symbrion_gym.robot.organism import Docking, Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.swarm.docks import find_groups, make_organism, sort_links
+
+
+@dataclass(frozen=True)
+class OpenOrganism(Organism):
+    """An organism in which some arms move although nothing of it is docked to them.
+
+    Attributes:
+        open_arms: modules with such an arm.
+    """
+
+    open_arms: tuple[int, ...] = ()
+
+    @property
+    def hinges(self) -> tuple[int, ...]:
+        """Modules whose hinge works, in order."""
+        return tuple(sorted({*super().hinges, *self.open_arms}))
 
 
 class Tree(NamedTuple):
@@ -42,31 +59,35 @@ class Layout(NamedTuple):
 
 
 def find_layout(
-    links: Iterable[Docking], welds: Iterable[Docking], num_robots: int, scout: ScoutConfig
+    links: Iterable[Docking],
+    welds: Iterable[Docking],
+    open_arms: Iterable[int],
+    num_robots: int,
+    scout: ScoutConfig,
 ) -> Layout:
     """Return the layout in which all links but the welded ones are parts of trees.
 
     Args:
         links: all latched docks.
-        welds: those of them that are held by welds.
+        welds: those of them that are held by welds; arms that they hold move.
+        open_arms: docked robots whose arm moves although its dock is free.
         num_robots: N.
         scout: constants of the robots.
     """
-    welds = frozenset(welds)
+    welds = sort_links(tuple(welds))
     rigid = [link for link in links if link not in welds]
     groups = find_groups(rigid, num_robots)
+    moving = set(open_arms) | {robot for link in welds for robot, side in link.ends if side == "front"}
     trees = []
     for first in np.unique(groups):
         members = np.flatnonzero(groups == first).tolist()
         if len(members) == 1:
             trees.append(Tree((members[0],), None))
             continue
-        organism, order = make_organism(rigid_of(rigid, members), members, scout)
+        inside = [link for link in rigid if link.first in members]
+        organism, order = make_organism(inside, members, scout)
+        arms = tuple(module for module, robot in enumerate(order) if robot in moving)
+        if arms:
+            organism = OpenOrganism(organism.num_modules, organism.dockings, scout, arms)
         trees.append(Tree(order, organism))
-    return Layout(tuple(trees), sort_links(tuple(welds)))
-
-
-def rigid_of(links: Iterable[Docking], members: list[int]) -> list[Docking]:
-    """Return the links between members of a group."""
-    inside = set(members)
-    return [link for link in links if link.first in inside and link.second in inside]
+    return Layout(tuple(trees), welds)

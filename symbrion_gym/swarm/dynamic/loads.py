@@ -12,7 +12,7 @@ from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.swarm.docks import find_groups
 from symbrion_gym.swarm.dynamic.assembly import Assembly
-from symbrion_gym.swarm.dynamic.transfer import find_parts
+from symbrion_gym.swarm.dynamic.motion import find_parts
 
 
 def find_loads(
@@ -45,18 +45,14 @@ def find_loads(
     return loads
 
 
-def _find_inertial(
-    assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig
-) -> Float[np.ndarray, "N 3"]:
+def _find_inertial(assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig) -> Float[np.ndarray, "N 3"]:
     """Return mass times (acceleration - gravity) of chassis and arm of each robot [N]."""
     model = assembly.model
     chassis, arm = find_parts(scout)
     bodies = np.stack([model.site_bodyid[assembly.sites], assembly.arms], axis=1)
     frame = data.site_xmat[assembly.sites].reshape(-1, 3, 3)
     front = data.site_xpos[assembly.docks[:, 0]] - data.site_xpos[assembly.sites]
-    centers = np.stack(
-        [frame @ chassis.center, np.linalg.norm(arm.center) / scout.arm_reach * front], axis=1
-    )
+    centers = np.stack([frame @ chassis.center, np.linalg.norm(arm.center) / scout.arm_reach * front], axis=1)
     places = data.site_xpos[assembly.sites][:, None] + centers
     lever = places - data.subtree_com[model.body_rootid[bodies]]
     spin, turning = data.cvel[bodies][..., :3], data.cacc[bodies][..., :3]
@@ -69,7 +65,7 @@ def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "
     """Return the sum of contact forces and applied forces on each robot [N]."""
     model = assembly.model
     pushes = np.zeros((len(assembly.sites), 3))
-    owner = find_owners(assembly)
+    owner = assembly.owners
     force = np.zeros(6)
     for index in range(data.ncon):
         robots = owner[data.contact.geom[index]]
@@ -80,19 +76,7 @@ def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "
         for robot, sign in zip(robots, (-1.0, 1.0), strict=True):
             if robot >= 0:
                 pushes[robot] += sign * push
-    for robot, site in enumerate(assembly.sites):
-        pushes[robot] += data.xfrc_applied[model.site_bodyid[site], :3]
+    for body in np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1)):
+        on_body = owner[model.geom_bodyid == body]
+        pushes[on_body.max(initial=-1)] += data.xfrc_applied[body, :3]
     return pushes
-
-
-def find_owners(assembly: Assembly) -> np.ndarray:
-    """Return the robot that each geom belongs to; -1 for the arena's."""
-    model = assembly.model
-    owner = np.full(model.ngeom, -1)
-    for tree in assembly.layout.trees:
-        for module, robot in enumerate(tree.robots):
-            prefix = f"{tree.prefix}module_{module}_"
-            for geom in range(model.ngeom):
-                if model.geom(geom).name.startswith(prefix):
-                    owner[geom] = robot
-    return owner

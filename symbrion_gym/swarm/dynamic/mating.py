@@ -75,7 +75,9 @@ def write_weld(
     """
     model = assembly.model
     weld = model.equality(f"weld_{index}").id
-    first, second = (assembly.docks[robot, SIDES.index(side)] for robot, side in assembly.layout.welds[index].ends)
+    first, second = (
+        assembly.docks[robot, SIDES.index(side)] for robot, side in assembly.layout.welds[index].ends
+    )
     frame, other = (Rotation.from_quat(model.site_quat[site], scalar_first=True) for site in (first, second))
     wanted = frame.apply(np.array([scout.dock_gap, 0.0, 0.0]) + share * mating.offset)
     turn = frame * Rotation.from_rotvec(share * mating.turn) * _HALF_TURN * other.inv()

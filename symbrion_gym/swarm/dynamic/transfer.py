@@ -6,64 +6,17 @@ velocities become those of the tree that keep momentum: M v = Jᵀ p, the plasti
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import NamedTuple
-
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.robot.scout import make_scout
 from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.swarm.dynamic.assembly import Assembly
 from symbrion_gym.swarm.dynamic.layout import Tree
+from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion, find_part_motions
 
-FOLDED = np.pi / 2
-"""Angle of the hinge of an arm that is folded up [rad]."""
 _LEVER = 0.05
 """Distance of the points that stand for the orientation of a module in the fit of a tree [m]: its half size."""
-
-
-class Motion(NamedTuple):
-    """Poses and velocities of N robots in the arena.
-
-    Attributes:
-        position: centers of the chassis [m].
-        rotation: from the frames of the chassis to the arena.
-        velocity: of the centers [m/s].
-        spin: rates of rotation in the arena [rad/s].
-        hinge: angles of the hinges [rad].
-        hinge_rate: [rad/s].
-    """
-
-    position: Float[np.ndarray, "N 3"]
-    rotation: Float[np.ndarray, "N 3 3"]
-    velocity: Float[np.ndarray, "N 3"]
-    spin: Float[np.ndarray, "N 3"]
-    hinge: Float[np.ndarray, " N"]
-    hinge_rate: Float[np.ndarray, " N"]
-
-
-class Part(NamedTuple):
-    """A rigid part of a Scout: its mass [kg], center of mass [m] and inertia [kg m²] in the frame of the part."""
-
-    mass: float
-    center: Float[np.ndarray, " 3"]
-    inertia: Float[np.ndarray, "3 3"]
-
-
-@lru_cache(maxsize=8)
-def find_parts(scout: ScoutConfig) -> tuple[Part, Part]:
-    """Return chassis and arm of a Scout; the frame of the arm is that of the module, turned by the hinge."""
-    model = make_scout(scout).compile()
-    parts = []
-    for name in ("scout", "arm"):
-        body = model.body(name)
-        axes = np.empty(9)
-        mujoco.mju_quat2Mat(axes, body.iquat)
-        axes = axes.reshape(3, 3)
-        parts.append(Part(float(body.mass[0]), body.ipos.copy(), axes @ np.diag(body.inertia) @ axes.T))
-    return parts[0], parts[1]
 
 
 def refresh(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -173,35 +126,15 @@ def _project_velocities(
     mujoco.mj_fullM(model, data, inertia)
     momentum = np.zeros(model.nv)
     moving = np.concatenate([np.arange(model.nv)[assembly.find_spans(tree)[1]] for tree in trees])
-    for tree in trees:
-        for robot in tree.robots:
-            _add_momentum(assembly, data, motion, scout, robot, momentum)
+    bodies = (model.site_bodyid[assembly.sites], assembly.arms)
+    jacobian, turning = np.zeros((2, 3, model.nv))
+    robots = [robot for tree in trees for robot in tree.robots]
+    for part, carriers in zip(find_part_motions(motion, scout), bodies, strict=True):
+        for robot in robots:
+            place = part.center[robot] + data.site_xpos[assembly.sites[robot]] - motion.position[robot]
+            mujoco.mj_jac(model, data, jacobian, turning, place, int(carriers[robot]))
+            push = part.mass * part.velocity[robot]
+            momentum += jacobian.T @ push + turning.T @ (part.inertia[robot] @ part.spin[robot])
+    hinged = [robot for robot in robots if assembly.hinge_dof[robot] >= 0]
+    momentum[assembly.hinge_dof[hinged]] += scout.hinge_armature * motion.hinge_rate[hinged]
     data.qvel[moving] = np.linalg.solve(inertia[np.ix_(moving, moving)], momentum[moving])
-
-
-def _add_momentum(
-    assembly: Assembly,
-    data: mujoco.MjData,
-    motion: Motion,
-    scout: ScoutConfig,
-    robot: int,
-    momentum: Float[np.ndarray, " nv"],
-) -> None:
-    """Add the momentum of a robot's chassis, arm and motor, as generalized forces' impulses."""
-    model = assembly.model
-    frame, spin = motion.rotation[robot], motion.spin[robot]
-    cosine, sine = np.cos(motion.hinge[robot]), np.sin(motion.hinge[robot])
-    lift = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
-    arm_spin = spin - frame[:, 1] * motion.hinge_rate[robot]
-    bodies = (model.site_bodyid[assembly.sites[robot]], assembly.arms[robot])
-    jacobian, rotation = np.zeros((2, 3, model.nv))
-    for part, axes, rate, body in zip(
-        find_parts(scout), (frame, frame @ lift), (spin, arm_spin), bodies, strict=True
-    ):
-        lever = axes @ part.center
-        place = data.site_xpos[assembly.sites[robot]] + lever
-        mujoco.mj_jac(model, data, jacobian, rotation, place, int(body))
-        linear = part.mass * (motion.velocity[robot] + np.cross(rate, lever))
-        momentum += jacobian.T @ linear + rotation.T @ (axes @ part.inertia @ axes.T @ rate)
-    if assembly.hinge_dof[robot] >= 0:
-        momentum[assembly.hinge_dof[robot]] += scout.hinge_armature * motion.hinge_rate[robot]

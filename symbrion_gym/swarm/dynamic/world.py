@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
@@ -19,14 +20,8 @@ from symbrion_gym.swarm.dynamic.assembly import Assembler, Assembly
 from symbrion_gym.swarm.dynamic.layout import Layout, find_layout
 from symbrion_gym.swarm.dynamic.loads import find_loads
 from symbrion_gym.swarm.dynamic.mating import Mating, find_error, find_share, has_mated, write_weld
-from symbrion_gym.swarm.dynamic.transfer import (
-    FOLDED,
-    Motion,
-    copy_tree,
-    read_motion,
-    refresh,
-    write_motion,
-)
+from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion
+from symbrion_gym.swarm.dynamic.transfer import copy_tree, read_motion, refresh, write_motion
 from symbrion_gym.swarm.placing import lay_robots
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
 
@@ -65,8 +60,8 @@ class DynamicWorld:
 
     A latched pair is held by a weld, which pulls it to its exact pose in `DockConfig.mating_time`. Then the model is
     compiled anew with both in one tree, and the state is carried over; a release is the reverse. In an organism, arms
-    whose front dock is free are folded up, whatever they are told, and part of the chassis, as in every `Organism`; a
-    free front dock that is told to latch keeps its arm movable, and its module is held by welds.
+    whose front dock is free fold up, whatever they are told, and are then part of the chassis, as in every `Organism`;
+    only where such a dock is told to latch, its arm does as it is told.
 
     Args:
         arena: where the robots are.
@@ -86,6 +81,7 @@ class DynamicWorld:
         assembly: the compiled model and where the robots are in it; a new one whenever the layout changes.
         data: its state, likewise.
         target: present targets of the hinges' servos [rad].
+        conversion: how all robots moved before and after the last change of the layout; None before the first.
 
     Raises:
         OptionError: no robots, or a kind of Scout that swarms lack.
@@ -110,15 +106,19 @@ class DynamicWorld:
                 "sphere tracks"
             )
         self._assembler = Assembler(arena, num_robots, self.scout, self.config.timestep)
-        self._clear()
-        self._enter(find_layout((), (), num_robots, self.scout), None)
-        self.state = self._read_state()
+        self.assembly: Assembly
+        self.data: mujoco.MjData
+        zero = np.zeros((num_robots, 3))
+        spread = zero.copy()
+        spread[:, 0] = np.arange(num_robots)
+        self.begin(Motion(spread, np.tile(np.eye(3), (num_robots, 1, 1)), zero, zero, zero[:, 0], zero[:, 0]))
 
     def _clear(self) -> None:
         self.time = 0.0
         self._links: tuple[Docking, ...] = ()
         self._matings: dict[Docking, Mating] = {}
         self._torn: frozenset[Docking] = frozenset()
+        self.conversion: tuple[Motion, Motion] | None = None
         self.target = np.zeros(self.num_robots)
         self._odometry = np.zeros((self.num_robots, 2))
         self._is_folding = np.zeros(self.num_robots, bool)
@@ -154,7 +154,7 @@ class DynamicWorld:
         self._clear()
         self._links = sort_links(links)
         self.target = np.array(motion.hinge if target is None else target, dtype=np.float64)
-        self._enter(find_layout(self._links, (), self.num_robots, self.scout), motion)
+        self._enter(self._find_layout(), motion)
         self.state = self._read_state()
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
@@ -170,7 +170,9 @@ class DynamicWorld:
         _check_commands(commands, self.num_robots)
         ticks = round(duration / self.config.tick)
         if ticks < 1 or abs(ticks * self.config.tick - duration) > 1e-9:
-            raise OptionError(f"duration is {duration} s; a whole number of ticks of {self.config.tick} s is needed")
+            raise OptionError(
+                f"duration is {duration} s; a whole number of ticks of {self.config.tick} s is needed"
+            )
         self._change_links(commands.latch)
         self._change_layout(commands.latch)
         self._write_tracks(commands.tracks)
@@ -205,17 +207,17 @@ class DynamicWorld:
         mated = [link for link in self._matings if self._is_mated(link)]
         for link in mated:
             del self._matings[link]
-        welds = [
-            link
-            for link in self._links
-            if link in self._matings or is_open[link.first] or is_open[link.second]
-        ]
-        layout = find_layout(self._links, welds, self.num_robots, self.scout)
+        layout = self._find_layout(np.flatnonzero(is_open))
         if layout != self.assembly.layout:
-            self._enter(layout, read_motion(self.assembly, self.data))
+            before = read_motion(self.assembly, self.data)
+            self._enter(layout, before, self.assembly)
+            self.conversion = before, read_motion(self.assembly, self.data)
+
+    def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
+        return find_layout(self._links, self._matings, open_arms, self.num_robots, self.scout)
 
     def _find_open(self, latch: Bool[np.ndarray, "N 4"]) -> Bool[np.ndarray, " N"]:
-        """Return which docked robots have a movable arm with a free front dock."""
+        """Return which docked robots have a movable arm with a free front dock, and let the others fold theirs."""
         has_link, has_front = np.zeros((2, self.num_robots), bool)
         for link in self._links:
             for robot, side in link.ends:
@@ -234,20 +236,22 @@ class DynamicWorld:
             self.assembly, self.data, link, self.scout
         )
 
-    def _enter(self, layout: Layout, motion: Motion | None) -> None:
-        """Continue in another layout with the state of the present one."""
+    def _enter(self, layout: Layout, motion: Motion, source: Assembly | None = None) -> None:
+        """Continue in a layout.
+
+        Args:
+            layout: the layout.
+            motion: of all robots.
+            source: assembly of the present state, whose trees are kept to the bit where they are in both layouts.
+        """
         assembly = self._assembler.assemble(layout)
         data = mujoco.MjData(assembly.model)
-        if motion is not None:
-            same = frozenset()
-            if hasattr(self, "assembly") and self.time > 0.0:
-                same = frozenset(layout.trees) & frozenset(self.assembly.layout.trees)
-                for tree in same:
-                    copy_tree(tree, self.assembly, self.data, assembly, data)
-            write_motion(assembly, data, motion, self.scout, same)
+        same = frozenset(layout.trees) & frozenset(source.layout.trees) if source else frozenset()
+        for tree in same if source else ():
+            copy_tree(tree, source, self.data, assembly, data)
+        write_motion(assembly, data, motion, self.scout, same)
         data.time = self.time
-        self.assembly: Assembly = assembly
-        self.data: mujoco.MjData = data
+        self.assembly, self.data = assembly, data
 
     def _write_tracks(self, tracks: Float[np.ndarray, "N 2"]) -> None:
         geoms = self.assembly.track_geoms
