@@ -16,7 +16,7 @@ from symbrion_gym.swarm.docks import (
     make_organism,
     sort_links,
 )
-from symbrion_gym.swarm.kinematic.collisions import find_overlaps
+from symbrion_gym.swarm.kinematic.collisions import find_overlaps, find_pairs, take
 from symbrion_gym.swarm.kinematic.config import KinematicConfig
 from symbrion_gym.swarm.kinematic.ground import Ground, GroundFit
 from symbrion_gym.swarm.kinematic.motion import (
@@ -27,8 +27,10 @@ from symbrion_gym.swarm.kinematic.motion import (
     avoid_overlaps,
     find_layout,
     make_rotations,
+    outline,
     place_members,
     select,
+    spread_level,
 )
 from symbrion_gym.swarm.kinematic.steering import find_twists
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
@@ -120,12 +122,7 @@ class KinematicWorld:
             rotation = make_rotations(fit.normal, poses[:, 2])
             position[:, 2] = self._find_center_height(fit)
         hinge = np.zeros(count)
-        depth = find_overlaps(position, poses[:, 2], hinge, self.scout)
-        if depth.max() > self.config.grip:
-            first, second = np.unravel_index(depth.argmax(), depth.shape)
-            raise ArenaError(
-                f"robots {first} and {second} overlap by {depth.max():.3f} m; place them farther apart"
-            )
+        self._check_overlaps(Poses(position, rotation, hinge))
         zero = np.zeros((count, 3))
         self.time = 0.0
         self._adopt(
@@ -262,9 +259,7 @@ class KinematicWorld:
             is_bad |= now > np.maximum(limit, before)
         is_member = np.bincount(self.groups, minlength=self.num_robots)[self.groups] > 1
         level = np.where(is_bad, np.where(is_member, STAY, TURN), FULL)
-        highest = np.zeros_like(level)
-        np.maximum.at(highest, self.groups, level)
-        return highest[self.groups]
+        return spread_level(level, self.groups)
 
     def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, " ..."]) -> None:
         """Keep the new poses with the rates that led to them."""
@@ -313,3 +308,14 @@ class KinematicWorld:
                     f"{where} stands at a step of {fit.step[robot]:.3f} m, more than the "
                     f"{self.config.max_step:g} that it climbs; place it elsewhere"
                 )
+
+    def _check_overlaps(self, poses: Poses) -> None:
+        """Refuse robots that are within each other."""
+        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach)
+        outlines = outline(poses, self.scout)
+        depth = find_overlaps(take(outlines, first), take(outlines, second), self.scout)
+        if depth.max(initial=0.0) > self.config.grip:
+            worst = depth.argmax()
+            raise ArenaError(
+                f"robots {first[worst]} and {second[worst]} overlap by {depth[worst]:.3f} m; place them farther apart"
+            )
