@@ -43,7 +43,7 @@ class Sight:
         """Radius of a ball about the chassis [m]."""
         return float(np.linalg.norm(self._half))
 
-    def cast_on_surface(
+    def cast_short(
         self,
         origins: Float[np.ndarray, "R 3"],
         directions: Float[np.ndarray, "R 3"],
@@ -51,8 +51,10 @@ class Sight:
     ) -> Float[np.ndarray, " R"]:
         """Return the distance of the exact surface along each ray [m]; inf beyond its range.
 
+        Short rays above everything about them are not cast.
+
         Args:
-            origins: where rays begin [m]; those that share one are cheaper.
+            origins: where rays begin [m].
             directions: unit vectors.
             max_ranges: [m].
         """
@@ -61,6 +63,21 @@ class Sight:
         distances[rays] = self._mesh.cast(origins[rays], directions[rays])
         distances[distances > max_ranges] = np.inf
         return distances
+
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the exact surface along each ray of fans [m]; inf for none.
+
+        Args:
+            origins: where the rays of each fan begin [m].
+            directions: unit vectors, fan after fan.
+            counts: number of rays of each fan.
+        """
+        return self._mesh.cast_fans(origins, directions, counts)
 
     def cast_on_robots(
         self,
@@ -94,10 +111,11 @@ class Sight:
         np.minimum.at(distances, rays, hit)
         return distances
 
-    def is_clear(
+    def find_clear(
         self,
-        starts: Float[np.ndarray, "R 3"],
+        places: Float[np.ndarray, "F 3"],
         ends: Float[np.ndarray, "R 3"],
+        fan: Int[np.ndarray, " R"],
         state: SwarmState,
         first: Int[np.ndarray, " R"],
         second: Int[np.ndarray, " R"],
@@ -105,12 +123,14 @@ class Sight:
         """Return whether neither surface nor a third robot is between two places.
 
         Args:
-            starts: [m].
-            ends: [m].
+            places: where lines of sight begin [m].
+            ends: where each of them ends [m].
+            fan: the place where each one begins, in rising order.
             state: of the robots.
             first: robot at each start, which is in nobody's way.
             second: robot at each end, likewise.
         """
+        starts = places[fan]
         way = ends - starts
         length = np.sqrt(_multiply(way, way))
         directions = way / np.maximum(length, _LEAST)[:, None]
@@ -124,7 +144,8 @@ class Sight:
         rays, robots = np.nonzero(beside < self.robot_radius**2)
         is_free = ~(self.cast_on_robots(starts, directions, state, rays, robots) < length)
         left = np.flatnonzero(is_free)
-        is_free[left] = np.isinf(self.cast_on_surface(starts[left], directions[left], length[left]))
+        counts = np.bincount(fan[left], minlength=len(places))
+        is_free[left] = ~(self.cast_fans(places, directions[left], counts) < length[left])
         return is_free
 
     def _may_hit(

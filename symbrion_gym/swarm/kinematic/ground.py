@@ -73,7 +73,7 @@ class Ground:
             groups: root of each robot's group.
         """
         foot = position[:, :2] - self._half_height * rotation[:, :2, 2]
-        tracks = foot[:, None] + np.einsum("nij,pj->npi", rotation[:, :2, :2], self._tracks)
+        tracks = foot[:, None] + self._tracks @ rotation[:, :2, :2].transpose(0, 2, 1)
         places = np.concatenate([tracks, foot[:, None] + self._rim], axis=1)
         heights = self._find_heights(places)
         own = _fit_planes(tracks - foot[:, None], heights[:, : len(self._tracks)], np.arange(len(foot)))

@@ -263,7 +263,7 @@ class KinematicWorld:
 
     def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, " ..."]) -> None:
         """Keep the new poses with the rates that led to them."""
-        change = np.einsum("nij,nkj->nik", new.rotation, old.rotation)
+        change = new.rotation @ old.rotation.transpose(0, 2, 1)
         spin = np.stack(
             [
                 change[:, 2, 1] - change[:, 1, 2],

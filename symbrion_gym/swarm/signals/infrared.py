@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 NUM_UNITS = 8
 """Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""
-_LEAST_READING = 0.2
-"""Light below this reading is none [counts]: less than half of the noise."""
+_LEAST_READING = 0.5
+"""Light below this reading is none [counts]: the standard deviation of the noise."""
 _LEAST_DISTANCE = 0.01
 """Smaller distances count as this one [m]: units do not touch."""
 
@@ -47,9 +48,15 @@ def find_units(
     state: SwarmState, scout: ScoutConfig
 ) -> tuple[Float[np.ndarray, "N 8 3"], Float[np.ndarray, "N 8 3"]]:
     """Return places [m] and axes of the infrared units of all robots in the arena."""
+    origins, directions = _find_unit_rays(scout)
+    turn = state.rotation.transpose(0, 2, 1)
+    return origins @ turn + state.position[:, None], directions @ turn
+
+
+@lru_cache(maxsize=32)
+def _find_unit_rays(scout: ScoutConfig) -> tuple[Float[np.ndarray, "8 3"], Float[np.ndarray, "8 3"]]:
     rays = find_scout_rays(scout)
-    places = np.einsum("nij,uj->nui", state.rotation, rays.origins[:NUM_UNITS]) + state.position[:, None]
-    return places, np.einsum("nij,uj->nui", state.rotation, rays.directions[:NUM_UNITS])
+    return rays.origins[:NUM_UNITS], rays.directions[:NUM_UNITS]
 
 
 def find_light(
@@ -87,7 +94,7 @@ def find_light(
     )
     seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
     pair, receiver, side = pair[seen], receiver[seen], side[seen]
-    clear = sight.is_clear(start[pair], middle[receiver, side], state, sender[pair], receiver)
+    clear = sight.find_clear(start, middle[receiver, side], pair, state, sender[pair], receiver)
     pair = pair[clear]
     return Light(sender[pair], dock[pair], receiver[clear], side[clear], readings[seen][clear])
 
