@@ -34,7 +34,7 @@ class Senses:
         laser: whether the laser is read as well.
         noise: standard deviations; None for the defaults, estimates.
         seed: of the noise.
-        sight: rays that are shared with others, so that their tree is built once; None for new ones.
+        sight: rays in the arena; None for those of the world if it has some, else new ones.
     """  # noqa: E501
 
     def __init__(
@@ -46,7 +46,7 @@ class Senses:
         sight: Sight | None = None,
     ) -> None:
         self._world, self._noise = world, noise or SensorNoise()
-        self.sight = sight or Sight(world.arena, world.scout)
+        self.sight = sight or getattr(world, "sight", None) or Sight(world.arena, world.scout)
         rays = find_scout_rays(world.scout)
         self._origins, self._directions, self._ranges = rays
         self._num_rays = len(self._ranges) if laser else NUM_UNITS

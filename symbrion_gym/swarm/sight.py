@@ -21,6 +21,8 @@ _MOST_CELLS = 4_000_000
 """Cells are wider where there would be more of them."""
 _SHORT = 0.4
 """Rays up to this length are first compared with the highest surface about them [m]: those of infrared units."""
+_STEEPEST = 0.5
+"""Sine of the largest tilt of a robot: rays about it come no lower."""
 _LEAST = 1e-12
 """Components of directions are not smaller than this: no division by zero."""
 
@@ -63,6 +65,16 @@ class Sight:
         distances[rays] = self._mesh.cast(origins[rays], directions[rays])
         distances[distances > max_ranges] = np.inf
         return distances
+
+    def find_near(self, centers: Float[np.ndarray, "N 3"], radius: float) -> Int[np.ndarray, " M"]:
+        """Return which places have surface that is as high about them; all if the radius is not that of a short ray.
+
+        Args:
+            centers: places [m].
+            radius: of what may tilt about them [m].
+        """
+        high = self._find_top(centers[:, :2]) >= centers[:, 2] - radius * _STEEPEST
+        return np.flatnonzero(high | (2 * radius > _SHORT))
 
     def cast_fans(
         self,
@@ -158,8 +170,13 @@ class Sight:
         ends = origins[:, 2] + max_ranges * directions[:, 2]
         lowest = np.minimum(origins[:, 2], ends)
         middle = origins[:, :2] + 0.5 * max_ranges[:, None] * directions[:, :2]
-        cell = np.clip(((middle - self._low) / self._cell).astype(np.int64), 0, np.array(self._top.shape) - 1)
-        return (max_ranges > _SHORT) | (lowest <= self._top[cell[:, 0], cell[:, 1]])
+        return (max_ranges > _SHORT) | (lowest <= self._find_top(middle))
+
+    def _find_top(self, places: Float[np.ndarray, "R 2"]) -> Float[np.ndarray, " R"]:
+        """Return the highest surface within half a short ray of places [m]."""
+        cell = ((np.nan_to_num(places) - self._low) / self._cell).astype(np.int64)
+        cell = np.clip(cell, 0, np.array(self._top.shape) - 1)
+        return self._top[cell[:, 0], cell[:, 1]]
 
 
 def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:

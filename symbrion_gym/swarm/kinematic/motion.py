@@ -13,6 +13,7 @@ from symbrion_gym.swarm.kinematic.collisions import (
     find_pairs,
     take,
 )
+from symbrion_gym.swarm.kinematic.rotations import find_headings
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -40,21 +41,6 @@ class Poses(NamedTuple):
     def heading(self) -> Float[np.ndarray, " N"]:
         """Directions of the robots, seen from above [rad]."""
         return find_headings(self.rotation)
-
-
-def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
-    """Return the directions of the x axes, seen from above [rad]."""
-    return np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-
-
-def make_rotations(
-    normal: Float[np.ndarray, " ..."], heading: Float[np.ndarray, " N"]
-) -> Float[np.ndarray, "N 3 3"]:
-    """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
-    c, s = np.cos(heading), np.sin(heading)
-    ahead = np.column_stack([c, s, -(normal[:, 0] * c + normal[:, 1] * s) / normal[:, 2]])
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    return np.stack([ahead, np.cross(normal, ahead), normal], axis=2)
 
 
 def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, " ..."]:
