@@ -76,22 +76,17 @@ class RayMesh:
             directions: unit vectors, fan after fan.
             counts: number of rays of each fan.
         """
-        distances = np.full(len(directions), np.inf)
-        if self._model is None:
-            return distances
-        stops = np.cumsum(counts)
-        for place, start, stop in zip(origins - self._middle, stops - counts, stops, strict=True):
-            distances[start:stop] = self._cast_from(place, directions[start:stop])
-        return distances
-
-    def _cast_from(
-        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
-    ) -> Float[np.ndarray, " R"]:
-        assert self._model is not None
         count = len(directions)
-        distances, geoms = np.empty(count), np.empty(count, np.int32)
-        mujoco.mj_multiRay(
-            self._model, self._data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(),
-            None, True, -1, geoms, distances, None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
+        if self._model is None or not count:
+            return np.full(count, np.inf)
+        distances, geoms = np.empty(count), np.full(count, -1, np.int32)
+        flat, stops = np.ascontiguousarray(directions).ravel(), np.cumsum(counts).tolist()
+        start = 0
+        for place, stop in zip(np.ascontiguousarray(origins - self._middle), stops, strict=True):
+            if stop > start:
+                mujoco.mj_multiRay(
+                    self._model, self._data, place, flat[3 * start : 3 * stop], None, True, -1,
+                    geoms[start:stop], distances[start:stop], None, stop - start, mujoco.mjMAXVAL,
+                )  # fmt: skip
+            start = stop
         return np.where(geoms < 0, np.inf, distances)

@@ -116,4 +116,6 @@ class Senses:
             first, second = np.nonzero(crossed & (distance < self._ranges[-1] + 2 * radius))
             rays.append(first[:, None] * self._num_rays + np.arange(NUM_UNITS, self._num_rays))
             robots.append(np.repeat(second[:, None], self._num_rays - NUM_UNITS, axis=1))
-        return tuple(np.concatenate([part.ravel() for part in parts]) for parts in (rays, robots))  # pyright: ignore[reportReturnType]
+        return np.concatenate([each.ravel() for each in rays]), np.concatenate(
+            [each.ravel() for each in robots]
+        )

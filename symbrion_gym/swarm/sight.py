@@ -19,7 +19,7 @@ _CELL = 0.05
 """Edge of the cells of the highest surface [m]: half of a robot."""
 _MOST_CELLS = 4_000_000
 """Cells are wider where there would be more of them."""
-_SHORT = 0.4
+_SHORT = 0.2
 """Rays up to this length are first compared with the highest surface about them [m]: those of infrared units."""
 _STEEPEST = 0.5
 """Sine of the largest tilt of a robot: rays about it come no lower."""

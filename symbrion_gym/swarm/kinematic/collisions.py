@@ -60,7 +60,8 @@ def find_pairs(
     """
     x, y = position[:, 0], position[:, 1]
     near = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2 <= reach**2
-    return np.nonzero(np.triu(near, k=1))
+    first, second = np.nonzero(np.triu(near, k=1))
+    return first, second
 
 
 def find_overlaps(one: Outlines, other: Outlines, scout: ScoutConfig) -> Float[np.ndarray, " P"]:

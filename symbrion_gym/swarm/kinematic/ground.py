@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _NUM_RIM = 16
 """Places on the rim of a chassis whose height is read: 2 cm apart."""
-_NUM_WALL_RAYS = 12
+_NUM_WALL_RAYS = 8
 """Rays in the plane of the tracks from the center of a chassis to its rim."""
 _LEAST_SPREAD = 1e-10
 """Determinant below which the places of a plane lie on a line [m^4]."""

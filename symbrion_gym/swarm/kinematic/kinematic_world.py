@@ -119,11 +119,12 @@ class KinematicWorld:
         groups = np.arange(count)
         position = np.column_stack([poses[:, :2], np.zeros(count)])
         rotation = make_rotations(np.tile([0.0, 0.0, 1.0], (count, 1)), poses[:, 2])
+        fit = self._ground.fit(position, rotation, groups)
         for _ in range(_LANDING_ROUNDS):
-            fit = self._ground.fit(position, rotation, groups)
             self._check_ground(poses, fit)
             rotation = make_rotations(fit.normal, poses[:, 2])
             position[:, 2] = self._find_center_height(fit)
+            fit = self._ground.fit(position, rotation, groups)
         hinge = np.zeros(count)
         self._check_overlaps(Poses(position, rotation, hinge))
         zero = np.zeros((count, 3))

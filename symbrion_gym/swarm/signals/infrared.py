@@ -114,7 +114,8 @@ def _find_pairs(
     squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
     is_near = (ahead > -radius) & (squared < reach**2)
     is_near[np.arange(len(sender)), sender] = False
-    return np.nonzero(is_near)
+    pair, receiver = np.nonzero(is_near)
+    return pair, receiver
 
 
 def find_readings(
