@@ -16,6 +16,7 @@ PARTS = {
     "docks": "benchmarks.material.swarm_docks:measure_docks",
     "crossing": "benchmarks.material.swarm_crossing:measure_crossing",
     "speed": "benchmarks.material.swarm_docks:measure_speed",
+    "kinematic": "benchmarks.material.swarm_kinematic:measure_kinematic",
     "random": "benchmarks.material.swarm_random:measure_random",
 }
 """Part -> module and function, which takes `quick`."""
