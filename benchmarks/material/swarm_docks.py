@@ -62,7 +62,7 @@ def assemble(world: DynamicWorld, head: Float[np.ndarray, " 3"], seed: int, spee
     commands = latch_row(world.num_robots, speed)
     for decision in range(100):
         world.step(commands)
-        if len(world.assembly.layout.trees) == 1:
+        if world.assembly.layout.trees[0].is_organism and len(world.assembly.layout.trees) == 1:
             return decision + 1
     return 100
 

@@ -55,7 +55,7 @@ class DockedChampion:
         self._genotype = np.array(champion.genotype)[None]
         check_genotypes(self._controller, self._genotype)
         self._state: Any = self._controller.begin(1)
-        self._hinged = [robot for robot in self._modules if world.assembly.hinge_qpos[robot] >= 0]
+        self._hinged = [self._modules[module] for module in organism.hinges]
         self.track_odometry = start
 
     def command(self, commands: SwarmCommands) -> SwarmCommands:

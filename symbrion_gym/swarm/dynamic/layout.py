@@ -41,6 +41,11 @@ class Tree(NamedTuple):
     organism: Organism | None
 
     @property
+    def is_organism(self) -> bool:
+        """Whether it is the very tree of an `Organism`: docked robots whose free arms are folded."""
+        return self.organism is not None and not isinstance(self.organism, OpenOrganism)
+
+    @property
     def prefix(self) -> str:
         """What the names of its parts begin with."""
         return f"robot_{self.robots[0]}_"

@@ -35,9 +35,11 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, Floa
     """
     modules = list(modules)
     tree = next((each for each in world.assembly.layout.trees if set(each.robots) == set(modules)), None)
-    if tree is None or tree.organism is None:
-        trees = [each.robots for each in world.assembly.layout.trees]
-        raise OptionError(f"robots {modules} are not one organism; there are {trees}")
+    if tree is None or not tree.is_organism:
+        trees = [each.robots for each in world.assembly.layout.trees if each.is_organism]
+        raise OptionError(
+            f"robots {modules} are not one organism yet; there are {trees}: step until they have mated and folded arms"
+        )
     hinged = [robot for robot in modules if world.assembly.hinge_qpos[robot] >= 0]
     rotation = world.state.rotation[modules]
     return {
