@@ -21,13 +21,15 @@ from symbrion_gym.swarm.behavior.memory import Memory, Mode, make_ticket, read_t
 from symbrion_gym.swarm.behavior.motion import find_tracks
 from symbrion_gym.swarm.behavior.percepts import FRONT, NOBODY, Percepts, Wired, Words
 from symbrion_gym.swarm.behavior.plan import Plan
-from symbrion_gym.swarm.behavior.steering import choose_turn, read_sides
-from symbrion_gym.swarm.behavior.transitions import PIT_DEPTHS, Situation
+from symbrion_gym.swarm.behavior.steering import choose_turn
+from symbrion_gym.swarm.behavior.transitions import Situation
 from symbrion_gym.swarm.behavior.weights import BehaviorWeights
 from symbrion_gym.swarm.world import DECISION, SwarmCommands
 
 ASKING = 0.3
 """Chance that a robot that waits asks in a decision: two that ask at once are not understood."""
+_ALONE = 4.0
+"""A robot that met something follows no calls for this many times its `avoid_time`."""
 _ORGANIC = (Mode.RECRUIT, Mode.IN_ORGANISM, Mode.LOCK)
 """Modes of robots that belong to an organism, or found one."""
 _DOCKING = (Mode.LOCATE_BEACON, Mode.ALIGN, Mode.DOCK, Mode.RECOVER)
@@ -108,6 +110,8 @@ class Machine:
             accepted_since=memory.accepted_since + DECISION,
             avoiding=np.maximum(memory.avoiding - DECISION, 0.0),
             silent=np.where(is_heard, 0.0, memory.silent + DECISION),
+            unseen=np.where(percepts.beacon.is_heard, 0.0, memory.unseen + DECISION),
+            alone=np.maximum(memory.alone - DECISION, 0.0),
             growth=np.where(roles != memory.roles, 0.0, memory.growth + DECISION),
         )
 
@@ -117,8 +121,7 @@ class Machine:
         is_new = following != memory.mode
         begins = {mode: is_new & (following == mode) for mode in Mode}
         memory = memory._replace(mode=following, since=np.where(is_new, 0.0, memory.since))
-        near = read_sides(percepts.proximity)[:, FRONT]
-        meets = (near < weights.avoid_distance) | (percepts.drop > PIT_DEPTHS[0])
+        meets = transitions.find_obstacles(here._replace(memory=memory))
         turns = meets & (memory.avoiding <= 0.0)
         is_climbing = (np.abs(percepts.pitch) > transitions.SLOPE) & (memory.mode == Mode.RETREAT)
         climbed = memory.has_climbed & (memory.mode == Mode.RETREAT) | is_climbing
@@ -135,6 +138,7 @@ class Machine:
             leader=np.where(ends, NOBODY, leader),
             turn=np.where(turns, choose_turn(percepts.proximity, chance), memory.turn),
             avoiding=np.where(turns, weights.avoid_time * (0.5 + chance), memory.avoiding),
+            alone=np.where(turns, _ALONE * weights.avoid_time, memory.alone),
             heard_role=np.where(knows, percepts.beacon.role, memory.heard_role),
             heard_leader=np.where(knows, percepts.beacon.leader, memory.heard_leader),
             mark=np.where(moves_mark, here.run, memory.mark),

@@ -44,6 +44,8 @@ class Memory(NamedTuple):
         turn: to which side a robot turns away, 1 left or -1 right.
         avoiding: time that it goes on turning [s].
         silent: time since it heard of an organism [s].
+        unseen: time since it heard a beacon [s].
+        alone: time for which it does not follow calls, after it met something [s].
         heard_role: place that the beacon wants that it heads for.
         heard_leader: seed of its organism.
         mark: distance that its tracks had run at a mark [m].
@@ -63,6 +65,8 @@ class Memory(NamedTuple):
     turn: Float[np.ndarray, " N"]
     avoiding: Float[np.ndarray, " N"]
     silent: Float[np.ndarray, " N"]
+    unseen: Float[np.ndarray, " N"]
+    alone: Float[np.ndarray, " N"]
     heard_role: Int[np.ndarray, " N"]
     heard_leader: Int[np.ndarray, " N"]
     mark: Float[np.ndarray, " N"]
@@ -87,6 +91,8 @@ class Memory(NamedTuple):
             turn=zeros + 1.0,
             avoiding=zeros,
             silent=zeros + np.inf,
+            unseen=zeros + np.inf,
+            alone=zeros,
             heard_role=nobody,
             heard_leader=nobody,
             mark=zeros,

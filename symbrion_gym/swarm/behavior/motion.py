@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.swarm.behavior.memory import Mode
-from symbrion_gym.swarm.behavior.percepts import FRONT
+from symbrion_gym.swarm.behavior.percepts import FRONT, NOBODY
 from symbrion_gym.swarm.behavior.steering import (
     drive,
     find_approach_point,
@@ -15,13 +15,16 @@ from symbrion_gym.swarm.behavior.steering import (
     follow_slope,
     read_sides,
     steer_to,
+    wrap,
 )
-from symbrion_gym.swarm.behavior.transitions import PIT_DEPTHS, Situation, is_blocked_behind
+from symbrion_gym.swarm.behavior.transitions import PIT_DEPTHS, Situation, find_obstacles, is_blocked_behind
 
 Tracks = Float[np.ndarray, "N 2"]
 """Speeds of the left and the right track of every robot [m/s]."""
-KEEP_CLEAR = 0.35
-"""A robot that waits keeps this distance from the beacon, as another is to pass [m]."""
+KEEP_CLEAR = 0.6
+"""A robot that waits for another to dock leaves the way to the beacon, up to this distance [m] ..."""
+WAY = 0.7
+"""... and within this angle from its axis [rad]."""
 CLOSE = 0.06
 """A robot that leaves stops for what is nearer ahead than this [m]."""
 _REACH = ScoutConfig().arm_reach
@@ -33,7 +36,8 @@ def explore(here: Situation) -> Tracks:
     tracks = drive(weights.explore_speed, follow_slope(percepts.pitch, percepts.roll), weights.turn_speed)
     way = find_way_behind(percepts.guide, weights.guide_offset)
     guided = steer_to(*way, weights.explore_speed, weights.turn_gain, weights.turn_speed)
-    tracks = np.where(percepts.guide.is_heard[:, None], guided, tracks)
+    is_guided = percepts.guide.is_heard & (memory.alone <= 0.0)
+    tracks = np.where(is_guided[:, None], guided, tracks)
     away = drive(np.zeros(len(memory.mode)), memory.turn * 10.0, weights.turn_speed)
     return np.where((memory.avoiding > 0.0)[:, None], away, tracks)
 
@@ -47,25 +51,27 @@ def retreat(here: Situation) -> Tracks:
 
 
 def wait(here: Situation) -> Tracks:
-    """Stand still, or back out of the way to the beacon."""
-    beacon = here.percepts.beacon
-    is_near = beacon.is_heard & (beacon.distance < KEEP_CLEAR) & ~is_blocked_behind(here)
-    is_ahead = np.abs(beacon.bearing) < np.pi / 2
-    speed = np.where(is_ahead, -here.weights.recover_speed, here.weights.recover_speed)
-    is_free = is_ahead | (read_sides(here.percepts.proximity)[:, FRONT] > CLOSE)
-    return drive(np.where(is_near & is_free, speed, 0.0), 0.0, here.weights.turn_speed)
+    """Stand still, or drive out of the way to the beacon."""
+    beacon, weights, percepts = here.percepts.beacon, here.weights, here.percepts
+    is_asked = beacon.is_heard & (beacon.accepts != NOBODY)
+    is_in_way = is_asked & (beacon.distance < KEEP_CLEAR) & (np.abs(beacon.departure) < WAY)
+    aside = wrap(beacon.bearing + np.pi - beacon.departure) + np.where(beacon.departure < 0.0, -1, 1) * np.pi / 2
+    tracks = steer_to(np.cos(aside), np.sin(aside), weights.locate_speed, weights.turn_gain, weights.turn_speed)
+    is_blocked = (read_sides(percepts.proximity)[:, FRONT] < CLOSE) | (percepts.drop > PIT_DEPTHS[0])
+    turning = tracks - tracks.mean(axis=-1, keepdims=True)
+    return np.where(is_in_way[:, None], np.where(is_blocked[:, None], turning, tracks), 0.0)
 
 
 def locate_beacon(here: Situation) -> Tracks:
-    """Drive to the axis of the beacon, then along it."""
-    beacon, weights, percepts = here.percepts.beacon, here.weights, here.percepts
+    """Drive to the axis of the beacon, then along it; past what is in the way."""
+    beacon, weights = here.percepts.beacon, here.weights
     point = find_approach_point(beacon, weights.lookahead, _REACH)
     tracks = steer_to(*point, weights.locate_speed, weights.turn_gain, weights.turn_speed)
-    ahead = read_sides(percepts.proximity)[:, FRONT]
-    is_other = (ahead < weights.avoid_distance) & (ahead < beacon.distance - weights.avoid_distance / 2)
-    aside = drive(weights.locate_speed / 4, here.memory.turn * 10.0, weights.turn_speed)
-    tracks = np.where(is_other[:, None], aside, tracks)
-    return np.where(beacon.is_heard[:, None], tracks, 0.0)
+    tracks = np.where(beacon.is_heard[:, None], tracks, 0.0)
+    past = drive(weights.locate_speed + 0.0 * beacon.distance, 0.0, weights.turn_speed)
+    tracks = np.where((here.memory.avoiding > 0.0)[:, None], past, tracks)
+    away = drive(0.0 * beacon.distance, here.memory.turn * 10.0, weights.turn_speed)
+    return np.where(find_obstacles(here)[:, None], away, tracks)
 
 
 def align(here: Situation) -> Tracks:

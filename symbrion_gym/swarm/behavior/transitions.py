@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from symbrion_gym.swarm.behavior.memory import Memory, Mode, read_ticket
 from symbrion_gym.swarm.behavior.percepts import BACK, FRONT, NOBODY, Percepts
 from symbrion_gym.swarm.behavior.plan import Plan
-from symbrion_gym.swarm.behavior.steering import is_free_behind, wrap
+from symbrion_gym.swarm.behavior.steering import is_free_behind, read_sides
 from symbrion_gym.swarm.behavior.weights import BehaviorWeights
 
 PIT_DEPTHS = (0.12, 1.0)
@@ -119,7 +119,7 @@ def wait(here: Situation) -> Next:
     return _choose(
         Mode.WAIT,
         (here.is_accepted, Mode.LOCATE_BEACON),
-        (here.memory.silent > here.weights.lost_time, Mode.EXPLORE),
+        (here.memory.unseen > here.weights.lost_time, Mode.EXPLORE),
     )
 
 
@@ -132,7 +132,7 @@ def locate_beacon(here: Situation) -> Next:
         Mode.LOCATE_BEACON,
         (is_near, Mode.ALIGN),
         (other, Mode.WAIT),
-        (here.memory.silent > weights.lost_time, Mode.EXPLORE),
+        (here.memory.unseen > weights.lost_time, Mode.EXPLORE),
     )
 
 
@@ -170,7 +170,7 @@ def lock(here: Situation) -> Next:
 
 def recover(here: Situation) -> Next:
     """Return LOCATE_BEACON after backing off, EXPLORE where the organism is not heard any more."""
-    is_lost = here.memory.silent > here.weights.lost_time + here.weights.recover_time
+    is_lost = here.memory.unseen > here.weights.lost_time + here.weights.recover_time
     is_done = here.memory.since > here.weights.recover_time
     return _choose(Mode.RECOVER, (is_done & is_lost, Mode.EXPLORE), (is_done, Mode.LOCATE_BEACON))
 
@@ -235,9 +235,17 @@ def _hears_other(here: Situation) -> Bool[np.ndarray, " N"]:
     return result
 
 
+def find_obstacles(here: Situation) -> Bool[np.ndarray, " N"]:
+    """Return where something is ahead that is not the dock that a robot heads for, or a drop."""
+    percepts, weights, mode = here.percepts, here.weights, here.memory.mode
+    near = read_sides(percepts.proximity)[:, FRONT]
+    to_dock = percepts.beacon.distance - weights.avoid_distance / 2
+    heads = (mode == Mode.LOCATE_BEACON) & percepts.beacon.is_heard
+    is_near = (near < weights.avoid_distance) & (~heads | (near < to_dock))
+    return is_near | (percepts.drop > PIT_DEPTHS[0])
+
+
 def find_accepted(here: Situation) -> Int[np.ndarray, " N"]:
     """Return whom the organism of each robot accepts."""
     return read_ticket(here.memory.ticket)[1]
 
-
-__all__ = ["TRANSITIONS", "Situation", "find_accepted", "find_next", "is_blocked_behind", "wrap"]

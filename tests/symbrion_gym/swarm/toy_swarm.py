@@ -83,6 +83,9 @@ class ToySwarm:
                     turned = abs(wrap(angle[i, 0] - angle[j, b] + np.pi))
                     if apart < 0.012 and turned < np.radians(12):
                         self.links = (*self.links, Docking(i, "front", j, SIDES[b]))
+                        self.pose[i, 2] = wrap(angle[j, b] + np.pi)
+                        ahead = np.array([np.cos(self.pose[i, 2]), np.sin(self.pose[i, 2])])
+                        self.pose[i, :2] = place[j, b] - REACH[0] * ahead
 
     @property
     def tilt(self) -> tuple[np.ndarray, np.ndarray]:
