@@ -26,12 +26,15 @@ from symbrion_gym.swarm.behavior.transitions import Situation
 from symbrion_gym.swarm.behavior.weights import BehaviorWeights
 from symbrion_gym.swarm.world import DECISION, SwarmCommands
 
+FOLDED = np.pi / 2
+"""Angle of an arm that nothing is docked to [rad]."""
 ASKING = 0.3
 """Chance that a robot that waits asks in a decision: two that ask at once are not understood."""
 _ALONE = 4.0
 """A robot that met something follows no calls for this many times its `avoid_time`."""
 _ORGANIC = (Mode.RECRUIT, Mode.IN_ORGANISM, Mode.LOCK)
 """Modes of robots that belong to an organism, or found one."""
+_STRAIGHT = (Mode.ALIGN, Mode.DOCK)
 _DOCKING = (Mode.LOCATE_BEACON, Mode.ALIGN, Mode.DOCK, Mode.RECOVER)
 
 
@@ -79,17 +82,17 @@ class Machine:
         Args:
             percepts: what all robots sense.
             memory: of the last decision, or `Memory.begin`.
-            rng: decides which way robots turn and when they ask; two numbers a robot are drawn.
+            rng: decides which way robots turn and when they ask; three numbers a robot are drawn.
         """
-        chance = rng.random((2, self.num_robots))
+        chance = rng.random((3, self.num_robots))
         memory = self._listen(percepts, memory)
         here = Situation(percepts, memory, self.plan, self.weights, self._numbers)
         following = transitions.find_next(here) if self.docks else memory.mode
-        memory = self._enter(here, following, chance[0])
+        memory = self._enter(here, following, chance[0], chance[2])
         here = here._replace(memory=memory)
         memory = self._accept(here)
         here = here._replace(memory=memory)
-        commands = SwarmCommands(find_tracks(here), np.zeros(self.num_robots), self._latch(here))
+        commands = SwarmCommands(find_tracks(here), self._bend(here), self._latch(here))
         return Decision(commands, self._speak(here, chance[1]), self._tell(here), memory)
 
     def _listen(self, percepts: Percepts, memory: Memory) -> Memory:
@@ -115,14 +118,20 @@ class Machine:
             growth=np.where(roles != memory.roles, 0.0, memory.growth + DECISION),
         )
 
-    def _enter(self, here: Situation, following: np.ndarray, chance: np.ndarray) -> Memory:
+    def _enter(
+        self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray
+    ) -> Memory:
         """Change modes, and note what a new one needs."""
         percepts, memory, weights = here.percepts, here.memory, self.weights
         is_new = following != memory.mode
         begins = {mode: is_new & (following == mode) for mode in Mode}
         memory = memory._replace(mode=following, since=np.where(is_new, 0.0, memory.since))
         meets = transitions.find_obstacles(here._replace(memory=memory))
-        turns = meets & (memory.avoiding <= 0.0)
+        is_level = np.abs(percepts.pitch) < transitions.SLOPE
+        wanders = (memory.mode == Mode.EXPLORE) & is_level & (memory.avoiding <= 0.0)
+        wanders &= chance < DECISION / weights.straight_time
+        turns = (meets & (memory.avoiding <= 0.0)) | wanders
+        toward = np.where(wanders, np.where(coin < 0.5, 1.0, -1.0), choose_turn(percepts.proximity, coin))
         is_climbing = (np.abs(percepts.pitch) > transitions.SLOPE) & (memory.mode == Mode.RETREAT)
         climbed = memory.has_climbed & (memory.mode == Mode.RETREAT) | is_climbing
         # The odometry begins at the foot of the slope again; until then, at the pit.
@@ -136,9 +145,9 @@ class Machine:
         return memory._replace(
             role=role,
             leader=np.where(ends, NOBODY, leader),
-            turn=np.where(turns, choose_turn(percepts.proximity, chance), memory.turn),
-            avoiding=np.where(turns, weights.avoid_time * (0.5 + chance), memory.avoiding),
-            alone=np.where(turns, _ALONE * weights.avoid_time, memory.alone),
+            turn=np.where(turns, toward, memory.turn),
+            avoiding=np.where(turns, weights.avoid_time * (0.5 + coin), memory.avoiding),
+            alone=np.where(turns & meets, _ALONE * weights.avoid_time, memory.alone),
             heard_role=np.where(knows, percepts.beacon.role, memory.heard_role),
             heard_leader=np.where(knows, percepts.beacon.leader, memory.heard_leader),
             mark=np.where(moves_mark, here.run, memory.mark),
@@ -162,6 +171,11 @@ class Machine:
             ticket=np.where(changes, make_ticket(version + 1, robot), memory.ticket),
             accepted_since=np.where(changes, 0.0, memory.accepted_since),
         )
+
+    def _bend(self, here: Situation) -> np.ndarray:
+        """Fold free arms up, out of the way of infrared and laser; straighten them to dock."""
+        straight = np.isin(here.memory.mode, (*_STRAIGHT, *_ORGANIC)) & (here.memory.role != 0)
+        return np.where(straight | here.percepts.docked[:, FRONT], 0.0, FOLDED)
 
     def _latch(self, here: Situation) -> np.ndarray:
         """Tell docks to latch that hold or want a robot."""

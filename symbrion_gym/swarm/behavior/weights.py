@@ -25,6 +25,7 @@ class BehaviorWeights:
 
     Attributes:
         explore_speed: [m/s]; faster robots find each other sooner, and run farther into what they meet.
+        straight_time: mean time that an exploring robot drives straight before it turns at random [s].
         turn_gain: rate of turning per angle to the place that is steered for [1/s].
         turn_speed: largest difference of a track from the mean of both [m/s].
         avoid_distance: a reading below it is an obstacle [m].
@@ -50,6 +51,7 @@ class BehaviorWeights:
     """
 
     explore_speed: float = _weight(0.08, 0.02, 0.10)
+    straight_time: float = _weight(8.0, 2.0, 60.0)
     turn_gain: float = _weight(1.5, 0.3, 4.0)
     turn_speed: float = _weight(0.05, 0.01, 0.10)
     avoid_distance: float = _weight(0.10, 0.03, 0.20)
