@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def find_overlaps(
-    position: Float[np.ndarray, "N 3"],
+    position: Float[np.ndarray, " ..."],
     heading: Float[np.ndarray, " N"],
     hinge: Float[np.ndarray, " N"],
     scout: ScoutConfig,
-    other: tuple[Float[np.ndarray, "N 3"], Float[np.ndarray, " N"], Float[np.ndarray, " N"]] | None = None,
-) -> Float[np.ndarray, "N N"]:
+    other: tuple[Float[np.ndarray, " ..."], Float[np.ndarray, " N"], Float[np.ndarray, " N"]] | None = None,
+) -> Float[np.ndarray, " ..."]:
     """Return how far each robot reaches into each other one [m]; negative: the gap between them. -inf on the diagonal.
 
     A chassis is a disc of its half width against other chassis, so that robots that are docked on any sides touch and
@@ -55,25 +55,25 @@ def find_overlaps(
 
 
 def _find_arms(
-    position: Float[np.ndarray, "N 3"],
+    position: Float[np.ndarray, " ..."],
     heading: Float[np.ndarray, " N"],
     hinge: Float[np.ndarray, " N"],
     scout: ScoutConfig,
-) -> Float[np.ndarray, "N 2"]:
+) -> Float[np.ndarray, " ..."]:
     """Return the centers of the ends of arms, seen from above [m]."""
     reach = (scout.arm_reach - ARM_RADIUS) * np.cos(hinge)
     return position[:, :2] + reach[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
 
 
 def _turn_into(
-    vectors: Float[np.ndarray, "N M 2"], heading: Float[np.ndarray, "..."]
+    vectors: Float[np.ndarray, "N M 2"], heading: Float[np.ndarray, " ..."]
 ) -> Float[np.ndarray, "N M 2"]:
     c, s = np.cos(heading), np.sin(heading)
     x, y = vectors[..., 0], vectors[..., 1]
     return np.stack([c * x + s * y, c * y - s * x], axis=-1)
 
 
-def _find_distance_from_square(places: Float[np.ndarray, "N M 2"], half: float) -> Float[np.ndarray, "N M"]:
+def _find_distance_from_square(places: Float[np.ndarray, "N M 2"], half: float) -> Float[np.ndarray, " ..."]:
     """Return distances from a square about the origin; negative inside."""
     beyond = np.abs(places) - half
     outside = np.hypot(*np.moveaxis(np.maximum(beyond, 0.0), -1, 0))

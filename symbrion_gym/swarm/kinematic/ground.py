@@ -32,7 +32,7 @@ class GroundFit(NamedTuple):
         unknown: share of the places whose height is unknown.
     """
 
-    normal: Float[np.ndarray, "N 3"]
+    normal: Float[np.ndarray, " ..."]
     height: Float[np.ndarray, " N"]
     slope: Float[np.ndarray, " N"]
     step: Float[np.ndarray, " N"]
@@ -61,7 +61,7 @@ class Ground:
 
     def fit(
         self,
-        position: Float[np.ndarray, "N 3"],
+        position: Float[np.ndarray, " ..."],
         rotation: Float[np.ndarray, "N 3 3"],
         groups: Int[np.ndarray, " N"],
     ) -> GroundFit:
@@ -90,19 +90,19 @@ class Ground:
         slope = np.arctan(np.hypot(own[:, 0], own[:, 1]))
         return GroundFit(normal, plane[:, 2], slope, step, np.isnan(heights).mean(axis=1))
 
-    def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, "N P"]:
+    def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, " ..."]:
         return self._elevation.find_top(places[..., 0], places[..., 1], self._ceiling)[0]
 
 
 def _fit_planes(
-    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, "N P"], groups: Int[np.ndarray, " N"]
-) -> Float[np.ndarray, "N 3"]:
+    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, " ..."], groups: Int[np.ndarray, " N"]
+) -> Float[np.ndarray, " ..."]:
     """Return rise along x, rise along y and height at 0 of the least-squares plane of each robot's group; nan: none."""
     known = np.isfinite(heights)
     x, y, z = (np.where(known, values, 0.0) for values in (places[..., 0], places[..., 1], heights))
     count = len(groups)
 
-    def add_up(values: Float[np.ndarray, "N P"]) -> Float[np.ndarray, " N"]:
+    def add_up(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " N"]:
         return np.bincount(groups, values.sum(axis=1), count)
 
     num = np.maximum(add_up(known.astype(np.float64)), 1.0)

@@ -26,7 +26,7 @@ class Poses(NamedTuple):
         hinge: angles of the arms [rad].
     """
 
-    position: Float[np.ndarray, "N 3"]
+    position: Float[np.ndarray, " ..."]
     rotation: Float[np.ndarray, "N 3 3"]
     hinge: Float[np.ndarray, " N"]
 
@@ -42,7 +42,7 @@ def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N
 
 
 def make_rotations(
-    normal: Float[np.ndarray, "N 3"], heading: Float[np.ndarray, " N"]
+    normal: Float[np.ndarray, " ..."], heading: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "N 3 3"]:
     """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
     c, s = np.cos(heading), np.sin(heading)
@@ -51,7 +51,7 @@ def make_rotations(
     return np.stack([ahead, np.cross(normal, ahead), normal], axis=2)
 
 
-def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
+def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, " ..."]:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
     place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
@@ -60,9 +60,9 @@ def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray
 
 
 def place_members(
-    position: Float[np.ndarray, "N 3"],
+    position: Float[np.ndarray, " ..."],
     rotation: Float[np.ndarray, "N 3 3"],
-    layout: Float[np.ndarray, "N 3"],
+    layout: Float[np.ndarray, " ..."],
     hinge: Float[np.ndarray, " N"],
 ) -> Poses:
     """Return the poses of robots from those of their roots, given once a member."""
@@ -141,7 +141,7 @@ def _give_way(
     return highest[groups]
 
 
-def _measure(first: Poses, second: Poses, scout: ScoutConfig) -> Float[np.ndarray, "N N"]:
+def _measure(first: Poses, second: Poses, scout: ScoutConfig) -> Float[np.ndarray, " ..."]:
     return find_overlaps(
         first.position,
         first.heading,

@@ -23,7 +23,7 @@ _ROUNDING = 1e-9
 """Heights that differ by less are the same [m]."""
 
 
-def find_track_points(scout: ScoutConfig) -> Float[np.ndarray, "P 2"]:
+def find_track_points(scout: ScoutConfig) -> Float[np.ndarray, " ..."]:
     """Return where the tracks of a Scout touch level ground, left before right, in its frame [m]."""
     wheels = np.array(find_driven_wheels(scout))
     return wheels[wheels[:, 2] < wheels[:, 2].min() + _ROUNDING, :2]
@@ -43,11 +43,11 @@ def find_effective_gauge(scout: ScoutConfig) -> float:
 
 
 def find_twists(
-    tracks: Float[np.ndarray, "N 2"],
+    tracks: Float[np.ndarray, " ..."],
     groups: Int[np.ndarray, " N"],
-    layout: Float[np.ndarray, "N 3"],
+    layout: Float[np.ndarray, " ..."],
     scout: ScoutConfig,
-) -> Float[np.ndarray, "N 3"]:
+) -> Float[np.ndarray, " ..."]:
     """Return the motion of the root of each robot's group: ahead [m/s], left [m/s], turn [rad/s].
 
     Single robots turn as the balance of Coulomb friction says. A docked group is one rigid body: of all its motions in
@@ -72,18 +72,18 @@ def find_twists(
 
 
 def _fit_twists(
-    tracks: Float[np.ndarray, "N 2"],
+    tracks: Float[np.ndarray, " ..."],
     groups: Int[np.ndarray, " N"],
-    layout: Float[np.ndarray, "N 3"],
-    points: Float[np.ndarray, "P 2"],
-) -> Float[np.ndarray, "N 3"]:
+    layout: Float[np.ndarray, " ..."],
+    points: Float[np.ndarray, " ..."],
+) -> Float[np.ndarray, " ..."]:
     c, s = np.cos(layout[:, 2:]), np.sin(layout[:, 2:])
     x = layout[:, :1] + c * points[:, 0] - s * points[:, 1]
     y = layout[:, 1:2] + s * points[:, 0] + c * points[:, 1]
     speed = tracks[:, np.where(points[:, 1] > 0, 0, 1)]
     u, v = c * speed, s * speed
 
-    def average(values: Float[np.ndarray, "N P"]) -> Float[np.ndarray, "N 1"]:
+    def average(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, "N 1"]:
         total = np.bincount(groups, values.mean(axis=1), len(groups)) / np.maximum(
             np.bincount(groups, minlength=len(groups)), 1
         )
