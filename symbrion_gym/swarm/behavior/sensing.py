@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.robot.scout_constants import SIDES
+from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym.robot.scout_rays import find_scout_rays
 from symbrion_gym.swarm.behavior.hearing import HearingConfig, find_geometry, hear, read_wires
 from symbrion_gym.swarm.behavior.percepts import Percepts, Wired, Words
-from symbrion_gym.swarm.behavior.steering import SIDE_ANGLES, wrap
+from symbrion_gym.swarm.senses import Senses
+from symbrion_gym.swarm.signals.infrared import NUM_UNITS
 from symbrion_gym.swarm.world import SwarmState, SwarmWorld
 
-_LOOK_AHEAD = 0.16
-"""The ground is looked at so far ahead of the center of a robot [m]: less than its laser sees of it."""
-_TILT_NOISE, _RANGE_NOISE = 0.01, 0.003
-"""Standard deviations of tilt [rad] and infrared range [m] (E, as `SensorNoise`)."""
+FARTHEST = 0.30
+"""A beam looks for drops if it meets level ground nearer than this to the center of the robot [m]."""
 
 
 class Sensing:
@@ -28,7 +28,14 @@ class Sensing:
 
     def __init__(self, world: SwarmWorld, config: HearingConfig | None = None, seed: int = 0) -> None:
         self._world, self._config = world, config or HearingConfig()
+        self._senses = Senses(world, laser=True)
+        self.reset(seed)
+
+    def reset(self, seed: int = 0) -> None:
+        """Start all noise and the odometry anew; call it after a reset of the world."""
         self._rng = np.random.default_rng((seed, 7))
+        self._senses.reset(seed)
+        self._run = np.zeros((self._world.num_robots, 2))
 
     def read(self, words: Words, wire: Wired) -> Percepts:
         """Return what the robots sense now.
@@ -38,32 +45,44 @@ class Sensing:
             wire: what robots say over their wires.
         """
         world, rng, config = self._world, self._rng, self._config
-        state, count = world.state, world.num_robots
+        state, readings = world.state, self._senses.read()
         geometry = find_geometry(state, config)
-        tilt = _TILT_NOISE * rng.standard_normal((2, count))
-        docked = find_docked(state)
+        self._run = self._run + readings["odometry"]
+        pitch, roll = readings["tilt"].T
         return Percepts(
-            proximity=find_proximity(state, world.scout.ir_range)
-            + _RANGE_NOISE * rng.standard_normal((count, 2 * len(SIDES))),
-            drop=self._find_drop(state),
-            pitch=np.arcsin(np.clip(state.rotation[:, 2, 0], -1.0, 1.0)) + tilt[0],
-            roll=np.arcsin(np.clip(state.rotation[:, 2, 1], -1.0, 1.0)) + tilt[1],
-            odometry=state.odometry,
-            docked=docked,
+            proximity=readings["proximity"],
+            drop=find_drop(readings["laser"], pitch, world.scout),
+            pitch=pitch,
+            roll=roll,
+            odometry=self._run,
+            docked=find_docked(state),
             beacon=hear(geometry, words, words.is_beacon, config, rng),
             guide=hear(geometry, words, words.is_guide, config, rng),
             asker=hear(geometry, words, words.asker >= 0, config, rng, collides=True),
             wired=read_wires(wire, state.links),
         )
 
-    def _find_drop(self, state: SwarmState) -> Float[np.ndarray, " N"]:
-        """Return how far the ground ahead lies below the robot's own; infinity where there is none."""
-        heading = np.arctan2(state.rotation[:, 1, 0], state.rotation[:, 0, 0])
-        x, y = state.position[:, 0], state.position[:, 1]
-        ahead = self._world.arena.height(x + _LOOK_AHEAD * np.cos(heading), y + _LOOK_AHEAD * np.sin(heading))
-        ahead = np.asarray(ahead, dtype=np.float64)
-        here = state.position[:, 2] - self._world.scout.size[2] / 2
-        return np.where(np.isfinite(ahead), np.maximum(here - ahead, 0.0), np.inf)
+
+def find_drop(
+    laser: Float[np.ndarray, "N B"], pitch: Float[np.ndarray, " N"], scout: ScoutConfig
+) -> Float[np.ndarray, " N"]:
+    """Return how far the ground ahead lies below that under a robot [m]; infinity where a beam meets none.
+
+    Args:
+        laser: ranges along the beams of the forward laser [m].
+        pitch: nose up is positive [rad].
+        scout: constants of the robots.
+    """
+    origins, directions, ranges = (part[NUM_UNITS:] for part in find_scout_rays(scout))
+    ground = -scout.size[2] / 2
+    down = np.minimum(directions[:, 2], -np.finfo(float).tiny)
+    meets = origins[:, 0] + directions[:, 0] * (ground - origins[:, 2]) / down
+    looks = (directions[:, 2] < 0.0) & (meets < FARTHEST)
+    hit = origins[looks] + laser[:, looks, None] * directions[looks]
+    height = hit[..., 0] * np.sin(pitch)[:, None] + hit[..., 2] * np.cos(pitch)[:, None]
+    drop = (ground * np.cos(pitch))[:, None] - height
+    drop = np.where(laser[:, looks] < ranges[looks], drop, np.inf)
+    return np.maximum(drop.max(axis=-1), 0.0)
 
 
 def find_docked(state: SwarmState) -> np.ndarray:
@@ -73,18 +92,3 @@ def find_docked(state: SwarmState) -> np.ndarray:
         for robot, side in link.ends:
             docked[robot, SIDES.index(side)] = True
     return docked
-
-
-def find_proximity(state: SwarmState, reach: float) -> Float[np.ndarray, "N 8"]:
-    """Return distances to other robots, as discs, on each side [m]."""
-    count = len(state.position)
-    way = state.position[None, :, :2] - state.position[:, None, :2]
-    heading = np.arctan2(state.rotation[:, 1, 0], state.rotation[:, 0, 0])
-    bearing = wrap(np.arctan2(way[..., 1], way[..., 0]) - heading[:, None])
-    gap = np.maximum(np.hypot(way[..., 0], way[..., 1]) - 0.105, 0.0)
-    gap[np.arange(count), np.arange(count)] = reach
-    side = np.abs(wrap(bearing[..., None] - SIDE_ANGLES)).argmin(axis=-1)
-    near = np.full((count, len(SIDES)), reach)
-    for k in range(len(SIDES)):
-        near[:, k] = np.minimum(reach, np.where(side == k, gap, reach).min(axis=-1))
-    return np.repeat(near, 2, axis=-1)
