@@ -125,5 +125,8 @@ _MOTIONS = {
 
 def find_tracks(here: Situation) -> Tracks:
     """Return the track speeds of all robots in their present modes."""
-    tracks = np.array([_MOTIONS.get(mode, stand)(here) for mode in Mode])
-    return tracks[here.memory.mode, here.numbers]
+    tracks = np.zeros((len(here.numbers), 2))
+    for mode in np.unique(here.memory.mode):
+        moves = _MOTIONS.get(Mode(mode), stand)(here)
+        tracks = np.where((here.memory.mode == mode)[:, None], moves, tracks)
+    return tracks

@@ -13,6 +13,8 @@ from symbrion_gym.swarm.senses import Senses
 from symbrion_gym.swarm.signals.infrared import NUM_UNITS
 from symbrion_gym.swarm.world import SwarmState, SwarmWorld
 
+STEEP_BEAMS = {"laser_range": 0.8, "laser_beams": 7, "laser_angles": (-np.pi / 3, -np.pi / 6)}
+"""What behaviors need of the forward laser: the beams that meet the ground nearby."""
 FARTHEST = 0.30
 """A beam looks for drops if it meets level ground nearer than this to the center of the robot [m]."""
 
@@ -83,6 +85,11 @@ def find_drop(
     drop = (ground * np.cos(pitch))[:, None] - height
     drop = np.where(laser[:, looks] < ranges[looks], drop, np.inf)
     return np.maximum(drop.max(axis=-1), 0.0)
+
+
+def make_scout() -> ScoutConfig:
+    """Return the Scouts of a swarm, which read only the steep beams of their lasers, at short range."""
+    return ScoutConfig(**STEEP_BEAMS)
 
 
 def find_docked(state: SwarmState) -> np.ndarray:

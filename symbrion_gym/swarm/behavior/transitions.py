@@ -215,7 +215,10 @@ TRANSITIONS = (
 
 def find_next(here: Situation) -> Next:
     """Return the next mode of every robot."""
-    return np.choose(here.memory.mode, [transition(here) for transition in TRANSITIONS])
+    following = here.memory.mode.copy()
+    for mode in np.unique(here.memory.mode):
+        following = np.where(here.memory.mode == mode, TRANSITIONS[mode](here), following)
+    return following
 
 
 def is_blocked_behind(here: Situation) -> Bool[np.ndarray, " N"]:
