@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _LEAST_AREA = 1e-12
 """Triangles with less are no shape [m²]; a ray hits their neighbors."""
@@ -58,12 +58,30 @@ class RayMesh:
         distances = np.full(len(origins), np.inf)
         if self._model is None or not len(origins):
             return distances
-        places, group = np.unique(origins - self._middle, axis=0, return_inverse=True)
+        places, group = np.unique(origins, axis=0, return_inverse=True)
         order = np.argsort(group.ravel(), kind="stable")
-        for place, rays in zip(
-            places, np.split(order, np.cumsum(np.bincount(group.ravel()))[:-1]), strict=True
-        ):
-            distances[rays] = self._cast_from(place, directions[rays])
+        distances[order] = self.cast_fans(places, directions[order], np.bincount(group.ravel()))
+        return distances
+
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none.
+
+        Args:
+            origins: where the rays of each fan begin [m].
+            directions: unit vectors, fan after fan.
+            counts: number of rays of each fan.
+        """
+        distances = np.full(len(directions), np.inf)
+        if self._model is None:
+            return distances
+        stops = np.cumsum(counts)
+        for place, start, stop in zip(origins - self._middle, stops - counts, stops, strict=True):
+            distances[start:stop] = self._cast_from(place, directions[start:stop])
         return distances
 
     def _cast_from(

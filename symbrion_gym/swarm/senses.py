@@ -34,7 +34,7 @@ class Senses:
         laser: whether the laser is read as well.
         noise: standard deviations; None for the defaults, estimates.
         seed: of the noise.
-        sight: rays that are shared with others, so that their tree is built once; None for new ones.
+        sight: rays in the arena; None for those of the world if it has some, else new ones.
     """  # noqa: E501
 
     def __init__(
@@ -46,7 +46,7 @@ class Senses:
         sight: Sight | None = None,
     ) -> None:
         self._world, self._noise = world, noise or SensorNoise()
-        self.sight = sight or Sight(world.arena, world.scout)
+        self.sight = sight or getattr(world, "sight", None) or Sight(world.arena, world.scout)
         rays = find_scout_rays(world.scout)
         self._origins, self._directions, self._ranges = rays
         self._num_rays = len(self._ranges) if laser else NUM_UNITS
@@ -82,13 +82,23 @@ class Senses:
     def _cast(self, state: SwarmState) -> Float[np.ndarray, "N K"]:
         """Return the exact distance along each ray [m]; inf beyond its range."""
         count, num = len(state.position), self._num_rays
-        origins = np.einsum("nij,kj->nki", state.rotation, self._origins[:num]) + state.position[:, None]
-        directions = np.einsum("nij,kj->nki", state.rotation, self._directions[:num])
-        flat = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        turn = state.rotation.transpose(0, 2, 1)
+        origins = self._origins[:num] @ turn + state.position[:, None]
+        directions = self._directions[:num] @ turn
         ranges = np.tile(self._ranges[:num], count)
-        surface = self.sight.cast_on_surface(*flat, ranges)
-        robots = self.sight.cast_on_robots(*flat, state, *self._pair(state))
-        nearest = np.minimum(surface, robots)
+        near = origins[:, :NUM_UNITS].reshape(-1, 3), directions[:, :NUM_UNITS].reshape(-1, 3)
+        surface = np.empty((count, num))
+        surface[:, :NUM_UNITS] = self.sight.cast_short(
+            *near, np.tile(self._ranges[:NUM_UNITS], count)
+        ).reshape(count, -1)
+        if num > NUM_UNITS:
+            fans = np.full(count, num - NUM_UNITS)
+            beams = self.sight.cast_fans(
+                origins[:, NUM_UNITS], directions[:, NUM_UNITS:].reshape(-1, 3), fans
+            )
+            surface[:, NUM_UNITS:] = beams.reshape(count, -1)
+        flat = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        nearest = np.minimum(surface.ravel(), self.sight.cast_on_robots(*flat, state, *self._pair(state)))
         return np.where(nearest <= ranges, nearest, np.inf).reshape(count, num)
 
     def _pair(self, state: SwarmState) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
@@ -101,7 +111,7 @@ class Senses:
         rays = [first[:, None] * self._num_rays + np.arange(NUM_UNITS)]
         robots = [np.repeat(second[:, None], NUM_UNITS, axis=1)]
         if self._num_rays > NUM_UNITS:
-            ahead = np.einsum("nij,nmi->nmj", state.rotation, way)
+            ahead = way @ state.rotation
             crossed = (np.abs(ahead[..., 1]) < radius) & (ahead[..., 0] > 0.0)
             first, second = np.nonzero(crossed & (distance < self._ranges[-1] + 2 * radius))
             rays.append(first[:, None] * self._num_rays + np.arange(NUM_UNITS, self._num_rays))

@@ -19,14 +19,16 @@ _CELL = 0.05
 """Edge of the cells of the highest surface [m]: half of a robot."""
 _MOST_CELLS = 4_000_000
 """Cells are wider where there would be more of them."""
-_PROBES = 0.05
-"""Spacing of the places at which a ray is compared with the highest surface [m]: cells about them are included."""
+_SHORT = 0.4
+"""Rays up to this length are first compared with the highest surface about them [m]: those of infrared units."""
+_STEEPEST = 0.5
+"""Sine of the largest tilt of a robot: rays about it come no lower."""
 _LEAST = 1e-12
 """Components of directions are not smaller than this: no division by zero."""
 
 
 class Sight:
-    """Casts rays; those that stay above everything in the cells that they pass are not cast on the surface.
+    """Casts rays; short ones above everything about them are not cast on the surface.
 
     Args:
         arena: whose surface is hit.
@@ -43,7 +45,7 @@ class Sight:
         """Radius of a ball about the chassis [m]."""
         return float(np.linalg.norm(self._half))
 
-    def cast_on_surface(
+    def cast_short(
         self,
         origins: Float[np.ndarray, "R 3"],
         directions: Float[np.ndarray, "R 3"],
@@ -51,16 +53,43 @@ class Sight:
     ) -> Float[np.ndarray, " R"]:
         """Return the distance of the exact surface along each ray [m]; inf beyond its range.
 
+        Short rays above everything about them are not cast.
+
         Args:
-            origins: where rays begin [m]; those that share one are cheaper.
+            origins: where rays begin [m].
             directions: unit vectors.
             max_ranges: [m].
         """
         distances = np.full(len(origins), np.inf)
-        rays = np.flatnonzero(self._is_near(origins, directions, max_ranges))
+        rays = np.flatnonzero(self._may_hit(origins, directions, max_ranges))
         distances[rays] = self._mesh.cast(origins[rays], directions[rays])
         distances[distances > max_ranges] = np.inf
         return distances
+
+    def find_near(self, centers: Float[np.ndarray, "N 3"], radius: float) -> Int[np.ndarray, " M"]:
+        """Return which places have surface that is as high about them; all if the radius is not that of a short ray.
+
+        Args:
+            centers: places [m].
+            radius: of what may tilt about them [m].
+        """
+        high = self._find_top(centers[:, :2]) >= centers[:, 2] - radius * _STEEPEST
+        return np.flatnonzero(high | (2 * radius > _SHORT))
+
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the exact surface along each ray of fans [m]; inf for none.
+
+        Args:
+            origins: where the rays of each fan begin [m].
+            directions: unit vectors, fan after fan.
+            counts: number of rays of each fan.
+        """
+        return self._mesh.cast_fans(origins, directions, counts)
 
     def cast_on_robots(
         self,
@@ -81,20 +110,24 @@ class Sight:
         """
         distances = np.full(len(origins), np.inf)
         rotation = state.rotation[robots]
-        start = np.einsum("pji,pj->pi", rotation, origins[rays] - state.position[robots])
-        ahead = np.einsum("pji,pj->pi", rotation, directions[rays])
-        ahead = np.where(np.abs(ahead) < _LEAST, _LEAST, ahead)
-        one, other = (-self._half - start) / ahead, (self._half - start) / ahead
-        enter = np.minimum(one, other).max(axis=1)
-        leave = np.maximum(one, other).min(axis=1)
-        hit = np.where((enter <= leave) & (leave >= 0.0), np.maximum(enter, 0.0), np.inf)
+        place, direction = origins[rays] - state.position[robots], directions[rays]
+        enter, leave = np.zeros(len(rays)), np.full(len(rays), np.inf)
+        for axis, half in enumerate(self._half):
+            normal = rotation[:, :, axis]
+            start, ahead = _multiply(place, normal), _multiply(direction, normal)
+            ahead = np.where(np.abs(ahead) < _LEAST, _LEAST, ahead)
+            one, other = (-half - start) / ahead, (half - start) / ahead
+            enter = np.maximum(enter, np.minimum(one, other))
+            leave = np.minimum(leave, np.maximum(one, other))
+        hit = np.where(enter <= leave, enter, np.inf)
         np.minimum.at(distances, rays, hit)
         return distances
 
-    def is_clear(
+    def find_clear(
         self,
-        starts: Float[np.ndarray, "R 3"],
+        places: Float[np.ndarray, "F 3"],
         ends: Float[np.ndarray, "R 3"],
+        fan: Int[np.ndarray, " R"],
         state: SwarmState,
         first: Int[np.ndarray, " R"],
         second: Int[np.ndarray, " R"],
@@ -102,48 +135,59 @@ class Sight:
         """Return whether neither surface nor a third robot is between two places.
 
         Args:
-            starts: [m].
-            ends: [m].
+            places: where lines of sight begin [m].
+            ends: where each of them ends [m].
+            fan: the place where each one begins, in rising order.
             state: of the robots.
             first: robot at each start, which is in nobody's way.
             second: robot at each end, likewise.
         """
+        starts = places[fan]
         way = ends - starts
-        length = np.linalg.norm(way, axis=1)
+        length = np.sqrt(_multiply(way, way))
         directions = way / np.maximum(length, _LEAST)[:, None]
-        is_hit = self.cast_on_surface(starts, directions, length) < np.inf
-        to_robot = state.position[None] - starts[:, None]
-        along = np.clip(np.einsum("rnj,rj->rn", to_robot, directions), 0.0, length[:, None])
-        squared = np.einsum("rnj,rnj->rn", to_robot, to_robot)
-        beside = squared - 2 * along * np.einsum("rnj,rj->rn", to_robot, directions) + along**2
+        place = state.position
+        ahead = directions @ place.T - _multiply(directions, starts)[:, None]
+        squared = _multiply(place, place) + _multiply(starts, starts)[:, None] - 2.0 * starts @ place.T
+        along = np.clip(ahead, 0.0, length[:, None])
+        beside = squared + along * (along - 2.0 * ahead)
         beside[np.arange(len(first)), first] = np.inf
         beside[np.arange(len(second)), second] = np.inf
         rays, robots = np.nonzero(beside < self.robot_radius**2)
-        return ~is_hit & ~(self.cast_on_robots(starts, directions, state, rays, robots) < length)
+        is_free = ~(self.cast_on_robots(starts, directions, state, rays, robots) < length)
+        left = np.flatnonzero(is_free)
+        counts = np.bincount(fan[left], minlength=len(places))
+        is_free[left] = ~(self.cast_fans(places, directions[left], counts) < length[left])
+        return is_free
 
-    def _is_near(
+    def _may_hit(
         self,
         origins: Float[np.ndarray, "R 3"],
         directions: Float[np.ndarray, "R 3"],
         max_ranges: Float[np.ndarray, " R"],
     ) -> Bool[np.ndarray, " R"]:
-        """Return whether a ray may hit something: it comes below the highest surface of a cell that it passes."""
-        is_near = np.zeros(len(origins), bool)
-        longest = float(max_ranges.max(initial=0.0))
-        for along in np.arange(0.0, longest + self._cell, self._cell):
-            reach = np.minimum(along, max_ranges)
-            place = origins + reach[:, None] * directions
-            lowest = place[:, 2] - self._cell * np.abs(directions[:, 2])
-            cell = np.floor((place[:, :2] - self._low) / self._cell).astype(np.int64)
-            cell = np.clip(cell, 0, np.array(self._top.shape) - 1)
-            is_near |= lowest <= self._top[cell[:, 0], cell[:, 1]]
-        return is_near
+        """Return which rays come below the highest surface about them; long ones always count."""
+        ends = origins[:, 2] + max_ranges * directions[:, 2]
+        lowest = np.minimum(origins[:, 2], ends)
+        middle = origins[:, :2] + 0.5 * max_ranges[:, None] * directions[:, :2]
+        return (max_ranges > _SHORT) | (lowest <= self._find_top(middle))
+
+    def _find_top(self, places: Float[np.ndarray, "R 2"]) -> Float[np.ndarray, " R"]:
+        """Return the highest surface within half a short ray of places [m]."""
+        cell = ((np.nan_to_num(places) - self._low) / self._cell).astype(np.int64)
+        cell = np.clip(cell, 0, np.array(self._top.shape) - 1)
+        return self._top[cell[:, 0], cell[:, 1]]
+
+
+def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
+    """Return the dot product of each row; faster than a sum over so short an axis."""
+    return one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1] + one[:, 2] * other[:, 2]
 
 
 def _find_tops(
     triangles: Float[np.ndarray, "T 3 3"],
 ) -> tuple[Float[np.ndarray, " 2"], float, Float[np.ndarray, "X Y"]]:
-    """Return corner, edge and heights of a grid: the highest surface in and next to each cell [m]; -inf for none."""
+    """Return corner, edge and heights of a grid: the highest surface within half a short ray [m]; -inf for none."""
     from scipy.ndimage import grey_dilation
 
     low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
@@ -156,4 +200,5 @@ def _find_tops(
     for (i, j), (k, m), z in zip(first, last, triangles[..., 2].max(axis=1), strict=True):
         part = top[i : k + 1, j : m + 1]
         np.maximum(part, z, out=part)
-    return low, cell, grey_dilation(top, size=(3, 3), mode="nearest")
+    width = 2 * int(np.ceil(0.5 * _SHORT / cell)) + 1
+    return low, cell, grey_dilation(top, size=(width, width), mode="nearest")

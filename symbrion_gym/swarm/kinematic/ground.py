@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from symbrion_gym.swarm.kinematic.rotations import make_rotations
 from symbrion_gym.swarm.kinematic.steering import find_track_points
 
 if TYPE_CHECKING:
@@ -14,15 +15,18 @@ if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
     from symbrion_gym.robot.scout_constants import ScoutConfig
     from symbrion_gym.swarm.kinematic.config import KinematicConfig
+    from symbrion_gym.swarm.sight import Sight
 
 _NUM_RIM = 16
 """Places on the rim of a chassis whose height is read: 2 cm apart."""
+_NUM_WALL_RAYS = 12
+"""Rays in the plane of the tracks from the center of a chassis to its rim."""
 _LEAST_SPREAD = 1e-10
 """Determinant below which the places of a plane lie on a line [m^4]."""
 
 
 class GroundFit(NamedTuple):
-    """How robots stand; the three last are what may be too much.
+    """How robots stand; the last four are what may be too much.
 
     Attributes:
         normal: of the plane below the group of each robot.
@@ -30,6 +34,7 @@ class GroundFit(NamedTuple):
         slope: of the plane below the tracks of each robot alone [rad].
         step: largest height of the rim of the chassis above or below that plane [m].
         unknown: share of the places whose height is unknown.
+        wall: how far walls reach into the disc of the chassis, at the height of its center [m].
     """
 
     normal: Float[np.ndarray, " ..."]
@@ -37,27 +42,31 @@ class GroundFit(NamedTuple):
     slope: Float[np.ndarray, " N"]
     step: Float[np.ndarray, " N"]
     unknown: Float[np.ndarray, " N"]
+    wall: Float[np.ndarray, " N"]
 
 
 class Ground:
     """Reads the height of an arena below robots.
 
     A robot stands on the plane through the places below its tracks (least squares); a docked group on one through
-    those of all its members. The rim is a circle that does not turn with the robot, so that turning on the spot never
-    gets a robot stuck.
+    those of all its members. Steps are found at the rim of the chassis, a circle that does not turn with the robot, so
+    that turning on the spot never gets it stuck; walls, however thin, by rays from its center to that rim.
 
     Args:
         arena: whose exact surface is the ground.
         scout: constants of the robots.
         config: limits.
+        sight: rays in that arena.
     """
 
-    def __init__(self, arena: Arena, scout: ScoutConfig, config: KinematicConfig) -> None:
-        self._elevation, self._ceiling = arena.elevation, config.ceiling
+    def __init__(self, arena: Arena, scout: ScoutConfig, config: KinematicConfig, sight: Sight) -> None:
+        self._elevation, self._ceiling, self._sight = arena.elevation, config.ceiling, sight
         self._tracks = find_track_points(scout)
         around = np.arange(_NUM_RIM) * 2 * np.pi / _NUM_RIM
         self._rim = scout.size[0] / 2 * np.column_stack([np.cos(around), np.sin(around)])
-        self._half_height = scout.size[2] / 2
+        self._half_height, self._radius = scout.size[2] / 2, scout.size[0] / 2
+        around = np.arange(_NUM_WALL_RAYS) * 2 * np.pi / _NUM_WALL_RAYS
+        self._spokes = np.column_stack([np.cos(around), np.sin(around), np.zeros(_NUM_WALL_RAYS)])
 
     def fit(
         self,
@@ -73,7 +82,7 @@ class Ground:
             groups: root of each robot's group.
         """
         foot = position[:, :2] - self._half_height * rotation[:, :2, 2]
-        tracks = foot[:, None] + np.einsum("nij,pj->npi", rotation[:, :2, :2], self._tracks)
+        tracks = foot[:, None] + self._tracks @ rotation[:, :2, :2].transpose(0, 2, 1)
         places = np.concatenate([tracks, foot[:, None] + self._rim], axis=1)
         heights = self._find_heights(places)
         own = _fit_planes(tracks - foot[:, None], heights[:, : len(self._tracks)], np.arange(len(foot)))
@@ -88,7 +97,24 @@ class Ground:
         normal = np.column_stack([-plane[:, :2], np.ones(len(plane))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         slope = np.arctan(np.hypot(own[:, 0], own[:, 1]))
-        return GroundFit(normal, plane[:, 2], slope, step, np.isnan(heights).mean(axis=1))
+        center = np.column_stack([foot, own[:, 2]]) + self._half_height * normal
+        wall = self._find_walls(center, normal)
+        return GroundFit(normal, plane[:, 2], slope, step, np.isnan(heights).mean(axis=1), wall)
+
+    def _find_walls(
+        self, center: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"]
+    ) -> Float[np.ndarray, " N"]:
+        """Return how far the surface reaches into the disc about each center, across the normal [m]."""
+        wall = np.zeros(len(center))
+        near = self._sight.find_near(center, self._radius)
+        near = near[np.isfinite(normal[near, 0])]
+        if len(near):
+            rotation = make_rotations(normal[near], np.zeros(len(near)))
+            directions = self._spokes @ rotation.transpose(0, 2, 1)
+            counts = np.full(len(near), _NUM_WALL_RAYS)
+            distance = self._sight.cast_fans(center[near], directions.reshape(-1, 3), counts)
+            wall[near] = np.maximum(self._radius - distance.reshape(len(near), -1).min(axis=1), 0.0)
+        return wall
 
     def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, " ..."]:
         return self._elevation.find_top(places[..., 0], places[..., 1], self._ceiling)[0]

@@ -16,7 +16,7 @@ from symbrion_gym.swarm.docks import (
     make_organism,
     sort_links,
 )
-from symbrion_gym.swarm.kinematic.collisions import find_overlaps
+from symbrion_gym.swarm.kinematic.collisions import find_overlaps, find_pairs, take
 from symbrion_gym.swarm.kinematic.config import KinematicConfig
 from symbrion_gym.swarm.kinematic.ground import Ground, GroundFit
 from symbrion_gym.swarm.kinematic.motion import (
@@ -26,11 +26,14 @@ from symbrion_gym.swarm.kinematic.motion import (
     Poses,
     avoid_overlaps,
     find_layout,
-    make_rotations,
+    outline,
     place_members,
     select,
+    spread_level,
 )
+from symbrion_gym.swarm.kinematic.rotations import find_spins, make_rotations
 from symbrion_gym.swarm.kinematic.steering import find_twists
+from symbrion_gym.swarm.sight import Sight
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
 
 if TYPE_CHECKING:
@@ -63,6 +66,7 @@ class KinematicWorld:
         state: as it is now; a new object after every step.
         blocked: `[N]` whether a robot could not move as it was told in the last step.
         groups: `[N]` for each robot the smallest index in its group of docked robots.
+        sight: rays in the arena, which `Senses` and `Signals` share.
     """
 
     def __init__(
@@ -90,7 +94,8 @@ class KinematicWorld:
         self.arena, self.num_robots = arena, int(num_robots)
         self.scout, self.docks = scout or ScoutConfig(), docks or DockConfig()
         self.config = config or KinematicConfig()
-        self._ground = Ground(arena, self.scout, self.config)
+        self.sight = Sight(arena, self.scout)
+        self._ground = Ground(arena, self.scout, self.config, self.sight)
         self._rng = np.random.default_rng(0)
 
     def reset(self, poses: Float[np.ndarray, " ..."], seed: int = 0) -> None:
@@ -120,12 +125,7 @@ class KinematicWorld:
             rotation = make_rotations(fit.normal, poses[:, 2])
             position[:, 2] = self._find_center_height(fit)
         hinge = np.zeros(count)
-        depth = find_overlaps(position, poses[:, 2], hinge, self.scout)
-        if depth.max() > self.config.grip:
-            first, second = np.unravel_index(depth.argmax(), depth.shape)
-            raise ArenaError(
-                f"robots {first} and {second} overlap by {depth.max():.3f} m; place them farther apart"
-            )
+        self._check_overlaps(Poses(position, rotation, hinge))
         zero = np.zeros((count, 3))
         self.time = 0.0
         self._adopt(
@@ -256,32 +256,17 @@ class KinematicWorld:
 
     def _ask_ground(self, fit: GroundFit) -> Int[np.ndarray, " N"]:
         """Return what of its motion the ground allows each robot; what got no worse is allowed."""
-        limits = (np.deg2rad(self.config.max_slope), self.config.max_step, self.config.max_unknown)
+        limits = np.deg2rad(self.config.max_slope), self.config.max_step, self.config.max_unknown, 0.0
         is_bad = ~np.isfinite(fit.height) | ~np.isfinite(fit.slope)
         for now, before, limit in zip(fit[2:], self._fit[2:], limits, strict=True):
             is_bad |= now > np.maximum(limit, before)
         is_member = np.bincount(self.groups, minlength=self.num_robots)[self.groups] > 1
         level = np.where(is_bad, np.where(is_member, STAY, TURN), FULL)
-        highest = np.zeros_like(level)
-        np.maximum.at(highest, self.groups, level)
-        return highest[self.groups]
+        return spread_level(level, self.groups)
 
     def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, " ..."]) -> None:
         """Keep the new poses with the rates that led to them."""
-        change = np.einsum("nij,nkj->nik", new.rotation, old.rotation)
-        spin = np.stack(
-            [
-                change[:, 2, 1] - change[:, 1, 2],
-                change[:, 0, 2] - change[:, 2, 0],
-                change[:, 1, 0] - change[:, 0, 1],
-            ],
-            axis=1,
-        )
-        sine = np.linalg.norm(spin, axis=1) / 2
-        angle = np.arctan2(sine, (np.trace(change, axis1=1, axis2=2) - 1) / 2)
-        spin *= (
-            np.where(sine > 0, angle / np.maximum(2 * sine, np.finfo(float).tiny), 0.5)[:, None] / DECISION
-        )
+        spin = find_spins(old.rotation, new.rotation, DECISION)
         self.state = self.state._replace(
             position=new.position,
             rotation=new.rotation,
@@ -308,8 +293,21 @@ class KinematicWorld:
                     f"{where} stands on a slope of {slope[robot]:.0f} degrees, more than the "
                     f"{self.config.max_slope:g} that it climbs; place it elsewhere"
                 )
+            if fit.wall[robot] > 0.0:
+                raise ArenaError(f"{where} stands {fit.wall[robot]:.3f} m within a wall; place it elsewhere")
             if not fit.step[robot] <= self.config.max_step:
                 raise ArenaError(
                     f"{where} stands at a step of {fit.step[robot]:.3f} m, more than the "
                     f"{self.config.max_step:g} that it climbs; place it elsewhere"
                 )
+
+    def _check_overlaps(self, poses: Poses) -> None:
+        """Refuse robots that are within each other."""
+        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach)
+        outlines = outline(poses, self.scout)
+        depth = find_overlaps(take(outlines, first), take(outlines, second), self.scout)
+        if depth.max(initial=0.0) > self.config.grip:
+            worst = depth.argmax()
+            raise ArenaError(
+                f"robots {first[worst]} and {second[worst]} overlap by {depth[worst]:.3f} m; place them farther apart"
+            )

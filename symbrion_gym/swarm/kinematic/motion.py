@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from symbrion_gym.swarm.kinematic.collisions import find_overlaps
+from symbrion_gym.swarm.kinematic.collisions import (
+    Outlines,
+    find_outlines,
+    find_overlaps,
+    find_pairs,
+    take,
+)
+from symbrion_gym.swarm.kinematic.rotations import find_headings
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
@@ -36,21 +43,6 @@ class Poses(NamedTuple):
         return find_headings(self.rotation)
 
 
-def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
-    """Return the directions of the x axes, seen from above [rad]."""
-    return np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-
-
-def make_rotations(
-    normal: Float[np.ndarray, " ..."], heading: Float[np.ndarray, " N"]
-) -> Float[np.ndarray, "N 3 3"]:
-    """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
-    c, s = np.cos(heading), np.sin(heading)
-    ahead = np.column_stack([c, s, -(normal[:, 0] * c + normal[:, 1] * s) / normal[:, 2]])
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    return np.stack([ahead, np.cross(normal, ahead), normal], axis=2)
-
-
 def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, " ..."]:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
@@ -75,16 +67,13 @@ def place_members(
 
 def select(level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses) -> Poses:
     """Return the poses at the level of each robot."""
-    return Poses(
-        *(
-            np.where(
-                level.reshape(-1, *[1] * (a.ndim - 1)) == FULL,
-                a,
-                np.where(level.reshape(-1, *[1] * (a.ndim - 1)) == TURN, b, c),
-            )
-            for a, b, c in zip(full, turned, old, strict=True)
-        )
-    )
+    if not level.any():
+        return full
+    chosen = []
+    for values in zip(full, turned, old, strict=True):
+        at = level.reshape(-1, *[1] * (values[0].ndim - 1))
+        chosen.append(np.where(at == FULL, values[0], np.where(at == TURN, values[1], values[2])))
+    return Poses(*chosen)
 
 
 def avoid_overlaps(
@@ -110,42 +99,55 @@ def avoid_overlaps(
         scout: constants of the robots.
         grip: overlap that is none [m].
     """
-    is_apart = groups[:, None] != groups[None, :]
-    allowed = np.maximum(_measure(old, old, scout), 0.0) + grip
+    way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip))
+    is_apart = groups[first] != groups[second]
+    pairs = first[is_apart], second[is_apart]
+    if not len(pairs[0]):
+        return level
+    before = outline(old, scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
     is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
-    level = level.copy()
     while True:
-        poses = select(level, full, turned, old)
-        is_bad = (_measure(poses, poses, scout) > allowed) & is_apart
+        now = outline(select(level, full, turned, old), scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
         if not is_bad.any():
             return level
-        is_own = (_measure(poses, old, scout) > allowed) & is_bad
-        is_own |= is_bad & ~(is_own | is_own.T)
-        level = _give_way(level, is_own.any(axis=1), is_bad.any(axis=1), groups, is_member)
+        by_first = is_bad & (_measure(now, before, pairs, scout) > allowed) & (level[pairs[0]] < STAY)
+        by_second = is_bad & (_measure(before, now, pairs, scout) > allowed) & (level[pairs[1]] < STAY)
+        by_both = is_bad & ~by_first & ~by_second
+        causes = np.concatenate([pairs[0][by_first | by_both], pairs[1][by_second | by_both]])
+        level = _give_way(level, causes, groups, is_member)
 
 
 def _give_way(
     level: Int[np.ndarray, " N"],
-    is_own: Bool[np.ndarray, " N"],
-    is_bad: Bool[np.ndarray, " N"],
+    causes: Int[np.ndarray, " C"],
     groups: Int[np.ndarray, " N"],
     is_member: Bool[np.ndarray, " N"],
 ) -> Int[np.ndarray, " N"]:
-    """Return levels with the robots that cause an overlap at the next one; if those stay already, all that overlap."""
-    moving = is_own & (level < STAY)
-    if not moving.any():
-        moving = is_bad & (level < STAY)
-    level = np.where(moving, np.where(is_member, STAY, level + 1), level)
-    highest = np.zeros(len(level), dtype=level.dtype)
+    """Return levels with the robots that cause an overlap, and those docked to them, at the next one."""
+    level = level.copy()
+    level[causes] = np.where(is_member[causes], STAY, np.minimum(level[causes] + 1, STAY))
+    return spread_level(level, groups)
+
+
+def spread_level(level: Int[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return for each robot the highest level of its group: members move together or not at all."""
+    highest = np.zeros_like(level)
     np.maximum.at(highest, groups, level)
     return highest[groups]
 
 
-def _measure(first: Poses, second: Poses, scout: ScoutConfig) -> Float[np.ndarray, " ..."]:
-    return find_overlaps(
-        first.position,
-        first.heading,
-        first.hinge,
-        scout,
-        None if second is first else (second.position, second.heading, second.hinge),
-    )
+def outline(poses: Poses, scout: ScoutConfig) -> Outlines:
+    """Return robots seen from above."""
+    return find_outlines(poses.position, poses.heading, poses.hinge, scout)
+
+
+def _measure(
+    first: Outlines,
+    second: Outlines,
+    pairs: tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]],
+    scout: ScoutConfig,
+) -> Float[np.ndarray, " P"]:
+    return find_overlaps(take(first, pairs[0]), take(second, pairs[1]), scout)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ if TYPE_CHECKING:
 
 NUM_UNITS = 8
 """Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""
-_LEAST_READING = 0.05
-"""Light below this reading is none [counts], far below the noise."""
+_LEAST_READING = 0.5
+"""Light below this reading is none [counts]: the standard deviation of the noise."""
 _LEAST_DISTANCE = 0.01
 """Smaller distances count as this one [m]: units do not touch."""
 
@@ -47,9 +48,15 @@ def find_units(
     state: SwarmState, scout: ScoutConfig
 ) -> tuple[Float[np.ndarray, "N 8 3"], Float[np.ndarray, "N 8 3"]]:
     """Return places [m] and axes of the infrared units of all robots in the arena."""
+    origins, directions = _find_unit_rays(scout)
+    turn = state.rotation.transpose(0, 2, 1)
+    return origins @ turn + state.position[:, None], directions @ turn
+
+
+@lru_cache(maxsize=32)
+def _find_unit_rays(scout: ScoutConfig) -> tuple[Float[np.ndarray, "8 3"], Float[np.ndarray, "8 3"]]:
     rays = find_scout_rays(scout)
-    places = np.einsum("nij,uj->nui", state.rotation, rays.origins[:NUM_UNITS]) + state.position[:, None]
-    return places, np.einsum("nij,uj->nui", state.rotation, rays.directions[:NUM_UNITS])
+    return rays.origins[:NUM_UNITS], rays.directions[:NUM_UNITS]
 
 
 def find_light(
@@ -71,32 +78,43 @@ def find_light(
     dock_place, dock_axis = find_dock_poses(state, scout)
     unit_place, unit_axis = find_units(state, scout)
     sender, dock = np.nonzero(shining)
-    reach = (2.0 * config.gain / _LEAST_READING) ** (1.0 / config.falloff)
-    way = state.position[None] - dock_place[sender, dock][:, None]
-    is_ahead = np.einsum("snj,sj->sn", way, dock_axis[sender, dock]) > -sight.robot_radius
-    is_ahead &= np.einsum("snj,snj->sn", way, way) < reach**2
-    is_ahead[np.arange(len(sender)), sender] = False
-    pair, receiver = np.nonzero(is_ahead)
-    pair, receiver = np.repeat(pair, 4), np.repeat(receiver, 4)
-    side = np.tile(np.arange(4), len(pair) // 4)
-    axis = unit_axis[receiver, 2 * side]
-    place = unit_place[receiver, 2 * side] + unit_place[receiver, 2 * side + 1]
-    place /= 2
-    is_facing = np.einsum("pj,pj->p", dock_place[sender, dock][pair] - place, axis) > 0.0
-    pair, receiver, side, place = pair[is_facing], receiver[is_facing], side[is_facing], place[is_facing]
+    start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
+    pair, receiver = _find_pairs(state, sender, start, start_axis, sight.robot_radius, config)
+    middle = (unit_place[:, ::2] + unit_place[:, 1::2]) / 2
+    facing = ((start[pair][:, None] - middle[receiver]) * unit_axis[receiver, ::2]) @ np.ones(3) > 0.0
+    row, side = np.nonzero(facing)
+    pair, receiver = pair[row], receiver[row]
     units = 2 * side[:, None] + np.arange(2)
     readings = find_readings(
-        dock_place[sender, dock][pair][:, None],
-        dock_axis[sender, dock][pair][:, None],
+        start[pair][:, None],
+        start_axis[pair][:, None],
         unit_place[receiver[:, None], units],
         unit_axis[receiver[:, None], units],
         config,
     )
-    is_seen = readings.max(axis=1, initial=0.0) > _LEAST_READING
-    pair, receiver, side, place = pair[is_seen], receiver[is_seen], side[is_seen], place[is_seen]
-    clear = sight.is_clear(dock_place[sender, dock][pair], place, state, sender[pair], receiver)
-    pair, receiver, side = pair[clear], receiver[clear], side[clear]
-    return Light(sender[pair], dock[pair], receiver, side, readings[is_seen][clear])
+    seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
+    pair, receiver, side = pair[seen], receiver[seen], side[seen]
+    clear = sight.find_clear(start, middle[receiver, side], pair, state, sender[pair], receiver)
+    pair = pair[clear]
+    return Light(sender[pair], dock[pair], receiver[clear], side[clear], readings[seen][clear])
+
+
+def _find_pairs(
+    state: SwarmState,
+    sender: Int[np.ndarray, " S"],
+    start: Float[np.ndarray, "S 3"],
+    axis: Float[np.ndarray, "S 3"],
+    radius: float,
+    config: SignalConfig,
+) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
+    """Return which senders may reach which robots: they are near enough and not behind the dock."""
+    reach = (config.gain / _LEAST_READING) ** (1.0 / config.falloff) + radius
+    place = state.position
+    ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
+    squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
+    is_near = (ahead > -radius) & (squared < reach**2)
+    is_near[np.arange(len(sender)), sender] = False
+    return np.nonzero(is_near)
 
 
 def find_readings(
@@ -116,8 +134,9 @@ def find_readings(
         config: constants of the light.
     """
     way = unit_place - place
-    distance = np.maximum(np.linalg.norm(way, axis=-1), _LEAST_DISTANCE)
-    sent = np.maximum((way * axis).sum(axis=-1) / distance, 0.0)
-    seen = np.maximum(-(way * unit_axis).sum(axis=-1) / distance, 0.0)
+    ones = np.ones(3)
+    distance = np.maximum(np.sqrt((way * way) @ ones), _LEAST_DISTANCE)
+    sent = np.maximum((way * axis) @ ones / distance, 0.0)
+    seen = np.maximum(-((way * unit_axis) @ ones) / distance, 0.0)
     lobe = ((1.0 - config.side_share) * sent**config.lobe + config.side_share) * (sent > 0.0)
     return config.gain * lobe * seen**config.reception * distance**-config.falloff

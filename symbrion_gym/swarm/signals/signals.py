@@ -69,14 +69,14 @@ class Signals:
         world: whose state is read at each exchange.
         config: constants; None for the defaults.
         seed: of noise and losses.
-        sight: rays that are shared with others, so that their tree is built once; None for new ones.
+        sight: rays in the arena; None for those of the world if it has some, else new ones.
     """
 
     def __init__(
         self, world: SwarmWorld, config: SignalConfig | None = None, seed: int = 0, sight: Sight | None = None
     ) -> None:
         self._world, self.config = world, config or SignalConfig()
-        self.sight = sight or Sight(world.arena, world.scout)
+        self.sight = sight or getattr(world, "sight", None) or Sight(world.arena, world.scout)
         self.reset(seed)
 
     def reset(self, seed: int = 0) -> None:
