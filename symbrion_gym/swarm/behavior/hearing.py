@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import radians
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from reconstruction.range_checks import check_not_negative, check_positive
+from reconstruction.range_checks import check_not_negative
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES
 from symbrion_gym.swarm.behavior.percepts import Heard, Wired, Words
 from symbrion_gym.swarm.behavior.steering import wrap
 from symbrion_gym.swarm.docks import find_dock_poses
+from symbrion_gym.swarm.signals.config import SignalConfig
 from symbrion_gym.swarm.world import SwarmState
 
 
@@ -24,23 +24,20 @@ class HearingConfig:
     """How well broadcasts are received; all are estimates.
 
     Attributes:
-        range: a dock is heard within this distance [m].
-        cone: half angle of the cone in which a dock sends [rad].
+        light: of infrared units; a dock is heard where it is bright enough for messages.
         bearing_noise: standard deviation of the direction to a sender [rad].
         departure_noise: of the direction from the sender's dock [rad].
         distance_noise: of the distance, as a share of it: strength falls with the square of the distance.
         loss: share of the broadcasts that are lost in a decision.
     """
 
-    range: float = 1.2
-    cone: float = radians(60)
+    light: SignalConfig = field(default_factory=SignalConfig)
     bearing_noise: float = 0.05
     departure_noise: float = 0.10
     distance_noise: float = 0.05
     loss: float = 0.05
 
     def __post_init__(self) -> None:
-        check_positive(self, ("range", "cone"), OptionError)
         names = ("bearing_noise", "departure_noise", "distance_noise", "loss")
         check_not_negative(self, names, OptionError)
 
@@ -61,6 +58,8 @@ class Geometry(NamedTuple):
     reaches: Bool[np.ndarray, "N N 4"]
 
 
+_NEAREST = 0.01
+"""Smaller distances count as this one [m]."""
 _BODY = 0.045
 """Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
 _TALL = 0.08
@@ -81,9 +80,30 @@ def find_geometry(state: SwarmState, config: HearingConfig) -> Geometry:
     distance = np.maximum(far - mine[robots[:, None, None], nearest], 0.0)
     flat = np.arctan2(-way[..., 1], -way[..., 0])
     departure = wrap(flat - np.arctan2(axis[..., 1], axis[..., 0])[None])
-    reaches = (distance < config.range) & (np.abs(departure) < config.cone)
+    off_side = np.abs(wrap(bearing[..., None] - side_angle)).min(axis=-1)
+    reaches = find_brightness(distance, departure, off_side, config.light) > config.light.message_threshold
     reaches &= (robots[:, None] != robots)[..., None]
     return Geometry(distance, bearing, departure, reaches & ~_find_shaded(state.position, place))
+
+
+def find_brightness(
+    distance: Float[np.ndarray, "*S"],
+    departure: Float[np.ndarray, "*S"],
+    off_side: Float[np.ndarray, "*S"],
+    light: SignalConfig,
+) -> Float[np.ndarray, "*S"]:
+    """Return what both units of a side read of a dock in plain sight [counts].
+
+    Args:
+        distance: from side to dock [m].
+        departure: angle off the axis of the dock [rad].
+        off_side: angle off the axis of the receiving side [rad].
+        light: constants.
+    """
+    sent = np.maximum(np.cos(departure), 0.0)
+    lobe = ((1.0 - light.side_share) * sent**light.lobe + light.side_share) * (sent > 0.0)
+    near = np.maximum(distance, _NEAREST)
+    return 2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
 
 
 def _find_shaded(

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symbrion_gym.swarm.behavior import transitions
-from symbrion_gym.swarm.behavior.memory import Memory, Mode, make_ticket, read_ticket
+from symbrion_gym.swarm.behavior.memory import DISSOLVE, STAY, Memory, Mode, make_ticket, read_ticket
 from symbrion_gym.swarm.behavior.motion import find_tracks
 from symbrion_gym.swarm.behavior.percepts import FRONT, NOBODY, Percepts, Wired, Words
 from symbrion_gym.swarm.behavior.plan import Plan
@@ -90,6 +90,8 @@ class Machine:
         following = transitions.find_next(here) if self.docks else memory.mode
         memory = self._enter(here, following, chance[0], chance[2])
         here = here._replace(memory=memory)
+        memory = self._give_up(here)
+        here = here._replace(memory=memory)
         memory = self._accept(here)
         here = here._replace(memory=memory)
         commands = SwarmCommands(find_tracks(here), self._bend(here), self._latch(here))
@@ -99,6 +101,7 @@ class Machine:
         """Read wires, and let time pass."""
         wired, belongs = percepts.wired, np.isin(memory.mode, _ORGANIC)
         told = np.bitwise_or.reduce(np.where(percepts.docked, wired.roles, 0), axis=-1)
+        goes = np.where(memory.mode == Mode.UNDOCK, memory.goes, STAY)
         own = np.where(memory.role >= 0, 1 << np.maximum(memory.role, 0), 0)
         roles = np.where(belongs, memory.roles | told | own, 0)
         heard = np.where(percepts.docked, wired.ticket, 0).max(axis=-1)
@@ -109,7 +112,7 @@ class Machine:
             roles=roles,
             ticket=np.where(belongs, np.maximum(memory.ticket, heard), 0),
             leader=np.where(belongs & (memory.role > 0) & (leader >= 0), leader, memory.leader),
-            goes=memory.goes | (np.where(percepts.docked, wired.goes, 0).any(axis=-1) & belongs),
+            goes=np.where(belongs, np.maximum(memory.goes, np.where(percepts.docked, wired.goes, 0).max(axis=-1)), goes),
             accepted_since=memory.accepted_since + DECISION,
             avoiding=np.maximum(memory.avoiding - DECISION, 0.0),
             silent=np.where(is_heard, 0.0, memory.silent + DECISION),
@@ -156,6 +159,15 @@ class Machine:
             growth=np.where(is_seed | locks, 0.0, memory.growth),
         )
 
+    def _give_up(self, here: Situation) -> Memory:
+        """Dissolve organisms that no longer grow, or that hear a larger one."""
+        memory = here.memory
+        belongs = np.isin(memory.mode, (Mode.RECRUIT, Mode.IN_ORGANISM)) & here.percepts.docked.any(axis=-1)
+        is_full = (memory.roles & self.plan.everyone) == self.plan.everyone
+        is_late = (memory.growth > self.weights.patience) | transitions.hears_larger(here)
+        fails = belongs & ~is_full & is_late & (memory.goes == STAY)
+        return memory._replace(goes=np.where(fails, DISSOLVE, memory.goes))
+
     def _accept(self, here: Situation) -> Memory:
         """Let recruiters accept who asks, for a while, and nobody once it has docked."""
         memory, asker = here.memory, here.percepts.asker
@@ -191,11 +203,11 @@ class Machine:
         memory, shape = here.memory, here.percepts.docked.shape
         calls = (memory.mode == Mode.RECRUIT) | (memory.mode == Mode.IN_ORGANISM)
         is_full = (memory.roles & self.plan.everyone) == self.plan.everyone
-        calls &= ~is_full & ~memory.goes
+        calls &= ~is_full & (memory.goes == STAY)
         is_beacon = (calls & (memory.mode == Mode.RECRUIT))[:, None] & here.open_docks
         is_guide = calls[:, None] & ~here.percepts.docked & ~is_beacon
         asks = (memory.mode == Mode.WAIT) & (chance < ASKING) & here.percepts.beacon.is_heard
-        size = np.bitwise_count(memory.roles.astype(np.uint64)).astype(int)
+        size = transitions.count_robots(memory)
         return Words(
             is_beacon=is_beacon,
             is_guide=is_guide,
@@ -209,7 +221,7 @@ class Machine:
     def _tell(self, here: Situation) -> Wired:
         """Return what every robot says over its wires."""
         memory, shape = here.memory, here.percepts.docked.shape
-        words = (memory.roles, memory.ticket, memory.leader + 1, memory.goes.astype(int))
+        words = (memory.roles, memory.ticket, memory.leader + 1, memory.goes)
         return Wired(*(np.broadcast_to(word[:, None], shape) for word in words))
 
     def is_complete(self, memory: Memory) -> bool:

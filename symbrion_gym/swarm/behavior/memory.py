@@ -39,7 +39,7 @@ class Memory(NamedTuple):
         leader: number of the seed of the organism.
         roles: bits of the places that are known to be taken.
         ticket: whom the organism accepts, of `make_ticket`.
-        goes: whether the organism was told to part.
+        goes: what the organism was told: to stay, to part and go on, or to dissolve (`STAY`, `PART`, `DISSOLVE`).
         accepted_since: how long the present robot has been accepted [s].
         turn: to which side a robot turns away, 1 left or -1 right.
         avoiding: time that it goes on turning [s].
@@ -60,7 +60,7 @@ class Memory(NamedTuple):
     leader: Int[np.ndarray, " N"]
     roles: Int[np.ndarray, " N"]
     ticket: Int[np.ndarray, " N"]
-    goes: Bool[np.ndarray, " N"]
+    goes: Int[np.ndarray, " N"]
     accepted_since: Float[np.ndarray, " N"]
     turn: Float[np.ndarray, " N"]
     avoiding: Float[np.ndarray, " N"]
@@ -86,7 +86,7 @@ class Memory(NamedTuple):
             leader=nobody,
             roles=whole,
             ticket=whole,
-            goes=no,
+            goes=whole,
             accepted_since=zeros,
             turn=zeros + 1.0,
             avoiding=zeros,
@@ -127,5 +127,7 @@ def read_ticket(ticket: Int[np.ndarray, " N"]) -> tuple[Int[np.ndarray, " N"], I
     return ticket // _TICKET, ticket % _TICKET - 1
 
 
+STAY, PART, DISSOLVE = range(3)
+"""What an organism is told: nothing, to part after its task, to part as the attempt has failed."""
 _TICKET = 4096
 """More than there are robots in a swarm."""

@@ -84,7 +84,7 @@ class Wired(NamedTuple):
         roles: bit k is set where a robot is known to have place k of the plan.
         ticket: whom the organism accepts: its last word wins, as it counts up.
         leader: number of the seed, plus 1.
-        goes: 1 where the organism is told to part.
+        goes: what the organism is told, of `memory`.
     """
 
     roles: Int[np.ndarray, "N 4"]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from symbrion_gym.swarm.behavior.memory import Memory, Mode, read_ticket
+from symbrion_gym.swarm.behavior.memory import PART, STAY, Memory, Mode, read_ticket
 from symbrion_gym.swarm.behavior.percepts import BACK, FRONT, NOBODY, Percepts
 from symbrion_gym.swarm.behavior.plan import Plan
 from symbrion_gym.swarm.behavior.steering import is_free_behind, read_sides
@@ -103,13 +103,11 @@ def retreat(here: Situation) -> Next:
 def recruit(here: Situation) -> Next:
     """Return IN_ORGANISM once all wanted robots are there; EXPLORE or UNDOCK where it gives up."""
     is_alone = ~here.percepts.docked.any(axis=-1)
-    is_tired = here.memory.growth > here.weights.patience
     return _choose(
         Mode.RECRUIT,
-        (here.memory.goes, Mode.UNDOCK),
+        (here.memory.goes > STAY, Mode.UNDOCK),
         (is_alone & (here.memory.role > 0) & (here.memory.since > 1.0), Mode.RECOVER),
         (is_alone & _hears_other(here) & (here.memory.role == 0), Mode.EXPLORE),
-        (~is_alone & is_tired, Mode.UNDOCK),
         (~here.open_docks.any(axis=-1), Mode.IN_ORGANISM),
     )
 
@@ -180,7 +178,7 @@ def in_organism(here: Situation) -> Next:
     is_alone = ~here.percepts.docked.any(axis=-1)
     return _choose(
         Mode.IN_ORGANISM,
-        (here.memory.goes | is_alone, Mode.UNDOCK),
+        ((here.memory.goes > STAY) | is_alone, Mode.UNDOCK),
         (here.open_docks.any(axis=-1), Mode.RECRUIT),
     )
 
@@ -191,8 +189,8 @@ def undock(here: Situation) -> Next:
     turn = PARTING_TIME * (1.0 + np.maximum(here.memory.role, 0))
     return _choose(
         Mode.UNDOCK,
-        (is_free & here.memory.goes & (here.memory.since > turn), Mode.LEAVE),
-        (is_free & ~here.memory.goes & (here.memory.since > PARTING_TIME), Mode.EXPLORE),
+        (is_free & (here.memory.goes == PART) & (here.memory.since > turn), Mode.LEAVE),
+        (is_free & (here.memory.goes != PART) & (here.memory.since > PARTING_TIME), Mode.EXPLORE),
     )
 
 
@@ -246,6 +244,21 @@ def find_obstacles(here: Situation) -> Bool[np.ndarray, " N"]:
     heads = (mode == Mode.LOCATE_BEACON) & percepts.beacon.is_heard
     is_near = (near < weights.avoid_distance) & (~heads | (near < to_dock))
     return is_near | (percepts.drop > PIT_DEPTHS[0])
+
+
+def count_robots(memory: Memory) -> Int[np.ndarray, " N"]:
+    """Return how many robots each robot knows in its organism."""
+    return np.bitwise_count(memory.roles.astype(np.uint64)).astype(int)
+
+
+def hears_larger(here: Situation) -> Bool[np.ndarray, " N"]:
+    """Return where an organism hears another that has more robots, or as many and the smaller number."""
+    size, result = count_robots(here.memory), np.zeros(len(here.numbers), bool)
+    for heard in (here.percepts.beacon, here.percepts.guide):
+        is_other = heard.is_heard & (heard.leader >= 0) & (heard.leader != here.memory.leader)
+        is_first = (heard.size == size) & (heard.leader < here.memory.leader)
+        result |= is_other & ((heard.size > size) | is_first)
+    return result
 
 
 def find_accepted(here: Situation) -> Int[np.ndarray, " N"]:
