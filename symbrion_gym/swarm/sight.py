@@ -166,7 +166,8 @@ class Sight:
             np.clip(((value - low) / self._cell).astype(np.int64), 0, count - 1)
             for value, low, count in zip((x, y), self._low, self._top.shape, strict=True)
         )
-        return (z - self._cell * np.abs(directions[:, 2]) <= self._top[i, j]).any(axis=0)
+        lowest = z - self._cell * np.abs(directions[:, 2])
+        return np.any(lowest <= self._top[i, j], axis=0)
 
 
 def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from reconstruction.range_checks import check_not_negative
+from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES
@@ -27,6 +27,8 @@ class HearingConfig:
         light: of infrared units; a dock is heard where it is bright enough for messages.
         bearing_noise: standard deviation of the direction to a sender [rad].
         departure_noise: of the direction from the sender's dock [rad].
+        bias: of slowly changing errors of both directions, as of light that the ground and bodies reflect [rad].
+        bias_time: in which these are forgotten [s].
         distance_noise: of the distance, as a share of it: strength falls with the square of the distance.
         loss: share of the broadcasts that are lost in a decision.
     """
@@ -34,11 +36,14 @@ class HearingConfig:
     light: SignalConfig = field(default_factory=SignalConfig)
     bearing_noise: float = 0.05
     departure_noise: float = 0.10
+    bias: float = 0.02
+    bias_time: float = 15.0
     distance_noise: float = 0.05
     loss: float = 0.05
 
     def __post_init__(self) -> None:
-        names = ("bearing_noise", "departure_noise", "distance_noise", "loss")
+        check_positive(self, ("bias_time",), OptionError)
+        names = ("bearing_noise", "departure_noise", "bias", "distance_noise", "loss")
         check_not_negative(self, names, OptionError)
 
 
@@ -83,7 +88,8 @@ def find_geometry(state: SwarmState, config: HearingConfig) -> Geometry:
     off_side = np.abs(wrap(bearing[..., None] - side_angle)).min(axis=-1)
     reaches = find_brightness(distance, departure, off_side, config.light) > config.light.message_threshold
     reaches &= (robots[:, None] != robots)[..., None]
-    return Geometry(distance, bearing, departure, reaches & ~_find_shaded(state.position, place))
+    reaches[reaches] = ~_find_shaded(state.position, place, *np.nonzero(reaches))
+    return Geometry(distance, bearing, departure, reaches)
 
 
 def find_brightness(
@@ -107,19 +113,22 @@ def find_brightness(
 
 
 def _find_shaded(
-    position: Float[np.ndarray, "N 3"], place: Float[np.ndarray, "N 4 3"]
-) -> Bool[np.ndarray, "N N 4"]:
+    position: Float[np.ndarray, "N 3"],
+    place: Float[np.ndarray, "N 4 3"],
+    receiver: Int[np.ndarray, " K"],
+    sender: Int[np.ndarray, " K"],
+    side: Int[np.ndarray, " K"],
+) -> Bool[np.ndarray, " K"]:
     """Return where a third robot stands between a receiver and a dock."""
-    count = len(position)
-    way = place[None] - position[:, None, None]
-    length = np.maximum((way**2).sum(axis=-1), 1e-9)
-    to_third = position[None] - position[:, None]
-    share = np.clip(np.einsum("rjsk,rtk->rjst", way, to_third) / length[..., None], 0.0, 1.0)
-    gap = to_third[:, None, None] - share[..., None] * way[:, :, :, None]
+    way = place[sender, side] - position[receiver]
+    length = np.maximum((way**2).sum(axis=-1), _NEAREST**2)
+    to_third = position[None] - position[receiver][:, None]
+    share = np.clip(np.einsum("kj,ktj->kt", way, to_third) / length[:, None], 0.0, 1.0)
+    gap = to_third - share[..., None] * way[:, None]
     is_near = (np.hypot(gap[..., 0], gap[..., 1]) < _BODY) & (np.abs(gap[..., 2]) < _TALL)
-    robots = np.arange(count)
-    is_third = (robots[None, None, :] != robots[:, None, None]) & (robots[None, None, :] != robots[None, :, None])
-    return (is_near & is_third[:, :, None, :]).any(axis=-1)
+    rows = np.arange(len(receiver))
+    is_near[rows, receiver] = is_near[rows, sender] = False
+    return is_near.any(axis=-1)
 
 
 def hear(
@@ -127,6 +136,7 @@ def hear(
     words: Words,
     speaks: Bool[np.ndarray, "N 4"],
     config: HearingConfig,
+    bias: Float[np.ndarray, "2 N"],
     rng: np.random.Generator,
     collides: bool = False,
 ) -> Heard:
@@ -137,6 +147,7 @@ def hear(
         words: what docks say.
         speaks: the docks that count.
         config: noise.
+        bias: present slow errors of bearing and departure [rad].
         rng: draws noise and losses; four numbers a robot.
         collides: whether several at once destroy each other.
     """
@@ -151,8 +162,8 @@ def hear(
         is_heard &= sent.any(axis=-1).sum(axis=-1) == 1
     sender, side = best // len(SIDES), best % len(SIDES)
     far = np.where(is_heard, geometry.distance[rows, sender, side], 0.0)
-    bearing = geometry.bearing[rows, sender, side] + config.bearing_noise * noise[0]
-    departure = geometry.departure[rows, sender, side] + config.departure_noise * noise[1]
+    bearing = geometry.bearing[rows, sender, side] + bias[0] + config.bearing_noise * noise[0]
+    departure = geometry.departure[rows, sender, side] + bias[1] + config.departure_noise * noise[1]
     return Heard(
         is_heard,
         far * np.exp(config.distance_noise * noise[2]),

@@ -11,7 +11,7 @@ from symbrion_gym.swarm.behavior.hearing import HearingConfig, find_geometry, he
 from symbrion_gym.swarm.behavior.percepts import Percepts, Wired, Words
 from symbrion_gym.swarm.senses import Senses
 from symbrion_gym.swarm.signals.infrared import NUM_UNITS
-from symbrion_gym.swarm.world import SwarmState, SwarmWorld
+from symbrion_gym.swarm.world import DECISION, SwarmState, SwarmWorld
 
 STEEP_BEAMS = {"laser_range": 0.8, "laser_beams": 7, "laser_angles": (-np.pi / 3, -np.pi / 6)}
 """What behaviors need of the forward laser: the beams that meet the ground nearby."""
@@ -38,6 +38,7 @@ class Sensing:
         self._rng = np.random.default_rng((seed, 7))
         self._senses.reset(seed)
         self._run = np.zeros((self._world.num_robots, 2))
+        self._bias = self._config.bias * self._rng.standard_normal((2, self._world.num_robots))
 
     def read(self, words: Words, wire: Wired) -> Percepts:
         """Return what the robots sense now.
@@ -48,6 +49,9 @@ class Sensing:
         """
         world, rng, config = self._world, self._rng, self._config
         state, readings = world.state, self._senses.read()
+        share = np.exp(-DECISION / config.bias_time)
+        new = rng.standard_normal((2, world.num_robots))
+        self._bias = share * self._bias + config.bias * np.sqrt(1.0 - share**2) * new
         geometry = find_geometry(state, config)
         self._run = self._run + readings["odometry"]
         pitch, roll = readings["tilt"].T
@@ -58,9 +62,9 @@ class Sensing:
             roll=roll,
             odometry=self._run,
             docked=find_docked(state),
-            beacon=hear(geometry, words, words.is_beacon, config, rng),
-            guide=hear(geometry, words, words.is_guide, config, rng),
-            asker=hear(geometry, words, words.asker >= 0, config, rng, collides=True),
+            beacon=hear(geometry, words, words.is_beacon, config, self._bias, rng),
+            guide=hear(geometry, words, words.is_guide, config, self._bias, rng),
+            asker=hear(geometry, words, words.asker >= 0, config, self._bias, rng, collides=True),
             wired=read_wires(wire, state.links),
         )
 

@@ -25,6 +25,7 @@ from symbrion_gym.swarm.kinematic.motion import (
     TURN,
     Poses,
     avoid_overlaps,
+    choose_roots,
     find_layout,
     outline,
     place_members,
@@ -97,6 +98,7 @@ class KinematicWorld:
         self.sight = Sight(arena, self.scout)
         self._ground = Ground(arena, self.scout, self.config, self.sight)
         self._rng = np.random.default_rng(0)
+        self._roots = np.arange(self.num_robots)
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
         """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad].
@@ -116,7 +118,7 @@ class KinematicWorld:
             )
         self._rng = np.random.default_rng(seed)
         count = self.num_robots
-        groups = np.arange(count)
+        groups = self._roots = np.arange(count)
         position = np.column_stack([poses[:, :2], np.zeros(count)])
         rotation = make_rotations(np.tile([0.0, 0.0, 1.0], (count, 1)), poses[:, 2])
         fit = self._ground.fit(position, rotation, groups)
@@ -208,14 +210,15 @@ class KinematicWorld:
         """Find groups, where their members belong, and when they will be there."""
         links = self.state.links
         self.groups = find_groups(links, self.num_robots)
+        self._roots = choose_roots(self.groups, self._roots)
         self._is_straight = np.zeros(self.num_robots, bool)
         self._nominal = np.zeros((self.num_robots, 3))
         for link in links:
             for robot, side in link.ends:
                 self._is_straight[robot] |= side == SIDES[_FRONT]
-        for root in np.unique(self.groups[[link.first for link in links]]) if links else ():
+        for root in np.unique(self._roots[[link.first for link in links]]) if links else ():
             organism, order = make_organism(
-                links, np.flatnonzero(self.groups == root).tolist(), self.scout, int(root)
+                links, np.flatnonzero(self._roots == root).tolist(), self.scout, int(root)
             )
             self._nominal[list(order)] = [(pose.x, pose.y, pose.heading) for pose in organism.find_poses()]
         self._mated_at = self.time + self.docks.mating_time
@@ -224,7 +227,7 @@ class KinematicWorld:
         self, old: Poses, tracks: Float[np.ndarray, "N 2"], hinge: Float[np.ndarray, " N"]
     ) -> tuple[Poses, Poses, GroundFit]:
         """Return where robots would be after their motion and after its turn alone, and the ground of the first."""
-        groups = self.groups
+        groups = self._roots
         layout = self._mate(find_layout(old, groups))
         twist = find_twists(tracks, groups, layout, old.hinge, self.scout)
         root_rotation, root_heading = old.rotation[groups], old.heading[groups]

@@ -43,6 +43,22 @@ class Poses(NamedTuple):
         return find_headings(self.rotation)
 
 
+def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Args:
+        groups: number of each robot's group.
+        roots: roots of the groups before.
+    """
+    result = np.empty_like(roots)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        former, sizes = np.unique(roots[members], return_counts=True)
+        stays = np.isin(former, members)
+        result[members] = former[stays][sizes[stays].argmax()] if stays.any() else members[0]
+    return result
+
+
 def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
