@@ -85,6 +85,7 @@ def measure_speed(arena: Arena, blocks: int) -> dict[str, float]:
     sent.beacon[::_RECRUITING, 0] = True
     sent.message[::_RECRUITING] = 1
     shares, decisions = [], 50
+    tracks = np.zeros((NUM_ROBOTS, 2))
     for _ in range(blocks):
         parts = np.zeros(3)
         for step in range(decisions):

@@ -33,7 +33,7 @@ class Poses(NamedTuple):
         hinge: angles of the arms [rad].
     """
 
-    position: Float[np.ndarray, " ..."]
+    position: Float[np.ndarray, "N 3"]
     rotation: Float[np.ndarray, "N 3 3"]
     hinge: Float[np.ndarray, " N"]
 
@@ -43,7 +43,23 @@ class Poses(NamedTuple):
         return find_headings(self.rotation)
 
 
-def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, " ..."]:
+def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Args:
+        groups: number of each robot's group.
+        roots: roots of the groups before.
+    """
+    result = np.empty_like(roots)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        former, sizes = np.unique(roots[members], return_counts=True)
+        stays = np.isin(former, members)
+        result[members] = former[stays][sizes[stays].argmax()] if stays.any() else members[0]
+    return result
+
+
+def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
     place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
@@ -52,9 +68,9 @@ def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray
 
 
 def place_members(
-    position: Float[np.ndarray, " ..."],
+    position: Float[np.ndarray, "N 3"],
     rotation: Float[np.ndarray, "N 3 3"],
-    layout: Float[np.ndarray, " ..."],
+    layout: Float[np.ndarray, "N 3"],
     hinge: Float[np.ndarray, " N"],
 ) -> Poses:
     """Return the poses of robots from those of their roots, given once a member."""
