@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -12,14 +13,25 @@ from symbrion_gym.errors import OptionError
 from symbrion_gym.swarm.docks import make_organism
 from symbrion_gym.swarm.dynamic.world import DynamicWorld
 
+if TYPE_CHECKING:
+    from symbrion_gym.swarm.mixed import MixedWorld
+    from symbrion_gym.swarm.world import SwarmWorld
 
-def find_modules(world: DynamicWorld, robots: Sequence[int], root: int | None = None) -> tuple[int, ...]:
+
+def find_modules(world: SwarmWorld, robots: Sequence[int], root: int | None = None) -> tuple[int, ...]:
     """Return docked robots in the order of the modules of their organism; see `make_organism`."""
     links = [link for link in world.state.links if link.first in robots]
     return make_organism(links, robots, world.scout, root)[1]
 
 
-def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
+def is_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> bool:
+    """Return whether robots are the very tree of an `Organism`: all docks have mated and free arms are folded."""
+    world, modules = world.find_dynamic(modules)
+    trees = world.assembly.layout.trees
+    return any(tree.is_organism and set(tree.robots) == set(modules) for tree in trees)
+
+
+def read_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
     """Return parts of the observation of an organism, without noise, as its environment has them.
 
     Args:
@@ -33,9 +45,9 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.n
     Raises:
         OptionError: the robots are not one tree.
     """
+    is_whole = is_organism(world, modules)
     world, modules = world.find_dynamic(modules)
-    tree = next((each for each in world.assembly.layout.trees if set(each.robots) == set(modules)), None)
-    if tree is None or not tree.is_organism:
+    if not is_whole:
         trees = [each.robots for each in world.assembly.layout.trees if each.is_organism]
         raise OptionError(
             f"robots {modules} are not one organism yet; there are {trees}: step until they have mated and folded arms"
