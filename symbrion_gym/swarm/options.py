@@ -40,7 +40,11 @@ class SwarmOptions:
 
     def __post_init__(self) -> None:
         count = self.num_robots
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= MOST_ROBOTS:
+        if (
+            isinstance(count, bool)
+            or not isinstance(count, int | np.integer)
+            or not 1 <= count <= MOST_ROBOTS
+        ):
             raise OptionError(f"num_robots must be a whole number from 1 to {MOST_ROBOTS}, got {count!r}")
         for name in ("duration", "success_bonus", "noise"):
             value = getattr(self, name)

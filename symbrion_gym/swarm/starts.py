@@ -64,7 +64,9 @@ def find_field(arena: Arena, length: int = 8) -> Field:
     body = snake(length)
     route = find_route(arena, body, "floor")
     if route.pit is None:
-        raise ArenaError(f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth'")
+        raise ArenaError(
+            f"arena {arena.name!r} has no pit; a swarm needs one to cross: take 'gsrm' or 'truth'"
+        )
     x, y = arena.surface.vertices[:, 0], arena.surface.vertices[:, 1]
     s = x * route.direction[0] + y * route.direction[1]
     begin = max(float(s.min()), route.start - (length - 1) * body.scout.pitch - 0.8)

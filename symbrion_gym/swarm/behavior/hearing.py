@@ -109,7 +109,9 @@ def find_brightness(
     sent = np.maximum(np.cos(departure), 0.0)
     lobe = ((1.0 - light.side_share) * sent**light.lobe + light.side_share) * (sent > 0.0)
     near = np.maximum(distance, _NEAREST)
-    return 2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
+    return (
+        2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
+    )
 
 
 def _find_shaded(

@@ -1,7 +1,7 @@
 """The finite state machine of a swarm: what robots sense in, what they do and say out.
 
-A robot explores until it meets a pit. Then it drives back to level ground and becomes the seed: its free docks call, and
-the dock where the plan wants the next robot is a beacon. Robots that hear it ask, one at a time is accepted, drives
+A robot explores until it meets a pit. Then it drives back to level ground and becomes the seed: its free docks call,
+and the dock where the plan wants the next robot is a beacon. Robots that hear it ask, one at a time is accepted, drives
 to the axis of the dock, aligns, docks and locks, and goes on recruiting. Once all places of the plan are taken, the
 organism acts; told to part, all undock and drive on. No robot knows where it is, nor any state but its own.
 
@@ -114,7 +114,9 @@ class Machine:
             roles=roles,
             ticket=np.where(belongs, np.maximum(memory.ticket, heard), 0),
             leader=np.where(belongs & (memory.role > 0) & (leader >= 0), leader, memory.leader),
-            goes=np.where(belongs, np.maximum(memory.goes, np.where(percepts.docked, wired.goes, 0).max(axis=-1)), goes),
+            goes=np.where(
+                belongs, np.maximum(memory.goes, np.where(percepts.docked, wired.goes, 0).max(axis=-1)), goes
+            ),
             accepted_since=memory.accepted_since + DECISION,
             avoiding=np.maximum(memory.avoiding - DECISION, 0.0),
             silent=np.where(is_heard, 0.0, memory.silent + DECISION),
@@ -123,9 +125,7 @@ class Machine:
             growth=np.where(roles != memory.roles, 0.0, memory.growth + DECISION),
         )
 
-    def _enter(
-        self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray
-    ) -> Memory:
+    def _enter(self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray) -> Memory:
         """Change modes, and note what a new one needs."""
         percepts, memory, weights = here.percepts, here.memory, self.weights
         is_new = following != memory.mode

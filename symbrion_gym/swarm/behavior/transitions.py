@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -77,7 +77,7 @@ Next = Int[np.ndarray, " N"]
 """The next mode of each robot, were it in the mode of the function."""
 
 
-def _choose(now: Mode, *cases: tuple[Bool[np.ndarray, " N"], Mode]) -> Next:
+def _choose(now: Mode, *cases: tuple[Any, Mode]) -> Next:
     """Return the mode of the first condition that holds, else the present one."""
     return np.select([condition for condition, _ in cases], [int(mode) for _, mode in cases], int(now))
 
@@ -270,4 +270,3 @@ def hears_larger(here: Situation) -> Bool[np.ndarray, " N"]:
 def find_accepted(here: Situation) -> Int[np.ndarray, " N"]:
     """Return whom the organism of each robot accepts."""
     return read_ticket(here.memory.ticket)[1]
-
