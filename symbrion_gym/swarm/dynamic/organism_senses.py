@@ -19,7 +19,7 @@ def find_modules(world: DynamicWorld, robots: Sequence[int], root: int | None = 
     return make_organism(links, robots, world.scout, root)[1]
 
 
-def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, Float[np.ndarray, " ?"]]:
+def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
     """Return parts of the observation of an organism, without noise, as its environment has them.
 
     Args:
