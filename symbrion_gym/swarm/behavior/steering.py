@@ -26,7 +26,7 @@ _SLOPE_GAIN = 4.0
 """Rate of turning per roll on a slope [1/s]; roll is small where a robot drives along the gradient."""
 
 
-def wrap(angle: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+def wrap(angle: Float[np.ndarray, "*S"] | float) -> Float[np.ndarray, "*S"] | float:
     """Return angles within -pi to pi."""
     return (angle + pi) % (2 * pi) - pi
 
