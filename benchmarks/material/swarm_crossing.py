@@ -72,7 +72,7 @@ def measure_crossing(quick: bool) -> dict[str, Any]:
             print(kind, trial, outcomes[-1], flush=True)
         crossed[kind] = sum(outcomes)
     table = [[crossed[kind], count - crossed[kind]] for kind in crossed]
-    chance = float(fisher_exact(table)[1])
+    chance = float(np.asarray(fisher_exact(table))[1])
     return {
         **crossed,
         "trials": count,

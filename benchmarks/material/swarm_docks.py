@@ -38,12 +38,12 @@ _PLACE = np.array([-2.0, 0.0, 0.0])
 
 def make_row(num_robots: int, rng: np.random.Generator, head: Float[np.ndarray, " 3"] = _PLACE) -> np.ndarray:
     """Return poses `[N, 3]` of a row behind a head, each robot beside its exact place, within reach of the docks."""
-    pitch = ScoutConfig().pitch + 0.004
+    pitch = ScoutConfig().pitch + 0.007
     poses = np.repeat(head[None], num_robots, axis=0)
     back = pitch * np.arange(num_robots)
     poses[:, 0] -= np.cos(head[2]) * back
     poses[:, 1] -= np.sin(head[2]) * back
-    poses[1:] += rng.uniform(-1.0, 1.0, (num_robots - 1, 3)) * [0.002, 0.003, np.deg2rad(3.0)]
+    poses[1:] += rng.uniform(-1.0, 1.0, (num_robots - 1, 3)) * [0.001, 0.002, np.deg2rad(2.0)]
     return poses
 
 

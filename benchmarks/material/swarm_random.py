@@ -20,6 +20,7 @@ from symbrion_gym.swarm.world import SwarmCommands
 NUM_ROBOTS = 8
 STEPS = 1_000_000
 """Decisions of single robots."""
+NUM_RUNS = 40
 PEN = 0.8
 """Inner edge of the pen [m]: small, so that robots meet."""
 DOCKS = DockConfig(distance=0.02, offset=0.02, height=0.02, angle=25.0, roll=25.0)
@@ -35,8 +36,8 @@ _CHANGE, _IDLE_EVERY, _IDLE, _SETTLE = 15, 400, 25, 15
 """Decisions: between new commands; between pauses; of a pause; of it until nothing mates any more."""
 _LATCH_CHANGE = 90
 """Decisions between new commands for the docks: in between, robots may become one body, then a larger one."""
-_PLACES = (-0.25, 0.0, 0.25)
-"""Along both axes [m]."""
+_X, _Y = (-0.2, -0.067, 0.066, 0.199), (-0.067, 0.066)
+"""Places at the start of a run [m]: two rows in which docks are within reach of each other on all sides."""
 _GRAVITY = 9.81
 
 
@@ -80,13 +81,15 @@ def make_pen(size: float = PEN) -> Arena:
     boxes += [((-half, sign * wide, 0.0), (half, sign * half, _WALL)) for sign in (-1.0, 1.0)]
     pieces = [trimesh.creation.box(bounds=np.sort(np.array(box), axis=0)) for box in boxes]
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces))
-    return Arena(name="pen", pieces=pieces, surface=trimesh.util.concatenate(pieces), quality=quality)
+    surface = trimesh.util.concatenate(pieces)
+    assert isinstance(surface, trimesh.Trimesh)
+    return Arena(name="pen", pieces=pieces, surface=surface, quality=quality)
 
 
 def measure_random(quick: bool) -> dict[str, Any]:
     """Step robots at random and return the worst of what was seen."""
     begun, found = time.process_time(), Findings()
-    num_runs = 1 if quick else 10
+    num_runs = 4 if quick else NUM_RUNS
     for seed in range(num_runs):
         run_random(seed, (20_000 if quick else STEPS) // num_runs, found)
         print(seed, {name: value for name, value in vars(found).items() if name != "seen"}, flush=True)
@@ -105,8 +108,8 @@ def run_random(seed: int, steps: int, found: Findings) -> DynamicWorld:
     """Step one pen of robots until `steps` decisions of single robots are done."""
     world = DynamicWorld(make_pen(), NUM_ROBOTS, docks=DOCKS)
     rng = np.random.default_rng([21, seed])
-    places = [[x, y, rng.uniform(-np.pi, np.pi)] for x in _PLACES for y in _PLACES]
-    world.reset(np.array(places[:NUM_ROBOTS]))
+    places = np.array([[x, y, 0.0] for y in _Y for x in _X])
+    world.reset(places + rng.uniform(-1.0, 1.0, places.shape) * [0.001, 0.002, np.deg2rad(1.5)])
     commands = draw_commands(rng)
     for decision in range(steps // NUM_ROBOTS):
         if decision % _CHANGE == 0:

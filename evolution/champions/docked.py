@@ -46,7 +46,7 @@ class DockedChampion:
         body = champion.body.find_organism()
         links = [link for link in world.state.links if link.first in self._modules]
         organism, order = make_organism(links, self._modules, world.scout, self._modules[0])
-        if len(organism.dockings) != len(body.dockings) or list(order) != self._modules:
+        if organism.dockings != body.dockings or list(order) != self._modules:
             raise RunError(f"robots {self._modules} have not docked into the body of the champion")
         self._controller = champion.control.make_controller(body, champion.episode)
         missing = sorted(set(self._controller.sensors) - set(_READ))

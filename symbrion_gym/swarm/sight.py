@@ -19,16 +19,12 @@ _CELL = 0.05
 """Edge of the cells of the highest surface [m]: half of a robot."""
 _MOST_CELLS = 4_000_000
 """Cells are wider where there would be more of them."""
-_SHORT = 0.2
-"""Rays up to this length are first compared with the highest surface about them [m]: those of infrared units."""
-_STEEPEST = 0.5
-"""Sine of the largest tilt of a robot: rays about it come no lower."""
 _LEAST = 1e-12
 """Components of directions are not smaller than this: no division by zero."""
 
 
 class Sight:
-    """Casts rays; short ones above everything about them are not cast on the surface.
+    """Casts rays; short ones above everything in the cells that they pass are not cast on the surface.
 
     Args:
         arena: whose surface is hit.
@@ -53,7 +49,7 @@ class Sight:
     ) -> Float[np.ndarray, " R"]:
         """Return the distance of the exact surface along each ray [m]; inf beyond its range.
 
-        Short rays above everything about them are not cast.
+        Rays above everything in the cells that they pass are not cast.
 
         Args:
             origins: where rays begin [m].
@@ -61,20 +57,10 @@ class Sight:
             max_ranges: [m].
         """
         distances = np.full(len(origins), np.inf)
-        rays = np.flatnonzero(self._may_hit(origins, directions, max_ranges))
+        rays = np.flatnonzero(self.may_hit(origins, directions, max_ranges))
         distances[rays] = self._mesh.cast(origins[rays], directions[rays])
         distances[distances > max_ranges] = np.inf
         return distances
-
-    def find_near(self, centers: Float[np.ndarray, "N 3"], radius: float) -> Int[np.ndarray, " M"]:
-        """Return which places have surface that is as high about them; all if the radius is not that of a short ray.
-
-        Args:
-            centers: places [m].
-            radius: of what may tilt about them [m].
-        """
-        high = self._find_top(centers[:, :2]) >= centers[:, 2] - radius * _STEEPEST
-        return np.flatnonzero(high | (2 * radius > _SHORT))
 
     def cast_fans(
         self,
@@ -160,23 +146,28 @@ class Sight:
         is_free[left] = ~(self.cast_fans(places, directions[left], counts) < length[left])
         return is_free
 
-    def _may_hit(
+    def may_hit(
         self,
         origins: Float[np.ndarray, "R 3"],
         directions: Float[np.ndarray, "R 3"],
         max_ranges: Float[np.ndarray, " R"],
     ) -> Bool[np.ndarray, " R"]:
-        """Return which rays come below the highest surface about them; long ones always count."""
-        ends = origins[:, 2] + max_ranges * directions[:, 2]
-        lowest = np.minimum(origins[:, 2], ends)
-        middle = origins[:, :2] + 0.5 * max_ranges[:, None] * directions[:, :2]
-        return (max_ranges > _SHORT) | (lowest <= self._find_top(middle))
+        """Return which rays come below the highest surface of a cell that they pass.
 
-    def _find_top(self, places: Float[np.ndarray, "R 2"]) -> Float[np.ndarray, " R"]:
-        """Return the highest surface within half a short ray of places [m]."""
-        cell = ((np.nan_to_num(places) - self._low) / self._cell).astype(np.int64)
-        cell = np.clip(cell, 0, np.array(self._top.shape) - 1)
-        return self._top[cell[:, 0], cell[:, 1]]
+        Args:
+            origins: where rays begin [m].
+            directions: unit vectors.
+            max_ranges: [m].
+        """
+        num = int(np.ceil(max_ranges.max(initial=0.0) / self._cell)) + 1
+        along = np.linspace(0.0, 1.0, num)[:, None] * max_ranges
+        x, y, z = (origins[:, k] + along * directions[:, k] for k in range(3))
+        i, j = (
+            np.clip(((value - low) / self._cell).astype(np.int64), 0, count - 1)
+            for value, low, count in zip((x, y), self._low, self._top.shape, strict=True)
+        )
+        lowest = z - self._cell * np.abs(directions[:, 2])
+        return np.any(lowest <= self._top[i, j], axis=0)
 
 
 def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
@@ -187,7 +178,7 @@ def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) ->
 def _find_tops(
     triangles: Float[np.ndarray, "T 3 3"],
 ) -> tuple[Float[np.ndarray, " 2"], float, Float[np.ndarray, "X Y"]]:
-    """Return corner, edge and heights of a grid: the highest surface within half a short ray [m]; -inf for none."""
+    """Return corner, edge and heights of a grid: the highest surface in and next to each cell [m]; -inf for none."""
     from scipy.ndimage import grey_dilation
 
     low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
@@ -200,5 +191,4 @@ def _find_tops(
     for (i, j), (k, m), z in zip(first, last, triangles[..., 2].max(axis=1), strict=True):
         part = top[i : k + 1, j : m + 1]
         np.maximum(part, z, out=part)
-    width = 2 * int(np.ceil(0.5 * _SHORT / cell)) + 1
-    return low, cell, grey_dilation(top, size=(width, width), mode="nearest")
+    return low, cell, grey_dilation(top, size=(3, 3), mode="nearest")

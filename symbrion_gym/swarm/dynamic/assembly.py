@@ -71,13 +71,12 @@ class Assembler:
 
     Args:
         arena: where the robots are.
-        num_robots: N.
         scout: constants of the robots.
         timestep: physics step [s].
     """
 
-    def __init__(self, arena: Arena, num_robots: int, scout: ScoutConfig, timestep: float) -> None:
-        self._num_robots, self._scout = num_robots, scout
+    def __init__(self, arena: Arena, scout: ScoutConfig, timestep: float) -> None:
+        self._scout = scout
         self._base = arena.spec()
         _set_options(self._base, timestep)
         self._base.compile()
@@ -97,7 +96,7 @@ class Assembler:
         for tree in layout.trees:
             part = make_scout(self._scout) if tree.organism is None else tree.organism.spec()
             spec.attach(part, prefix=tree.prefix, frame=spec.worldbody.add_frame())
-        names = _name_modules(layout, self._num_robots)
+        names = _name_modules(layout)
         for k, weld in enumerate(layout.welds):
             bodies = [spec.site(f"{names[robot]}_dock_{side}").parent.name for robot, side in weld.ends]
             spec.add_equality(
@@ -123,8 +122,8 @@ def _set_options(spec: mujoco.MjSpec, timestep: float) -> None:
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
 
 
-def _name_modules(layout: Layout, num_robots: int) -> list[str]:
-    names = [""] * num_robots
+def _name_modules(layout: Layout) -> list[str]:
+    names = [""] * sum(len(tree.robots) for tree in layout.trees)
     for tree in layout.trees:
         for module, robot in enumerate(tree.robots):
             names[robot] = f"{tree.prefix}module_{module}"

@@ -19,7 +19,7 @@ def find_modules(world: DynamicWorld, robots: Sequence[int], root: int | None = 
     return make_organism(links, robots, world.scout, root)[1]
 
 
-def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, Float[np.ndarray, " ?"]]:
+def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
     """Return parts of the observation of an organism, without noise, as its environment has them.
 
     Args:
@@ -33,7 +33,7 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, Floa
     Raises:
         OptionError: the robots are not one tree.
     """
-    modules = list(modules)
+    world, modules = world.find_dynamic(modules)
     tree = next((each for each in world.assembly.layout.trees if set(each.robots) == set(modules)), None)
     if tree is None or not tree.is_organism:
         trees = [each.robots for each in world.assembly.layout.trees if each.is_organism]

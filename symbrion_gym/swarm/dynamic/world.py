@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -17,7 +17,7 @@ from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
 from symbrion_gym.swarm.docks import DockConfig, find_matches, find_released, sort_links
 from symbrion_gym.swarm.dynamic.assembly import Assembler, Assembly
-from symbrion_gym.swarm.dynamic.layout import Layout, find_layout
+from symbrion_gym.swarm.dynamic.layout import Layout, Tree, find_layout
 from symbrion_gym.swarm.dynamic.loads import find_loads
 from symbrion_gym.swarm.dynamic.mating import Mating, find_error, find_share, has_mated, write_weld
 from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion
@@ -69,6 +69,7 @@ class DynamicWorld:
         scout: constants of the robots; None for the defaults.
         docks: when docks latch; None for the defaults.
         config: how the physics is stepped; None for the defaults.
+        assembler: that of another world with equal arena, robots and physics step, which saves its preparation.
 
     Attributes:
         arena: where the robots are.
@@ -81,6 +82,7 @@ class DynamicWorld:
         assembly: the compiled model and where the robots are in it; a new one whenever the layout changes.
         data: its state, likewise.
         target: present targets of the hinges' servos [rad].
+        matings: latched docks on their way to the exact pose.
         conversion: how all robots moved before and after the last change of the layout; None before the first.
 
     Raises:
@@ -94,6 +96,7 @@ class DynamicWorld:
         scout: ScoutConfig | None = None,
         docks: DockConfig | None = None,
         config: DynamicConfig | None = None,
+        assembler: Assembler | None = None,
     ) -> None:
         self.arena, self.num_robots = arena, num_robots
         self.scout, self.docks = scout or ScoutConfig(friction=arena.friction), docks or DockConfig()
@@ -105,7 +108,7 @@ class DynamicWorld:
                 f"dofs is {self.scout.dofs} and tracks {self.scout.tracks!r}; a swarm has Scouts with one hinge and "
                 "sphere tracks"
             )
-        self._assembler = Assembler(arena, num_robots, self.scout, self.config.timestep)
+        self.assembler = assembler or Assembler(arena, self.scout, self.config.timestep)
         self.assembly: Assembly
         self.data: mujoco.MjData
         zero = np.zeros((num_robots, 3))
@@ -116,7 +119,7 @@ class DynamicWorld:
     def _clear(self) -> None:
         self.time = 0.0
         self._links: tuple[Docking, ...] = ()
-        self._matings: dict[Docking, Mating] = {}
+        self.matings: dict[Docking, Mating] = {}
         self._torn: frozenset[Docking] = frozenset()
         self.conversion: tuple[Motion, Motion] | None = None
         self.target = np.zeros(self.num_robots)
@@ -142,19 +145,25 @@ class DynamicWorld:
         self.begin(Motion(position, rotation, still, still, zero, zero))
 
     def begin(
-        self, motion: Motion, links: tuple[Docking, ...] = (), target: Float[np.ndarray, " N"] | None = None
+        self,
+        motion: Motion,
+        links: tuple[Docking, ...] = (),
+        target: Float[np.ndarray, " N"] | None = None,
+        matings: Mapping[Docking, Mating] | None = None,
     ) -> None:
         """Begin with robots in any motion, docked or not.
 
         Args:
             motion: of all robots.
-            links: latched docks, in their exact poses; arms without a link are free where the robot is alone.
+            links: latched docks, in their exact poses but for those of `matings`.
             target: of the hinges' servos [rad]; None for their present angles.
+            matings: links that are on their way to the exact pose; they began at times before 0.
         """
         self._clear()
         self._links = sort_links(links)
         self.target = np.array(motion.hinge if target is None else target, dtype=np.float64)
-        self._enter(self._find_layout(), motion)
+        self.matings = dict(matings or {})
+        self._enter(self._find_layout(_find_arms(motion, self._links)), motion)
         self.state = self._read_state()
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
@@ -197,42 +206,50 @@ class DynamicWorld:
         new = find_matches(state, blocked, self.docks, self.scout)
         for link in new:
             offset, turn = find_error(self.assembly, self.data, link, self.scout)
-            self._matings[link] = Mating(offset, turn, self.time)
-        self._matings = {link: each for link, each in self._matings.items() if link not in gone}
+            self.matings[link] = Mating(offset, turn, self.time)
+        self.matings = {link: each for link, each in self.matings.items() if link not in gone}
         self._links, self._torn = sort_links([*kept, *new]), frozenset()
 
     def _change_layout(self, latch: Bool[np.ndarray, "N 4"]) -> None:
         """Compile the model anew where robots have become one tree, or several."""
         is_open = self._find_open(latch)
-        mated = [link for link in self._matings if self._is_mated(link)]
+        mated = [link for link in self.matings if self._is_mated(link)]
         for link in mated:
-            del self._matings[link]
-        layout = self._find_layout(np.flatnonzero(is_open))
+            del self.matings[link]
+        layout = self._find_layout(is_open)
         if layout != self.assembly.layout:
             before = read_motion(self.assembly, self.data)
             self._enter(layout, before, self.assembly)
             self.conversion = before, read_motion(self.assembly, self.data)
 
-    def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
-        return find_layout(self._links, self._matings, open_arms, self.num_robots, self.scout)
+    def find_dynamic(self, robots: Sequence[int]) -> tuple[DynamicWorld, list[int]]:
+        """Return the dynamic world that robots are in, and their numbers there; as `MixedWorld.find_dynamic`."""
+        return self, list(robots)
 
-    def _find_open(self, latch: Bool[np.ndarray, "N 4"]) -> Bool[np.ndarray, " N"]:
+    def find_depths(self) -> Float[np.ndarray, " N"]:
+        """Return how deep each robot reaches into the arena now [m]."""
+        depths = np.zeros(self.num_robots)
+        mujoco.mj_collision(self.assembly.model, self.data)
+        owners = self.assembly.owners[self.data.contact.geom]
+        for pair, distance in zip(owners, self.data.contact.dist, strict=True):
+            if pair.min() < 0:
+                depths[pair.max()] = max(depths[pair.max()], -distance)
+        return depths
+
+    def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
+        return find_layout(self._links, self.matings, open_arms, self.num_robots, self.scout)
+
+    def _find_open(self, latch: Bool[np.ndarray, "N 4"]) -> set[int]:
         """Return which docked robots have a movable arm with a free front dock, and let the others fold theirs."""
-        has_link, has_front = np.zeros((2, self.num_robots), bool)
-        for link in self._links:
-            for robot, side in link.ends:
-                has_link[robot] = True
-                has_front[robot] |= side == "front"
-        motion = read_motion(self.assembly, self.data)
-        is_folded = (np.abs(motion.hinge - FOLDED) <= _FOLDED_TOLERANCE) & (
-            np.abs(motion.hinge_rate) <= _AT_REST
-        )
+        arms = {robot for link in self._links for robot, _ in link.ends}
+        arms -= {robot for link in self._links for robot, side in link.ends if side == "front"}
         is_wanted = latch[:, _FRONT]
-        self._is_folding = has_link & ~has_front & ~is_wanted
-        return has_link & ~has_front & (is_wanted | ~is_folded)
+        self._is_folding = np.isin(np.arange(self.num_robots), list(arms)) & ~is_wanted
+        unfolded = _find_arms(read_motion(self.assembly, self.data), self._links)
+        return {robot for robot in arms if is_wanted[robot]} | set(unfolded)
 
     def _is_mated(self, link: Docking) -> bool:
-        return self.time - self._matings[link].began >= self.docks.mating_time and has_mated(
+        return self.time - self.matings[link].began >= self.docks.mating_time and has_mated(
             self.assembly, self.data, link, self.scout
         )
 
@@ -244,11 +261,13 @@ class DynamicWorld:
             motion: of all robots.
             source: assembly of the present state, whose trees are kept to the bit where they are in both layouts.
         """
-        assembly = self._assembler.assemble(layout)
+        assembly = self.assembler.assemble(layout)
         data = mujoco.MjData(assembly.model)
-        same = frozenset(layout.trees) & frozenset(source.layout.trees) if source else frozenset()
-        for tree in same if source else ():
-            copy_tree(tree, source, self.data, assembly, data)
+        same: frozenset[Tree] = frozenset()
+        if source is not None:
+            same = frozenset(layout.trees) & frozenset(source.layout.trees)
+            for tree in same:
+                copy_tree(tree, source, self.data, assembly, data)
         write_motion(assembly, data, motion, self.scout, same)
         data.time = self.time
         self.assembly, self.data = assembly, data
@@ -270,7 +289,7 @@ class DynamicWorld:
 
     def _write_welds(self) -> None:
         for index, link in enumerate(self.assembly.layout.welds):
-            mating = self._matings.get(link, _EXACT)
+            mating = self.matings.get(link, _EXACT)
             share = find_share(self.time - mating.began, self.docks.mating_time)
             write_weld(self.assembly, self.data, index, mating, self.scout, share)
 
@@ -286,6 +305,17 @@ class DynamicWorld:
                 if load[link.first, SIDES.index(link.first_side)] > self.scout.dock_force
             )
         return SwarmState(*motion[:5], self._links, load, self._odometry.copy())
+
+
+def _find_arms(motion: Motion, links: Sequence[Docking]) -> list[int]:
+    """Return docked robots whose front dock is free and whose arm is not folded."""
+    has_link, has_front = np.zeros((2, len(motion.hinge)), bool)
+    for link in links:
+        for robot, side in link.ends:
+            has_link[robot] = True
+            has_front[robot] |= side == "front"
+    is_folded = (np.abs(motion.hinge - FOLDED) <= _FOLDED_TOLERANCE) & (np.abs(motion.hinge_rate) <= _AT_REST)
+    return np.flatnonzero(has_link & ~has_front & ~is_folded).tolist()
 
 
 _EXACT = Mating(np.zeros(3), np.zeros(3), -np.inf)

@@ -37,7 +37,7 @@ class GroundFit(NamedTuple):
         wall: how far walls reach into the disc of the chassis, at the height of its center [m].
     """
 
-    normal: Float[np.ndarray, " ..."]
+    normal: Float[np.ndarray, "N 3"]
     height: Float[np.ndarray, " N"]
     slope: Float[np.ndarray, " N"]
     step: Float[np.ndarray, " N"]
@@ -70,7 +70,7 @@ class Ground:
 
     def fit(
         self,
-        position: Float[np.ndarray, " ..."],
+        position: Float[np.ndarray, "N 3"],
         rotation: Float[np.ndarray, "N 3 3"],
         groups: Int[np.ndarray, " N"],
     ) -> GroundFit:
@@ -105,30 +105,34 @@ class Ground:
         self, center: Float[np.ndarray, "N 3"], normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, " N"]:
         """Return how far the surface reaches into the disc about each center, across the normal [m]."""
-        wall = np.zeros(len(center))
-        near = self._sight.find_near(center, self._radius)
-        near = near[np.isfinite(normal[near, 0])]
+        wall, num = np.zeros(len(center)), len(self._spokes)
+        flat = np.nan_to_num(normal, nan=0.0)
+        flat[flat[:, 2] == 0.0] = [0.0, 0.0, 1.0]
+        spokes = self._spokes @ make_rotations(flat, np.zeros(len(flat))).transpose(0, 2, 1)
+        origins = np.repeat(np.nan_to_num(center), num, axis=0)
+        ranges = np.full(len(origins), self._radius)
+        is_near = self._sight.may_hit(origins, spokes.reshape(-1, 3), ranges).reshape(-1, num)
+        near = np.flatnonzero(is_near.any(axis=1))
         if len(near):
-            rotation = make_rotations(normal[near], np.zeros(len(near)))
-            directions = self._spokes @ rotation.transpose(0, 2, 1)
-            counts = np.full(len(near), _NUM_WALL_RAYS)
-            distance = self._sight.cast_fans(center[near], directions.reshape(-1, 3), counts)
-            wall[near] = np.maximum(self._radius - distance.reshape(len(near), -1).min(axis=1), 0.0)
+            distance = self._sight.cast_fans(
+                np.nan_to_num(center[near]), spokes[near].reshape(-1, 3), np.full(len(near), num)
+            )
+            wall[near] = np.maximum(self._radius - distance.reshape(-1, num).min(axis=1), 0.0)
         return wall
 
-    def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, " ..."]:
+    def _find_heights(self, places: Float[np.ndarray, "N P 2"]) -> Float[np.ndarray, "N P"]:
         return self._elevation.find_top(places[..., 0], places[..., 1], self._ceiling)[0]
 
 
 def _fit_planes(
-    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, " ..."], groups: Int[np.ndarray, " N"]
-) -> Float[np.ndarray, " ..."]:
+    places: Float[np.ndarray, "N P 2"], heights: Float[np.ndarray, "N P"], groups: Int[np.ndarray, " N"]
+) -> Float[np.ndarray, "N 3"]:
     """Return rise along x, rise along y and height at 0 of the least-squares plane of each robot's group; nan: none."""
     known = np.isfinite(heights)
     x, y, z = (np.where(known, values, 0.0) for values in (places[..., 0], places[..., 1], heights))
     count = len(groups)
 
-    def add_up(values: Float[np.ndarray, " ..."]) -> Float[np.ndarray, " N"]:
+    def add_up(values: Float[np.ndarray, "N P"]) -> Float[np.ndarray, " N"]:
         return np.bincount(groups, values.sum(axis=1), count)
 
     num = np.maximum(add_up(known.astype(np.float64)), 1.0)

@@ -100,7 +100,7 @@ class KinematicWorld:
         self._rng = np.random.default_rng(0)
         self._roots = np.arange(self.num_robots)
 
-    def reset(self, poses: Float[np.ndarray, " ..."], seed: int = 0) -> None:
+    def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
         """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad].
 
         Args:
@@ -181,7 +181,7 @@ class KinematicWorld:
 
     def _check_commands(
         self, commands: SwarmCommands
-    ) -> tuple[Float[np.ndarray, " ..."], Float[np.ndarray, " N"]]:
+    ) -> tuple[Float[np.ndarray, "N 2"], Float[np.ndarray, " N"]]:
         """Return tracks within their speed, and the hinges' angles after this step."""
         count = self.num_robots
         shapes = np.shape(commands.tracks), np.shape(commands.hinge), np.shape(commands.latch)
@@ -224,12 +224,12 @@ class KinematicWorld:
         self._mated_at = self.time + self.docks.mating_time
 
     def _propose(
-        self, old: Poses, tracks: Float[np.ndarray, " ..."], hinge: Float[np.ndarray, " N"]
+        self, old: Poses, tracks: Float[np.ndarray, "N 2"], hinge: Float[np.ndarray, " N"]
     ) -> tuple[Poses, Poses, GroundFit]:
         """Return where robots would be after their motion and after its turn alone, and the ground of the first."""
         groups = self._roots
         layout = self._mate(find_layout(old, groups))
-        twist = find_twists(tracks, groups, layout, self.scout)
+        twist = find_twists(tracks, groups, layout, old.hinge, self.scout)
         root_rotation, root_heading = old.rotation[groups], old.heading[groups]
         turn = twist[:, 2] * DECISION
         c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)
@@ -246,7 +246,7 @@ class KinematicWorld:
         turned = Poses(old.position, make_rotations(old.rotation[:, :, 2], old.heading + turn), hinge)
         return full, turned, fit
 
-    def _mate(self, layout: Float[np.ndarray, " ..."]) -> Float[np.ndarray, "N 3"]:
+    def _mate(self, layout: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
         """Return a layout that is nearer to that of the exact docked poses."""
         left = self._mated_at - self.time
         share = 1.0 if left <= DECISION else DECISION / left
@@ -268,7 +268,7 @@ class KinematicWorld:
         level = np.where(is_bad, np.where(is_member, STAY, TURN), FULL)
         return spread_level(level, self.groups)
 
-    def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, " ..."]) -> None:
+    def _finish(self, new: Poses, old: Poses, tracks: Float[np.ndarray, "N 2"]) -> None:
         """Keep the new poses with the rates that led to them."""
         spin = find_spins(old.rotation, new.rotation, DECISION)
         self.state = self.state._replace(
@@ -285,7 +285,7 @@ class KinematicWorld:
         self.blocked = np.zeros(self.num_robots, bool)
         self._follow_links()
 
-    def _check_ground(self, poses: Float[np.ndarray, " ..."], fit: GroundFit) -> None:
+    def _check_ground(self, poses: Float[np.ndarray, "N 3"], fit: GroundFit) -> None:
         """Refuse places on which a robot cannot stand."""
         slope = np.rad2deg(fit.slope)
         for robot, (x, y, _) in enumerate(poses):

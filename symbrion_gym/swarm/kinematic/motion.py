@@ -33,7 +33,7 @@ class Poses(NamedTuple):
         hinge: angles of the arms [rad].
     """
 
-    position: Float[np.ndarray, " ..."]
+    position: Float[np.ndarray, "N 3"]
     rotation: Float[np.ndarray, "N 3 3"]
     hinge: Float[np.ndarray, " N"]
 
@@ -59,7 +59,7 @@ def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) ->
     return result
 
 
-def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, " ..."]:
+def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
     """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
     root = poses.rotation[groups]
     place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
@@ -68,9 +68,9 @@ def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray
 
 
 def place_members(
-    position: Float[np.ndarray, " ..."],
+    position: Float[np.ndarray, "N 3"],
     rotation: Float[np.ndarray, "N 3 3"],
-    layout: Float[np.ndarray, " ..."],
+    layout: Float[np.ndarray, "N 3"],
     hinge: Float[np.ndarray, " N"],
 ) -> Poses:
     """Return the poses of robots from those of their roots, given once a member."""

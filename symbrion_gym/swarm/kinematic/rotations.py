@@ -16,7 +16,7 @@ def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N
 
 
 def make_rotations(
-    normal: Float[np.ndarray, " ..."], heading: Float[np.ndarray, " N"]
+    normal: Float[np.ndarray, "N 3"], heading: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "N 3 3"]:
     """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
     c, s = np.cos(heading), np.sin(heading)
