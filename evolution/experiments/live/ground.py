@@ -106,7 +106,7 @@ def compare_friction(
         ),
         axis=-1,
     ).reshape(-1, 2)
-    known = [find_friction(arena, places) for arena in (truth, before, after)]
+    known = [arena.find_friction(places) for arena in (truth, before, after)]
     width = _find_half_widths(after, places)
     is_ice = (
         np.zeros(len(places), bool)
@@ -118,13 +118,6 @@ def compare_friction(
         for name, part in (("ice", is_ice), ("other ground", ~is_ice))
         if part.any()
     }
-
-
-def find_friction(arena: sg.Arena, places: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, " N"]:
-    """Return the sliding friction of an arena at places (x, y) [m]."""
-    if arena.friction_map is None:
-        return np.full(len(places), arena.friction)
-    return arena.friction_map.find_friction(places, arena.friction)
 
 
 def _find_half_widths(arena: sg.Arena, places: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, " N"]:
