@@ -45,7 +45,11 @@ def test_two_whole_runs_are_equal_to_the_bit(tmp_path):
                 np.testing.assert_array_equal(a[key], b[key], err_msg=f"{name}: {key}")
     for arena in ("before", "after"):
         files = [
-            {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+            {
+                path.relative_to(folder): path.read_bytes()
+                for path in sorted(folder.rglob("*"))
+                if path.is_file()
+            }
             for folder in (tmp_path / run / "arenas" / arena for run in "ab")
         ]
         assert files[0] == files[1]
