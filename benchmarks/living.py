@@ -1,9 +1,9 @@
 """Arenas and models that follow a place that changes: contact made again only where it changed, and a robot's round.
 
-Run as `python -m benchmarks.living [--quick] [--only arenas|live]`. "live" runs `symbrion live` for seeds that nothing
-was tuned on (1 and 2), besides 0. "arenas" updates arenas after changes of the course (those of `benchmarks.refine`
-and a held-out course with a box elsewhere), and of a made room: processor time relative to a new arena, pieces that
-stay, and distances.
+Run as `python -m benchmarks.living [--quick] [--only arenas|live] [--seeds 0 1 2]`. "live" runs `symbrion live` for
+seeds that nothing was tuned on (1 and 2), besides 0. "arenas" updates arenas after changes of the course (those of
+`benchmarks.refine`, and a held-out course with a box elsewhere), and of a made room: processor time relative to a new
+arena, pieces that stay, and distances.
 """
 
 import argparse
@@ -21,7 +21,7 @@ import trimesh
 import reconstruction as rc
 import symbrion_gym as sg
 from benchmarks.material import changes as material
-from benchmarks.report import load_record, write_results
+from benchmarks.report import describe_moment, load_record, write_results
 from symbrion_gym.contact.local_changes import find_local_changes, measure_gaps, sample_faces
 
 HELD_OUT = (sg.Course(width=1.6, pit=0.35), (-2.6, -2.35, -0.5, -0.1, 0.2), 11)
@@ -31,22 +31,30 @@ REPEATS = 3
 SEEDS = (0, 1, 2)
 
 
-def run(quick: bool = False, only: str | None = None) -> dict[str, Any]:
+def run(quick: bool = False, only: str | None = None, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
     """Measure, write and return everything.
 
     Args:
         quick: one repetition, one seed, few genotypes.
         only: the one part to measure.
+        seeds: of the rounds; those that were measured of the same commit stay.
     """
     if only in (None, "live"):
-        rows: dict[str, Any] = {}
-        for seed in SEEDS[:1] if quick else SEEDS:
-            rows[str(seed)] = measure_live(seed, quick)
-            print(f"live, seed {seed}: {rows[str(seed)]}", flush=True)
-            write_results("living", {"live": rows})
+        for seed in seeds[:1] if quick else seeds:
+            row = measure_live(seed, quick)
+            print(f"live, seed {seed}: {row}", flush=True)
+            write_results("living", {"live": _find_rows() | {str(seed): row}})
     if only in (None, "arenas"):
         write_results("living", measure_arenas(1 if quick else REPEATS))
     return load_record("living")["results"]
+
+
+def _find_rows() -> dict[str, Any]:
+    """Return the rounds that were measured of this commit."""
+    record, now = load_record("living"), describe_moment()
+    then = record["origins"].get("live", {})
+    is_same = not now["dirty"] and all(then.get(key) == now[key] for key in ("commit", "dirty"))
+    return record["results"]["live"] if is_same else {}
 
 
 def measure_arenas(repeats: int) -> dict[str, Any]:
@@ -173,8 +181,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.living", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="one repetition, one seed, few genotypes")
     parser.add_argument("--only", choices=("arenas", "live"), help="one part")
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="of the rounds")
     options = parser.parse_args()
-    run(options.quick, options.only)
+    run(options.quick, options.only, tuple(options.seeds))
 
 
 if __name__ == "__main__":
