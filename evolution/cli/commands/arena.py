@@ -179,8 +179,8 @@ class Arena(SeededCommand):
                 arena, objects=former.objects
             ), f"known objects that were there: {number} kept"
         return arena, (
-            f"known objects that were there: {number} dropped, as the surface lies in another frame; find them again by "
-            f"symbrion objects SCAN --object FILE --add-to {self.out}"
+            f"known objects that were there: {number} dropped, as the surface lies in another frame; find them "
+            f"again by symbrion objects SCAN --object FILE --add-to {self.out}"
         )
 
     def _draw(self, arena: "sg.Arena") -> None:
