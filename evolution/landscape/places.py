@@ -6,7 +6,7 @@ alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
 from symbrion_gym.contact.quality import ArenaQuality
 
+PLACES = ("pit", "stairs", "rough")
 UNITS = 2200
 """Units of the network (GSRM), as of the ready-made arenas."""
 SPACING = 0.015
@@ -63,7 +64,7 @@ def _make_hill(
     top = 0.6 * radius * slope
     levels = ((1.0, 0.0), (0.4, top), (1.0, -_FLOOR / 2))
     corners = [np.column_stack([share * radius * rim, np.full(len(rim), z)]) for share, z in levels]
-    return trimesh.convex.convex_hull(np.concatenate(corners) + (*center, 0.0))
+    return trimesh.convex.convex_hull(np.concatenate(corners) + np.array((*center, 0.0)))
 
 
 def make_true_arena(name: str) -> Arena:
@@ -84,8 +85,6 @@ def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) ->
         seed: seed of the survey and the network.
         progress: called with what is being done.
     """
-    from dataclasses import replace
-
     from reconstruction.reconstruct import reconstruct
     from reconstruction.scans.preprocess import preprocess, thin
     from symbrion_gym.arenas.making import make_arena
@@ -95,21 +94,19 @@ def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) ->
     source = truth if truth.course is not None else truth.surface
     points = thin(preprocess(survey(source, seed=seed, progress=progress)), SPACING)
     mesh = reconstruct(points, method="gsrm", units=UNITS, seed=seed).mesh
+    # 750 patches follow the rough ground as closely as a height field does, and are slower
     kind = "hfield" if name == "rough" else "auto"
     made = make_arena(mesh, name=name, kind=kind, seed=seed, time_limit=TIME_LIMIT, progress=progress)
     return replace(made, quality=replace(made.quality, seconds=0.0))
 
 
-def save_places(folder: Path, progress: Progress = silent) -> dict[str, Path]:
-    """Make the scanned arenas that a folder lacks, and return the folder of each by its name."""
-    paths = {}
+def save_places(folder: Path, progress: Progress = silent) -> tuple[dict[str, Path], dict[str, Path]]:
+    """Make the arenas that a folder lacks, and return the folders of the scanned and of the exact ones by name."""
+    scanned, exact = ({name: folder / kind / name for name in PLACES} for kind in ("scanned", "truth"))
     for name in PLACES:
-        paths[name] = folder / name
-        if not (folder / name / "arena.json").is_file():
+        if not (scanned[name] / "arena.json").is_file():
             progress(f"survey and arena of the {name}", 0.0)
-            make_scanned_arena(name, progress=progress).save(folder / name)
-    return paths
-
-
-PLACES: tuple[str, ...] = ("pit", "stairs", "rough")
-Maker = Callable[[str], Arena]
+            make_scanned_arena(name, progress=progress).save(scanned[name])
+        if not (exact[name] / "arena.json").is_file():
+            make_true_arena(name).save(exact[name])
+    return scanned, exact

@@ -1,4 +1,4 @@
-"""Searches for bodies replayed on the landscape: what a body learns is looked up, so that thousands of runs cost seconds.
+"""Searches for bodies replayed on the landscape: what a body learns is looked up, so that a run takes a moment.
 
 A search proposes bodies of the sizes of the table alone, asks for the last rung of each, and pays what learning cost. A
 body that was asked for before costs nothing, as in a real run.

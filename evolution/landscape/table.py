@@ -1,7 +1,7 @@
 """The landscape as a table: for each task and body what it has learned, with what it cost and how it fared in truth.
 
-    landscape.npz     the arrays of `Landscape`; equal computations give equal bytes
-    landscape.json    bodies, names of genes, configuration, digest of the arrays, versions
+landscape.npz     the arrays of `Landscape`; equal computations give equal bytes
+landscape.json    bodies, names of genes, configuration, digest of the arrays, versions
 """
 
 from __future__ import annotations
