@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from evolution.errors import RunError
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course, StairsCourse
+from symbrion_gym.assets import find_assets
 from symbrion_gym.contact.quality import ArenaQuality
 
 PLACES = ("pit", "stairs", "rough")
@@ -110,3 +112,17 @@ def save_places(folder: Path, progress: Progress = silent) -> tuple[dict[str, Pa
         if not (exact[name] / "arena.json").is_file():
             make_true_arena(name).save(exact[name])
     return scanned, exact
+
+
+def find_published_arena(name: str) -> Path:
+    """Return the folder of a scanned arena that ships with the package.
+
+    Args:
+        name: one of `PLACES`.
+
+    Raises:
+        RunError: there is no such place.
+    """
+    if name not in PLACES:
+        raise RunError(f"no place {name!r}; there are: {', '.join(PLACES)}")
+    return find_assets() / "landscape" / "arenas" / name
