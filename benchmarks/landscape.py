@@ -36,6 +36,7 @@ def run(
     out: Path | None = None,
     workers: int = 1,
     largest: int | None = None,
+    tasks: tuple[str, ...] = tuple(TASKS),
 ) -> dict[str, Any]:
     """Make the table and measure searches on it.
 
@@ -46,13 +47,14 @@ def run(
         out: where the table goes; None for `assets/landscape`.
         workers: number of threads; they change nothing but the time.
         largest: largest number of modules; None: five.
+        tasks: names of the tasks.
     """
     results = Results("landscape")
     folder = folder or FOLDER / ("quick" if quick else "whole")
     out = out or (folder / "table" if quick else OUT)
     if not only or "map" in only:
         default = 2 if quick else LandscapeConfig().largest
-        table = make_map(LandscapeConfig(largest=largest or default), folder, workers)
+        table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks)
         table.save(out)
         results.put("map", describe_reliability(table))
     if not only or "replays" in only:
@@ -64,21 +66,23 @@ def run(
     return results.content
 
 
-def make_map(config: LandscapeConfig, folder: Path, workers: int = 1) -> Landscape:
+def make_map(
+    config: LandscapeConfig, folder: Path, workers: int = 1, tasks: tuple[str, ...] = tuple(TASKS)
+) -> Landscape:
     """Let all bodies learn, judge them, and return the table; what the folder contains is not computed again."""
 
     def show(text: str, share: float) -> None:
         print(f"{text} ({share:.0%})", flush=True)
 
-    arenas, truths = save_places(folder / "arenas", show)
+    arenas, truths = save_places(folder / "arenas", tasks, show)
     runs = let_bodies_learn(config, arenas, folder / "runs", workers, progress=show)
     judged = judge_bodies(config, runs, truths, folder, workers, progress=show)
     revision = find_revision()
     provenance = {
-        "command": COMMAND,
+        "command": COMMAND if tasks == tuple(TASKS) else f"{COMMAND} --tasks {' '.join(tasks)}",
         "commit": revision.commit if revision else None,
         "versions": describe_versions(),
-        "tasks": {name: dict(options) for name, options in TASKS.items()},
+        "tasks": {name: dict(TASKS[name]) for name in tasks},
     }
     return assemble(config, runs, judged, provenance)
 
@@ -96,8 +100,17 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="where the table goes (default: assets/landscape)")
     parser.add_argument("--workers", type=int, default=1, help="threads; they change nothing but the time")
     parser.add_argument("--largest", type=int, help="largest number of modules (default: 5)")
+    parser.add_argument("--tasks", nargs="*", default=list(TASKS), choices=TASKS, help="tasks of the map")
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.folder, options.out, options.workers, options.largest)
+    run(
+        options.quick,
+        tuple(options.only),
+        options.folder,
+        options.out,
+        options.workers,
+        options.largest,
+        tuple(options.tasks),
+    )
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ alone.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,8 +29,8 @@ TIME_LIMIT = 3600.0
 """Far more than the pieces need [s], so that a busy machine makes the same ones."""
 PIT = Course(pit=0.18, height=0.25, floor=1.2, ramp=0.8, plateau=0.8)
 """Rows of three and more modules cross it without control, most bodies fall in."""
-STAIRS = StairsCourse(steps=2, rise=0.03, run=0.30, floor=1.2, plateau=1.2)
-"""Steps higher than the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
+STAIRS = StairsCourse(steps=2, rise=0.05, run=0.30, floor=1.2, plateau=1.2)
+"""Steps four times the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
 GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0
 """Size of the rough ground [m]."""
 HILLS_FROM, HILLS_TO = -0.6, 1.4
@@ -102,10 +103,18 @@ def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) ->
     return replace(made, quality=replace(made.quality, seconds=0.0))
 
 
-def save_places(folder: Path, progress: Progress = silent) -> tuple[dict[str, Path], dict[str, Path]]:
-    """Make the arenas that a folder lacks, and return the folders of the scanned and of the exact ones by name."""
-    scanned, exact = ({name: folder / kind / name for name in PLACES} for kind in ("scanned", "truth"))
-    for name in PLACES:
+def save_places(
+    folder: Path, names: Sequence[str] = PLACES, progress: Progress = silent
+) -> tuple[dict[str, Path], dict[str, Path]]:
+    """Make the arenas that a folder lacks, and return the folders of the scanned and of the exact ones by name.
+
+    Args:
+        folder: where the arenas are kept.
+        names: some of `PLACES`.
+        progress: called with what is being done.
+    """
+    scanned, exact = ({name: folder / kind / name for name in names} for kind in ("scanned", "truth"))
+    for name in names:
         if not (scanned[name] / "arena.json").is_file():
             progress(f"survey and arena of the {name}", 0.0)
             make_scanned_arena(name, progress=progress).save(scanned[name])

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evolution.backends.parts import BodyConfig
-from evolution.backends.trials import ArenaSource, Randomization, Trials
+from evolution.backends.trials import Randomization, Trials
 from evolution.errors import RunError
 from evolution.landscape.places import PLACES, find_published_arena, make_true_arena
 from symbrion_gym.arenas.arena import Arena
+
+if TYPE_CHECKING:
+    from evolution.backends.trials import ArenaSource
 
 VERSION = "1"
 """Raised when a task changes, so that scores of different suites are never compared."""
