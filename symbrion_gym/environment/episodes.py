@@ -213,9 +213,10 @@ class Episodes:
         return self.observer.read(physics)
 
     def _find_goal(self) -> None:
-        """Find the place to head for as the head sees it."""
+        """Find the place to head for as the head sees it; zeros where a task has none."""
         state = self.state
-        x, y = (state.target - state.position[:, 0, :2]).T
+        head = state.position[:, 0, :2]
+        x, y = (np.where(np.isfinite(state.target), state.target, head) - head).T
         c, s = state.rotation[:, 0, 0], state.rotation[:, 0, 3]
         length = np.maximum(np.hypot(c, s), 1e-9)
         np.divide(x * c + y * s, length, out=self.observer.goal[:, 0])
