@@ -21,6 +21,8 @@ _INPUTS = ("qpos", "qvel", "ctrl")
 """Fields that are written to the device; all others are only read."""
 _ROWS_PER_CONTACT = 4
 """Rows of constraints of a contact with pyramidal cones; elliptic ones need three."""
+_FLOAT_SIZE = 4
+"""Of a number on the device [bytes]."""
 _MIN_CONTACTS = 32
 """Space for contacts of a world, however small the body."""
 
@@ -28,9 +30,9 @@ _MIN_CONTACTS = 32
 class WarpBatch:
     """Simulations of one model in MuJoCo Warp, in single precision.
 
-    The state lives on the device. What environments read is copied to the host after every call of `step`, and what they
-    write (controls, the state of simulations that begin, fields of the model) is copied to the device before it. Arrays
-    of the host are double, like those of `mujoco.batch.Batch`, and stay the same arrays.
+    The state lives on the device. What environments read is copied to the host after every call of `step`, and what
+    they write (controls, the state of simulations that begin, fields of the model) is copied to the device before it.
+    Arrays of the host are double, like those of `mujoco.batch.Batch`, and stay the same arrays.
 
     Args:
         model: compiled model.
@@ -73,6 +75,7 @@ class WarpBatch:
         for name in _INPUTS:
             self.bind(name)
         self._host["qpos"][:] = model.qpos0
+        self._history = np.tile(self._probe.history, (nsim, 1))
         self._is_stale = np.ones(nsim, dtype=bool)
         self._graphs: dict[int, Any] = {}
         self._has_overflowed = False
@@ -83,7 +86,9 @@ class WarpBatch:
             try:
                 self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(VARIED, self.nsim))
             except NotImplementedError as error:
-                raise OptionError(f"backend 'warp' cannot step this model: {error}") from error
+                raise OptionError(
+                    f"backend 'warp' cannot step this model: {error} Leave out backend"
+                ) from error
             self._model.opt.warn_overflow = 0
             self._model.opt.deterministic = is_deterministic
             self._data = mjw.make_data(model, nworld=self.nsim, nconmax=self.max_contacts, njmax=rows)
@@ -139,10 +144,14 @@ class WarpBatch:
             indices = [wp.array(np.asarray(each, dtype=np.int32), dtype=int) for each in (rows, columns)]
             wp.launch(write_entries, dim=shape, inputs=[*indices, source], outputs=[self._flatten(array)])
 
+    def _write_rows(self, array: Any, rows: np.ndarray, values: np.ndarray) -> None:
+        """Write all entries of some simulations."""
+        self._write(array, rows, np.arange(values.shape[1]), values)
+
     def _flatten(self, array: Any) -> Any:
         """Return an array of the device as `[nsim, C]` of single numbers, without a copy."""
-        size = int(np.prod(array.numpy().shape[1:])) if self._device.is_cpu else array.strides[0] // 4
-        return self._wp.array(ptr=array.ptr, dtype=float, shape=(self.nsim, size), device=self._device)
+        shape = self.nsim, array.strides[0] // _FLOAT_SIZE
+        return self._wp.array(ptr=array.ptr, dtype=float, shape=shape, device=self._device)
 
     def reset(self, ids: Sequence[int] | np.ndarray, stage: int = 0) -> None:
         """Set simulations to the model's defaults; `forward` computes what follows from that, whatever the stage."""
@@ -162,6 +171,7 @@ class WarpBatch:
             for name in _INPUTS:
                 getattr(data, name)[:] = self._host[name][row]
             mujoco.mj_forward(model, data)
+            self._history[row] = data.history
             for name, values in self._host.items():
                 if name not in _INPUTS:
                     values[row] = getattr(data, name)
@@ -184,16 +194,15 @@ class WarpBatch:
 
     def _upload(self) -> None:
         """Write controls to the device, and the states of simulations that began or stood still."""
-        data, rows, everywhere = self._data, np.flatnonzero(self._is_stale), np.arange(self.nsim)
+        data, host, rows = self._data, self._host, np.flatnonzero(self._is_stale)
         if len(rows):
-            for name in ("qpos", "qvel"):
-                values = self._host[name]
-                self._write(getattr(data, name), rows, np.arange(values.shape[1]), values[rows])
-            warm_start = np.zeros((len(rows), self._host_model.nv))
-            self._write(data.qacc_warmstart, rows, np.arange(self._host_model.nv), warm_start)
+            self._write_rows(data.qpos, rows, host["qpos"][rows])
+            self._write_rows(data.qvel, rows, host["qvel"][rows])
+            self._write_rows(data.qacc_warmstart, rows, np.zeros((len(rows), self._host_model.nv)))
+            self._write_rows(data.time, rows, np.zeros((len(rows), 1)))
+            self._write_rows(data.history, rows, self._history[rows])
             self._is_stale[:] = False
-        control = self._host["ctrl"]
-        self._write(data.ctrl, everywhere, np.arange(control.shape[1]), control)
+        self._write_rows(data.ctrl, np.arange(self.nsim), host["ctrl"])
 
     def _launch(self, nstep: int) -> None:
         """Run physics steps; on a GPU as one recorded graph, so that launches cost little."""

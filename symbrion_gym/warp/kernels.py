@@ -15,5 +15,5 @@ def write_entries(
         source: `[R, K]` values.
         target: `[N, C]` written in place.
     """
-    i, k = wp.tid()
-    target[rows[i], columns[k]] = source[i, k]
+    i, k = wp.tid()  # pyright: ignore
+    target[rows[i], columns[k]] = source[i, k]  # pyright: ignore

@@ -1,4 +1,4 @@
-"""What MuJoCo Warp needs and lacks: the extra `gpu`, a device, and models without what it cannot step."""
+"""What MuJoCo Warp needs: the extra `gpu`, a device, and models without the flag that it does not know."""
 
 from __future__ import annotations
 
@@ -45,13 +45,7 @@ def find_device(warp: Any, name: str | None) -> Any:
 
 
 def prepare_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy of a model without the flag AUTORESET, which Warp neither knows nor needs: it never resets.
-
-    Raises:
-        OptionError: the model has a sensor that is not read here.
-    """
-    if (model.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER).any():
-        raise OptionError("backend 'warp' casts no rays; leave 'ir' and 'laser' out of the option sensors")
+    """Return a copy of a model without the flag AUTORESET, which Warp neither knows nor needs: it never resets."""
     copy = model.__copy__()
     copy.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return copy

@@ -26,8 +26,7 @@ class WarpVectorEnv(OrganismVectorEnv):
     Results differ from those of `OrganismVectorEnv` by single precision, and after contacts have amplified that, in
     the course of episodes; see the page on GPUs. On the processor, equal seeds give equal bits.
 
-    It takes the options of `OrganismVectorEnv`, without `num_threads`, `timers`, several `stretches` and the sensors
-    `ir` and `laser`, and these:
+    It takes the options of `OrganismVectorEnv`, without `num_threads`, `timers` and several `stretches`, and these:
 
     | argument           | meaning                                                                                  |
     |--------------------|------------------------------------------------------------------------------------------|
@@ -50,7 +49,6 @@ class WarpVectorEnv(OrganismVectorEnv):
         stretches: Sequence[float] | None = None,
         **options: Any,
     ) -> None:
-        import_warp()
         if num_threads not in (None, 1):
             raise OptionError(f"num_threads is {num_threads}, but backend 'warp' has a device; leave it out")
         if options.get("timers"):
@@ -60,6 +58,7 @@ class WarpVectorEnv(OrganismVectorEnv):
                 f"backend 'warp' holds one arena, and there are stretches {tuple(stretches)}; give each an "
                 "environment of its own, with the option stretch"
             )
+        import_warp()
         self._device_options = {
             "device": device,
             "max_contacts": max_contacts,
