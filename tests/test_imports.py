@@ -71,7 +71,9 @@ def test_environment_with_a_ready_made_arena_loads_no_network_and_no_plots() -> 
 
 
 def test_many_environments_on_the_processor_load_nothing_of_the_gpu() -> None:
-    program = ARENA.replace("make(", "make_vec(").replace("modules=3", "vectorization_mode='vector_entry_point'")
+    program = ARENA.replace("make(", "make_vec(").replace(
+        "modules=3", "vectorization_mode='vector_entry_point'"
+    )
     assert not find_loaded(program) & {"mujoco_warp", "torch", "warp"}
 
 
