@@ -30,8 +30,8 @@ _LARGEST_SEED = 2**31
 class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """Scouts scattered before a pit have to get beyond it; none of them can cross it alone.
 
-    Motion is that of `KinematicWorld`, sensors and signals those of `Senses` and `Signals`. A decision lasts 0.1 s. This
-    text is the specification.
+    Motion is that of `KinematicWorld`, sensors and signals those of `Senses` and `Signals`. A decision lasts 0.1 s.
+    This text is the specification.
 
     ## Agents
 
@@ -105,7 +105,9 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.world = KinematicWorld(self.arena, count)
         noise = self.options.noise
         default = SensorNoise()
-        scaled = SensorNoise(**{name: noise * getattr(default, name) for name in default.__dataclass_fields__})
+        scaled = SensorNoise(
+            **{name: noise * getattr(default, name) for name in default.__dataclass_fields__}
+        )
         self._senses = Senses(self.world, laser=True, noise=scaled)
         light = SignalConfig()
         light = SignalConfig(

@@ -69,7 +69,16 @@ class Swarm(SeededCommand):
              row["crossed"], row["recoveries"], row["across"], row["reason"]]
             for row in result.rows
         ]  # fmt: skip
-        columns = ["seed", "docks", "success", "whole [s]", "across [s]", "recoveries", "robots across", "why not"]
+        columns = [
+            "seed",
+            "docks",
+            "success",
+            "whole [s]",
+            "across [s]",
+            "recoveries",
+            "robots across",
+            "why not",
+        ]
         console.show_table(f"Stories of {self.robots} robots in {self.arena}", columns, rows)
         docking, alone = result.count(True), result.count(False)
         console.print_line(

@@ -72,7 +72,10 @@ class TrialSetup:
 
 
 def run_docking_trials(
-    positions: Int[np.ndarray, " T"], setup: TrialSetup | None = None, seed: int = 0, progress: Progress = silent
+    positions: Int[np.ndarray, " T"],
+    setup: TrialSetup | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
 ) -> DockingTimes:
     """Run trials from start positions, all at once and out of each other's hearing, on level ground.
 

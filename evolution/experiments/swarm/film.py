@@ -18,7 +18,11 @@ SPEEDS = (20.0, 5.0)
 
 
 def film_story(
-    track: Track, arena: Arena, field: Field, crossing: tuple[float, float] | None, progress: Progress = silent
+    track: Track,
+    arena: Arena,
+    field: Field,
+    crossing: tuple[float, float] | None,
+    progress: Progress = silent,
 ) -> list[UInt8[np.ndarray, "H W 3"]]:
     """Return the frames of a story.
 

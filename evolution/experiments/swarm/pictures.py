@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,9 +69,6 @@ def draw_timeline(track: Track, field: Field, crossing: tuple[float, float] | No
 def _draw_bar(axes: object, track: Track, robot: int) -> None:
     mode = track.mode[:, robot]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(mode)) + 1, [len(mode) - 1]])
-    spans = [
-        (track.time[one], track.time[other] - track.time[one])
-        for one, other in zip(starts[:-1], starts[1:], strict=True)
-    ]
+    spans = [(track.time[one], track.time[other] - track.time[one]) for one, other in pairwise(starts)]
     colors = [COLORS[Mode(mode[one])] for one in starts[:-1]]
     axes.broken_barh(spans, (robot - 0.4, 0.8), facecolors=colors)  # pyright: ignore[reportAttributeAccessIssue]

@@ -138,7 +138,9 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
             progress=progress,
         )
     if run.champion is None:
-        raise ev.RunError(f"no champion after {config.generations} generations; allow more, in another folder")
+        raise ev.RunError(
+            f"no champion after {config.generations} generations; allow more, in another folder"
+        )
     return run.champion
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_constants import SIDES
+from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.swarm.behavior.percepts import Heard, Wired, Words
 from symbrion_gym.swarm.behavior.steering import wrap
 from symbrion_gym.swarm.docks import find_dock_poses
@@ -48,19 +48,23 @@ class HearingConfig:
 
 
 class Geometry(NamedTuple):
-    """Where every sending dock stands as seen by every robot.
+    """Docks that robots can hear, one row for each that reaches a robot.
 
     Attributes:
+        receiver: robot.
+        sender: robot.
+        side: dock of the sender, its place in `SIDES`.
         distance: from the receiver's nearest dock to the sender's [m].
         bearing: in the frame of the receiver [rad].
         departure: from the axis of the sender's dock [rad].
-        reaches: whether the sender is heard: in range, in its cone, with no robot between.
     """
 
-    distance: Float[np.ndarray, "N N 4"]
-    bearing: Float[np.ndarray, "N N 4"]
-    departure: Float[np.ndarray, "N N 4"]
-    reaches: Bool[np.ndarray, "N N 4"]
+    receiver: Int[np.ndarray, " L"]
+    sender: Int[np.ndarray, " L"]
+    side: Int[np.ndarray, " L"]
+    distance: Float[np.ndarray, " L"]
+    bearing: Float[np.ndarray, " L"]
+    departure: Float[np.ndarray, " L"]
 
 
 _NEAREST = 0.01
@@ -69,27 +73,38 @@ _BODY = 0.045
 """Half of the width that a body shades [m]: less than half of its edge, as light passes its round corners."""
 _TALL = 0.08
 """Bodies shade what passes less than this above or below their centers [m]."""
+_SIDE_ANGLES = np.array([ScoutConfig().find_dock(side)[2] for side in SIDES])
 
 
-def find_geometry(state: SwarmState, config: HearingConfig) -> Geometry:
-    """Return where all docks stand as seen by all robots."""
+def find_geometry(state: SwarmState, speaks: Bool[np.ndarray, "N 4"], config: HearingConfig) -> Geometry:
+    """Return which speaking docks reach which robots: bright enough, with no other robot between.
+
+    Args:
+        state: of the robots.
+        speaks: docks that broadcast anything.
+        config: how well broadcasts are received.
+    """
+    light = config.light
+    farthest = (2.0 * light.gain / light.message_threshold) ** (1.0 / light.falloff)
     place, axis = find_dock_poses(state)
-    way = place[None] - state.position[:, None, None]
-    ahead, left = state.rotation[:, :, 0], state.rotation[:, :, 1]
-    bearing = np.arctan2(np.einsum("rjsk,rk->rjs", way, left), np.einsum("rjsk,rk->rjs", way, ahead))
-    mine = np.linalg.norm(place - state.position[:, None], axis=-1)
-    side_angle = np.array([0.0, np.pi, np.pi / 2, -np.pi / 2])
-    nearest = np.abs(wrap(bearing[..., None] - side_angle)).argmin(axis=-1)
+    sender, side = np.nonzero(speaks)
+    way = place[sender, side][None] - state.position[:, None]
     far = np.linalg.norm(way, axis=-1)
-    robots = np.arange(len(mine))
-    distance = np.maximum(far - mine[robots[:, None, None], nearest], 0.0)
-    flat = np.arctan2(-way[..., 1], -way[..., 0])
-    departure = wrap(flat - np.arctan2(axis[..., 1], axis[..., 0])[None])
-    off_side = np.abs(wrap(bearing[..., None] - side_angle)).min(axis=-1)
-    reaches = find_brightness(distance, departure, off_side, config.light) > config.light.message_threshold
-    reaches &= (robots[:, None] != robots)[..., None]
-    reaches[reaches] = ~_find_shaded(state.position, place, *np.nonzero(reaches))
-    return Geometry(distance, bearing, departure, reaches)
+    is_near = far < farthest + np.linalg.norm(ScoutConfig().size)
+    is_near &= np.arange(len(far))[:, None] != sender
+    receiver, row = np.nonzero(is_near)
+    sender, side, way, far = sender[row], side[row], way[is_near], far[is_near]
+    ahead, left = state.rotation[receiver, :, 0], state.rotation[receiver, :, 1]
+    bearing = np.arctan2((way * left).sum(axis=-1), (way * ahead).sum(axis=-1))
+    off_sides = np.abs(wrap(bearing[:, None] - _SIDE_ANGLES))
+    own = np.linalg.norm(place - state.position[:, None], axis=-1)
+    distance = np.maximum(far - own[receiver, off_sides.argmin(axis=-1)], 0.0)
+    out = axis[sender, side]
+    departure = wrap(np.arctan2(-way[:, 1], -way[:, 0]) - np.arctan2(out[:, 1], out[:, 0]))
+    kept = find_brightness(distance, departure, off_sides.min(axis=-1), light) > light.message_threshold
+    found = Geometry(*(part[kept] for part in (receiver, sender, side, distance, bearing, departure)))
+    shaded = _find_shaded(state.position, place, found.receiver, found.sender, found.side)
+    return Geometry(*(part[~shaded] for part in found))
 
 
 def find_brightness(
@@ -109,7 +124,9 @@ def find_brightness(
     sent = np.maximum(np.cos(departure), 0.0)
     lobe = ((1.0 - light.side_share) * sent**light.lobe + light.side_share) * (sent > 0.0)
     near = np.maximum(distance, _NEAREST)
-    return 2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
+    return (
+        2.0 * light.gain * lobe * np.maximum(np.cos(off_side), 0.0) ** light.reception * near**-light.falloff
+    )
 
 
 def _find_shaded(
@@ -149,29 +166,37 @@ def hear(
         config: noise.
         bias: present slow errors of bearing and departure [rad].
         rng: draws noise and losses; four numbers a robot.
-        collides: whether several at once destroy each other.
+        collides: whether several robots at once destroy each other's broadcasts.
     """
     count = len(speaks)
     chance, noise = rng.random(count), rng.standard_normal((3, count))
-    sent = geometry.reaches & speaks[None]
-    distance = np.where(sent, geometry.distance, np.inf).reshape(count, -1)
-    best = distance.argmin(axis=-1)
-    rows = np.arange(count)
-    is_heard = np.isfinite(distance[rows, best]) & (chance >= config.loss)
+    rows = np.flatnonzero(speaks[geometry.sender, geometry.side])
+    # Of several assignments to one receiver the last one stays: the nearest.
+    rows = rows[np.argsort(-geometry.distance[rows], kind="stable")]
+    best = np.full(count, -1)
+    best[geometry.receiver[rows]] = rows
+    is_heard = (best >= 0) & (chance >= config.loss)
     if collides:
-        is_heard &= sent.any(axis=-1).sum(axis=-1) == 1
-    sender, side = best // len(SIDES), best % len(SIDES)
-    far = np.where(is_heard, geometry.distance[rows, sender, side], 0.0)
-    bearing = geometry.bearing[rows, sender, side] + bias[0] + config.bearing_noise * noise[0]
-    departure = geometry.departure[rows, sender, side] + bias[1] + config.departure_noise * noise[1]
-    return Heard(
-        is_heard,
-        far * np.exp(config.distance_noise * noise[2]),
-        np.where(is_heard, wrap(bearing), 0.0),
-        np.where(is_heard, wrap(departure), 0.0),
-        side,
-        *(getattr(words, name)[sender, side] for name in ("role", "accepts", "leader", "asker", "size")),
-    )
+        pairs = np.unique(np.stack([geometry.receiver[rows], geometry.sender[rows]]), axis=1)
+        is_heard &= np.bincount(pairs[0], minlength=count) == 1
+    heard = Heard.make_nothing(count)
+    to, row = np.flatnonzero(is_heard), best[is_heard]
+    sender, side = geometry.sender[row], geometry.side[row]
+    found = {
+        "distance": geometry.distance[row] * np.exp(config.distance_noise * noise[2, to]),
+        "bearing": wrap(geometry.bearing[row] + bias[0, to] + config.bearing_noise * noise[0, to]),
+        "departure": wrap(geometry.departure[row] + bias[1, to] + config.departure_noise * noise[1, to]),
+        "sender_side": side,
+        **{name: getattr(words, name)[sender, side] for name in _CONTENT},
+    }
+    changed = {}
+    for name, values in found.items():
+        changed[name] = getattr(heard, name).copy()
+        changed[name][to] = values
+    return heard._replace(is_heard=is_heard, **changed)
+
+
+_CONTENT = ("role", "accepts", "leader", "asker", "size")
 
 
 def read_wires(wire: Wired, links: tuple[Docking, ...]) -> Wired:

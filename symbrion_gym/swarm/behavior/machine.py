@@ -1,7 +1,7 @@
 """The finite state machine of a swarm: what robots sense in, what they do and say out.
 
-A robot explores until it meets a pit. Then it drives back to level ground and becomes the seed: its free docks call, and
-the dock where the plan wants the next robot is a beacon. Robots that hear it ask, one at a time is accepted, drives
+A robot explores until it meets a pit. Then it drives back to level ground and becomes the seed: its free docks call,
+and the dock where the plan wants the next robot is a beacon. Robots that hear it ask, one at a time is accepted, drives
 to the axis of the dock, aligns, docks and locks, and goes on recruiting. Once all places of the plan are taken, the
 organism acts; told to part, all undock and drive on. No robot knows where it is, nor any state but its own.
 
@@ -32,6 +32,8 @@ ASKING = 0.3
 """Chance that a robot that waits asks in a decision: two that ask at once are not understood."""
 _ALONE = 4.0
 """A robot that met something follows no calls for this many times its `avoid_time`."""
+_PAUSE = 10.0
+"""One that gives up explores for so long [s]."""
 _ORGANIC = (Mode.RECRUIT, Mode.IN_ORGANISM, Mode.LOCK)
 """Modes of robots that belong to an organism, or found one."""
 _STRAIGHT = (Mode.ALIGN, Mode.DOCK)
@@ -112,7 +114,9 @@ class Machine:
             roles=roles,
             ticket=np.where(belongs, np.maximum(memory.ticket, heard), 0),
             leader=np.where(belongs & (memory.role > 0) & (leader >= 0), leader, memory.leader),
-            goes=np.where(belongs, np.maximum(memory.goes, np.where(percepts.docked, wired.goes, 0).max(axis=-1)), goes),
+            goes=np.where(
+                belongs, np.maximum(memory.goes, np.where(percepts.docked, wired.goes, 0).max(axis=-1)), goes
+            ),
             accepted_since=memory.accepted_since + DECISION,
             avoiding=np.maximum(memory.avoiding - DECISION, 0.0),
             silent=np.where(is_heard, 0.0, memory.silent + DECISION),
@@ -121,12 +125,11 @@ class Machine:
             growth=np.where(roles != memory.roles, 0.0, memory.growth + DECISION),
         )
 
-    def _enter(
-        self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray
-    ) -> Memory:
+    def _enter(self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray) -> Memory:
         """Change modes, and note what a new one needs."""
         percepts, memory, weights = here.percepts, here.memory, self.weights
         is_new = following != memory.mode
+        former = memory.mode
         begins = {mode: is_new & (following == mode) for mode in Mode}
         memory = memory._replace(mode=following, since=np.where(is_new, 0.0, memory.since))
         meets = transitions.find_obstacles(here._replace(memory=memory))
@@ -143,6 +146,8 @@ class Machine:
         knows = np.isin(memory.mode, _DOCKING) & percepts.beacon.is_heard
         locks = begins[Mode.LOCK]
         ends = begins[Mode.EXPLORE] | begins[Mode.RECOVER]
+        alone = np.where(turns & meets, _ALONE * weights.avoid_time, memory.alone)
+        gives_up = begins[Mode.EXPLORE] & np.isin(former, (Mode.UNDOCK, Mode.LOCATE_BEACON))
         role = np.where(is_seed, 0, np.where(locks, memory.heard_role, np.where(ends, NOBODY, memory.role)))
         leader = np.where(is_seed, here.numbers, np.where(locks, memory.heard_leader, memory.leader))
         return memory._replace(
@@ -150,13 +155,14 @@ class Machine:
             leader=np.where(ends, NOBODY, leader),
             turn=np.where(turns, toward, memory.turn),
             avoiding=np.where(turns, weights.avoid_time * (0.5 + coin), memory.avoiding),
-            alone=np.where(turns & meets, _ALONE * weights.avoid_time, memory.alone),
             heard_role=np.where(knows, percepts.beacon.role, memory.heard_role),
             heard_leader=np.where(knows, percepts.beacon.leader, memory.heard_leader),
             mark=np.where(moves_mark, here.run, memory.mark),
             has_climbed=climbed,
             recoveries=memory.recoveries + begins[Mode.RECOVER],
             growth=np.where(is_seed | locks, 0.0, memory.growth),
+            silent=np.where(gives_up, np.inf, memory.silent),
+            alone=np.where(gives_up, _PAUSE, alone),
         )
 
     def _give_up(self, here: Situation) -> Memory:
@@ -192,7 +198,9 @@ class Machine:
     def _latch(self, here: Situation) -> np.ndarray:
         """Tell docks to latch that hold or want a robot."""
         mode = here.memory.mode
-        organic = np.isin(mode, _ORGANIC)
+        # All hear that they part before the first dock opens: a word passes one robot a decision.
+        is_telling = (mode == Mode.UNDOCK) & (here.memory.since < DECISION * self.plan.num_roles)
+        organic = np.isin(mode, _ORGANIC) | is_telling
         latch = organic[:, None] & ((here.wanted >= 0) | here.percepts.docked)
         holds = np.isin(mode, (Mode.DOCK, Mode.LOCK)) | (organic & (here.memory.role > 0))
         latch[:, FRONT] |= holds

@@ -101,7 +101,9 @@ class Memory(NamedTuple):
             growth=zeros,
         )
 
-    def start(self, robots: Bool[np.ndarray, " N"] | Int[np.ndarray, " K"], mode: Mode, **values: object) -> Memory:
+    def start(
+        self, robots: Bool[np.ndarray, " N"] | Int[np.ndarray, " K"], mode: Mode, **values: object
+    ) -> Memory:
         """Return a memory in which some robots are in a mode, as scripts and tests begin.
 
         Args:

@@ -55,8 +55,12 @@ def wait(here: Situation) -> Tracks:
     beacon, weights, percepts = here.percepts.beacon, here.weights, here.percepts
     is_asked = beacon.is_heard & (beacon.accepts != NOBODY)
     is_in_way = is_asked & (beacon.distance < KEEP_CLEAR) & (np.abs(beacon.departure) < WAY)
-    aside = wrap(beacon.bearing + np.pi - beacon.departure) + np.where(beacon.departure < 0.0, -1, 1) * np.pi / 2
-    tracks = steer_to(np.cos(aside), np.sin(aside), weights.locate_speed, weights.turn_gain, weights.turn_speed)
+    aside = (
+        wrap(beacon.bearing + np.pi - beacon.departure) + np.where(beacon.departure < 0.0, -1, 1) * np.pi / 2
+    )
+    tracks = steer_to(
+        np.cos(aside), np.sin(aside), weights.locate_speed, weights.turn_gain, weights.turn_speed
+    )
     is_blocked = (read_sides(percepts.proximity)[:, FRONT] < CLOSE) | (percepts.drop > PIT_DEPTHS[0])
     turning = tracks - tracks.mean(axis=-1, keepdims=True)
     return np.where(is_in_way[:, None], np.where(is_blocked[:, None], turning, tracks), 0.0)

@@ -41,8 +41,8 @@ class Words(NamedTuple):
     def make_silent(cls, num_robots: int) -> Words:
         """Return the words of robots that say nothing."""
         shape = (num_robots, len(SIDES))
-        nobody = [np.full(shape, NOBODY) for _ in range(4)]
-        return cls(np.zeros(shape, bool), np.zeros(shape, bool), *nobody, np.zeros(shape, int))
+        no, nobody = np.zeros(shape, bool), np.full(shape, NOBODY)
+        return cls(no, no, nobody, nobody, nobody, nobody, np.zeros(shape, int))
 
 
 class Heard(NamedTuple):
@@ -71,10 +71,9 @@ class Heard(NamedTuple):
     @classmethod
     def make_nothing(cls, num_robots: int) -> Heard:
         """Return what robots hear where all is silent."""
-        nobody = [np.full(num_robots, NOBODY) for _ in range(4)]
-        zeros = [np.zeros(num_robots) for _ in range(3)]
-        whole = np.zeros(num_robots, int)
-        return cls(np.zeros(num_robots, bool), *zeros, whole.copy(), *nobody, whole.copy())
+        no, nobody = np.zeros(num_robots, bool), np.full(num_robots, NOBODY)
+        zero, whole = np.zeros(num_robots), np.zeros(num_robots, int)
+        return cls(no, zero, zero, zero, whole, nobody, nobody, nobody, nobody, whole)
 
 
 class Wired(NamedTuple):

@@ -52,7 +52,8 @@ class Sensing:
         share = np.exp(-DECISION / config.bias_time)
         new = rng.standard_normal((2, world.num_robots))
         self._bias = share * self._bias + config.bias * np.sqrt(1.0 - share**2) * new
-        geometry = find_geometry(state, config)
+        speaks = words.is_beacon | words.is_guide | (words.asker >= 0)
+        geometry = find_geometry(state, speaks, config)
         self._run = self._run + readings["odometry"]
         pitch, roll = readings["tilt"].T
         return Percepts(

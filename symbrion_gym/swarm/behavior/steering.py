@@ -26,7 +26,7 @@ _SLOPE_GAIN = 4.0
 """Rate of turning per roll on a slope [1/s]; roll is small where a robot drives along the gradient."""
 
 
-def wrap(angle: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+def wrap(angle: Float[np.ndarray, " *S"]) -> Float[np.ndarray, " *S"]:
     """Return angles within -pi to pi."""
     return (angle + pi) % (2 * pi) - pi
 
@@ -79,9 +79,7 @@ def find_approach_point(
     return ahead, distance * np.sin(heard.bearing) + along * np.sin(axis)
 
 
-def find_way_behind(
-    heard: Heard, offset: float
-) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+def find_way_behind(heard: Heard, offset: float) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
     """Return where to go from a call of an organism to get behind its last robot, beside its body [m].
 
     Args:
@@ -111,7 +109,9 @@ def read_sides(proximity: Float[np.ndarray, "N 8"]) -> Float[np.ndarray, "N 4"]:
     return proximity.reshape(len(proximity), len(SIDES), 2).min(axis=-1)
 
 
-def choose_turn(proximity: Float[np.ndarray, "N 8"], chance: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+def choose_turn(
+    proximity: Float[np.ndarray, "N 8"], chance: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, " N"]:
     """Return which way to turn away from what is ahead: 1 to the left, -1 to the right.
 
     Args:

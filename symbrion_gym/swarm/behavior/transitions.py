@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,14 +19,16 @@ LEVEL, SLOPE = 0.06, 0.12
 """Pitch below which ground is level, and above which it is a slope [rad]: between ±3.4 and ±6.9 degrees."""
 ROOM = 0.15
 """A seed drives so far back on level ground from the foot of a slope [m]."""
-LONGEST_RETREAT = 3.0
-"""A seed that has driven back so far without a slope stays where it is [m]."""
+LONGEST_RETREAT = 1.5
+"""A robot that has driven back so far from a pit, or from a slope, explores again [m]."""
 LOCKING_TIME = 2.0
 """Time that a dock takes to lock [s] (estimate)."""
 PARTING_TIME = 2.0
 """Time between the undocking and the first robot that leaves, and from one to the next [s]."""
-LEAVE_DISTANCE = 0.25
-"""A robot drives so far on after an organism has parted [m]."""
+LEAVE_DISTANCE = 0.20
+"""A robot drives so far on after an organism has parted [m] ..."""
+LEAVE_GAP = 0.06
+"""... and so much farther for each that comes behind it [m]."""
 LEAVE_TIME = 60.0
 """And so long at most [s]."""
 
@@ -75,7 +77,7 @@ Next = Int[np.ndarray, " N"]
 """The next mode of each robot, were it in the mode of the function."""
 
 
-def _choose(now: Mode, *cases: tuple[Bool[np.ndarray, " N"], Mode]) -> Next:
+def _choose(now: Mode, *cases: tuple[Any, Mode]) -> Next:
     """Return the mode of the first condition that holds, else the present one."""
     return np.select([condition for condition, _ in cases], [int(mode) for _, mode in cases], int(now))
 
@@ -94,20 +96,22 @@ def explore(here: Situation) -> Next:
 
 
 def retreat(here: Situation) -> Next:
-    """Return RECRUIT where there is room behind, EXPLORE where another recruits."""
+    """Return RECRUIT where there is room behind, EXPLORE where another recruits or no slope comes."""
     driven = here.memory.mark - here.run
-    is_far = here.memory.has_climbed & (driven > ROOM) | (driven > LONGEST_RETREAT)
-    return _choose(Mode.RETREAT, (_hears_other(here), Mode.EXPLORE), (is_far, Mode.RECRUIT))
+    is_there = here.memory.has_climbed & (driven > ROOM)
+    fails = _hears_other(here) | (driven > LONGEST_RETREAT)
+    return _choose(Mode.RETREAT, (is_there, Mode.RECRUIT), (fails, Mode.EXPLORE))
 
 
 def recruit(here: Situation) -> Next:
     """Return IN_ORGANISM once all wanted robots are there; EXPLORE or UNDOCK where it gives up."""
     is_alone = ~here.percepts.docked.any(axis=-1)
+    is_tired = here.memory.growth > here.weights.patience
     return _choose(
         Mode.RECRUIT,
         (here.memory.goes > STAY, Mode.UNDOCK),
         (is_alone & (here.memory.role > 0) & (here.memory.since > 1.0), Mode.RECOVER),
-        (is_alone & _hears_other(here) & (here.memory.role == 0), Mode.EXPLORE),
+        (is_alone & (_hears_other(here) | is_tired) & (here.memory.role == 0), Mode.EXPLORE),
         (~here.open_docks.any(axis=-1), Mode.IN_ORGANISM),
     )
 
@@ -131,6 +135,7 @@ def locate_beacon(here: Situation) -> Next:
         (is_near, Mode.ALIGN),
         (other, Mode.WAIT),
         (here.memory.unseen > weights.lost_time, Mode.EXPLORE),
+        (here.memory.since > weights.accept_time, Mode.EXPLORE),
     )
 
 
@@ -196,7 +201,8 @@ def undock(here: Situation) -> Next:
 
 def leave(here: Situation) -> Next:
     """Return REST far enough away."""
-    is_far = here.run - here.memory.mark > LEAVE_DISTANCE
+    behind = here.plan.num_roles - 1 - np.maximum(here.memory.role, 0)
+    is_far = here.run - here.memory.mark > LEAVE_DISTANCE + LEAVE_GAP * behind
     return _choose(Mode.LEAVE, (is_far | (here.memory.since > LEAVE_TIME), Mode.REST))
 
 
@@ -264,4 +270,3 @@ def hears_larger(here: Situation) -> Bool[np.ndarray, " N"]:
 def find_accepted(here: Situation) -> Int[np.ndarray, " N"]:
     """Return whom the organism of each robot accepts."""
     return read_ticket(here.memory.ticket)[1]
-

@@ -96,7 +96,9 @@ class BehaviorWeights:
         if unknown:
             raise OptionError(f"no weight {unknown[0]!r}; there are: {', '.join(bounds)}")
         if values.shape != (len(names),) or not np.isfinite(values).all():
-            raise OptionError(f"{len(names)} finite numbers are needed, one for each weight, got {genotype!r}")
+            raise OptionError(
+                f"{len(names)} finite numbers are needed, one for each weight, got {genotype!r}"
+            )
         share = np.clip(values, 0.0, 1.0)
         found = {
             name: bounds[name][0] + float(place) * (bounds[name][1] - bounds[name][0])

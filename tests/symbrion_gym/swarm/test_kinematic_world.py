@@ -163,6 +163,20 @@ def test_a_docked_group_moves_as_one_rigid_body_and_parts_on_release():
     assert np.linalg.norm(np.diff(state.position, axis=0)) == pytest.approx(distance + 0.11, abs=1e-6)
 
 
+def test_a_newcomer_does_not_move_the_organism_to_which_it_docks():
+    world = make_world([[-SCOUT.pitch - 0.006, 0.004, 0.05], [0.0, 0.0, 0.0], [SCOUT.pitch, 0.0, 0.0]])
+    latch = np.zeros((3, 4), bool)
+    latch[1:] = True
+    stand = np.zeros((3, 2))
+    for _ in range(12):
+        world.step(SwarmCommands(stand, np.zeros(3), latch))
+    before = world.state.position
+    run(world, 12, stand, latch=True)
+    assert len(world.state.links) == 2
+    np.testing.assert_allclose(world.state.position[1:], before[1:], atol=1e-9)
+    assert np.linalg.norm(world.state.position[0] - before[0]) > 0.005
+
+
 def test_a_group_turns_more_slowly_than_one_robot():
     world = dock_front_to_back()
     run(world, 12, [0.0, 0.0], latch=True)

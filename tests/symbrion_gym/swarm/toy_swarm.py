@@ -99,11 +99,17 @@ class ToySwarm:
         x, y, heading = self.pose.T
         n, pitch = self.num_robots, self.tilt[0]
         rotation = np.zeros((n, 3, 3))
-        rotation[:, 0, 0], rotation[:, 1, 0], rotation[:, 2, 0] = np.cos(heading), np.sin(heading), np.sin(pitch)
+        rotation[:, 0, 0], rotation[:, 1, 0], rotation[:, 2, 0] = (
+            np.cos(heading),
+            np.sin(heading),
+            np.sin(pitch),
+        )
         rotation[:, 0, 1], rotation[:, 1, 1], rotation[:, 2, 2] = -np.sin(heading), np.cos(heading), 1.0
         position = np.stack([x, y, self.height(x, y) + 0.05], -1)
         zero = np.zeros((n, 3))
-        return SwarmState(position, rotation, zero, zero, np.zeros(n), self.links, np.zeros((n, 4)), self.odometry)
+        return SwarmState(
+            position, rotation, zero, zero, np.zeros(n), self.links, np.zeros((n, 4)), self.odometry
+        )
 
     def read(self) -> Percepts:
         x, y, heading = self.pose.T
@@ -150,7 +156,9 @@ class ToySwarm:
                     continue
                 best[i] = distance
                 values = (True, distance, bearing, departure, b, self.words.role[j, b])
-                heard["is_heard"][i], heard["distance"][i], heard["bearing"][i], heard["departure"][i] = values[:4]
+                heard["is_heard"][i], heard["distance"][i], heard["bearing"][i], heard["departure"][i] = (
+                    values[:4]
+                )
                 heard["sender_side"][i], heard["role"][i] = values[4:]
                 for name in ("accepts", "leader", "asker", "size"):
                     heard[name][i] = getattr(self.words, name)[j, b]
