@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.errors import OptionError
 from symbrion_gym.swarm.docks import make_organism
+from symbrion_gym.swarm.dynamic.loads import find_contact_forces
 from symbrion_gym.swarm.dynamic.world import DynamicWorld
 
 if TYPE_CHECKING:
@@ -64,10 +64,9 @@ def read_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> d
 
 def _find_touches(world: DynamicWorld) -> Float[np.ndarray, " N"]:
     """Return the sum of the normal forces on each robot [N]."""
-    touches, force = np.zeros(world.num_robots), np.zeros(6)
-    for index in range(world.data.ncon):
-        mujoco.mj_contactForce(world.assembly.model, world.data, index, force)
-        for robot in world.assembly.owners[world.data.contact.geom[index]]:
-            if robot >= 0:
-                touches[robot] += force[0]
+    touches = np.zeros(world.num_robots)
+    owners, forces = find_contact_forces(world.assembly, world.data)
+    for side in range(2):
+        is_robot = owners[:, side] >= 0
+        np.add.at(touches, owners[is_robot, side], forces[is_robot, 0])
     return touches

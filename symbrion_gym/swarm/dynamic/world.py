@@ -259,7 +259,9 @@ class DynamicWorld:
         return np.array([depths[groups == group].max() for group in groups])
 
     def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
-        return find_layout(self._links, self.matings, open_arms, self.num_robots, self.scout)
+        return find_layout(
+            self._links, tuple(self.matings), frozenset(open_arms), self.num_robots, self.scout
+        )
 
     def _find_open(self, latch: Bool[np.ndarray, "N 4"]) -> set[int]:
         """Return which docked robots have a movable arm with a free front dock, and let the others fold theirs."""
