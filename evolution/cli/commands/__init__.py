@@ -3,6 +3,7 @@
 from evolution.cli.command import Command
 from evolution.cli.commands.arena import Arena
 from evolution.cli.commands.assets import Assets
+from evolution.cli.commands.bench_suite import BenchSuite
 from evolution.cli.commands.compare import Compare
 from evolution.cli.commands.demo import Demo
 from evolution.cli.commands.evolve import Evolve, Resume
@@ -31,6 +32,7 @@ COMMANDS: dict[str, type[Command]] = {
     "live": Live,
     "swarm": Swarm,
     "paper": Paper,
+    "bench-suite": BenchSuite,
     "assets": Assets,
 }
 
