@@ -25,7 +25,7 @@ def read_hardware(half: int | None = None) -> DockingTimes:
     """Return the real robots' trials of two Scouts.
 
     Args:
-        half: 0 for the half that parameters were fitted on, every other row from the first; 1 for the rest; None for all.
+        half: 0 for the half that parameters were fitted on, every other row; 1 for the rest; None for all.
     """
     with HARDWARE.open() as file:
         rows = [row for row in csv.DictReader(file) if row["pair"] == PAIR]
