@@ -331,6 +331,23 @@ def _write_film(frames: list[np.ndarray], name: str) -> None:
     first.save(FOLDER / name, save_all=True, append_images=others, duration=80, loop=0, optimize=True)
 
 
+def draw_docking_times(results: dict[str, Any]) -> None:
+    """Draw the distributions of docking times: real robots, and simulated ones of the judged half."""
+    figure, axis = plt.subplots(figsize=(7, 3.6), layout="constrained")
+    shown = {
+        "real robots, half that parameters were fitted on": ("hardware_fitted", "0.6", "--"),
+        "real robots, other half": ("hardware_judged", "k", "-"),
+        "simulated, other half": ("simulated_judged", "C1", "-"),
+    }
+    for label, (name, color, style) in shown.items():
+        part = results[name]
+        share = 100 * np.arange(1, part["locked"] + 1) / part["trials"]
+        axis.step(part["seconds"], share, where="post", color=color, linestyle=style, label=label)
+    axis.set(xlabel="LocateBeacon to Locking [s]", ylabel="trials locked [%]", xlim=(0, 240), ylim=(0, 100))
+    axis.legend(loc="lower right")
+    _save(figure, "docking_times.png")
+
+
 def draw_small_bodies() -> None:
     """Draw all bodies of 1 to 4 modules."""
     bodies = [body for count in range(1, 5) for body in enumerate_bodies(count)]
@@ -352,6 +369,7 @@ def main() -> None:
     draw_baselines(_load_results("baselines"))
     draw_learning(_load_results("baselines"))
     draw_crossing(_load_results("evolution"))
+    draw_docking_times(_load_results("swarm")["docking"])
     if sys.argv[1:] == ["results"]:
         return
     draw_colors()

@@ -62,8 +62,7 @@ class Swarm(SeededCommand):
             self.out, story, self.trials, self.champion, self.generations, self.workers, self.film
         )
         result = run_swarm(config, console.track)
-        if result.story is not None:
-            self._show(result.story, console)
+        self._show(result.track, result.rows[0], console)
         rows = [
             [row["seed"], "yes" if row["docks"] else "no", "yes" if row["success"] else "no", row["gathered"],
              row["crossed"], row["recoveries"], row["across"], row["reason"]]
@@ -94,7 +93,7 @@ class Swarm(SeededCommand):
             "exit_code": MISSED if self.strict and not ok else 0,
         }
 
-    def _show(self, story: Any, console: Console) -> None:
+    def _show(self, track: Any, row: dict[str, Any], console: Console) -> None:
         """Write timeline and film of the first story."""
         import symbrion_gym as sg
         from evolution.experiments.swarm.film import FPS, film_story
@@ -105,11 +104,11 @@ class Swarm(SeededCommand):
 
         arena = sg.load_arena(self.arena)
         field = find_field(arena, self.robots)
-        crossing = (story.gathered, story.crossed) if story.crossed == story.crossed else None
+        crossing = None if row["crossed"] is None else (row["gathered"], row["crossed"])
         with write_atomically(self.out / "timeline.png") as beside:
-            beside.write_bytes(to_png(draw_timeline(story.track, field, crossing)))
-        if self.film:
+            beside.write_bytes(to_png(draw_timeline(track, field, crossing)))
+        if self.film and not (self.out / "film.mp4").exists():
             with console.track("film") as step:
-                frames = film_story(story.track, arena, field, crossing, step.progress)
+                frames = film_story(track, arena, field, crossing, step.progress)
                 with write_atomically(self.out / "film.mp4") as beside:
                     beside.write_bytes(encode_video(frames, FPS))

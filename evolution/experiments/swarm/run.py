@@ -16,8 +16,10 @@ from evolution.experiments.swarm.config import StoryConfig, SwarmRunConfig
 from evolution.experiments.swarm.story import Story, tell_story
 from evolution.search.run import RunFolder, load_champion
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.bounded_read import read_npz
 from reconstruction.files.typed_json import JsonError, read_json
 from reconstruction.progress import Progress
+from symbrion_gym.swarm.behavior.swarm import Track
 
 MARKER = "swarm.json"
 """The file that the command writes first; it holds what the other files were made with."""
@@ -31,11 +33,11 @@ class SwarmResult:
     """What the stories came to.
 
     Attributes:
-        story: the first one, with its track; None where an earlier run has told it.
+        track: of the first story.
         rows: figures of all stories, docking ones first.
     """
 
-    story: Story | None
+    track: Track
     rows: list[dict[str, Any]]
 
     def count(self, docks: bool) -> tuple[int, int]:
@@ -60,7 +62,6 @@ def run_swarm(config: SwarmRunConfig, track: Steps) -> SwarmResult:
     wanted = list_stories(config)
     with track("1/3 champion") as step:
         champion = find_champion(config, step.progress)
-    first = None
     for title, docks in (("2/3 stories", True), ("3/3 a swarm that may not dock", False)):
         chosen = [story for story in wanted if story.docks == docks]
         with track(title) as step:
@@ -70,11 +71,10 @@ def run_swarm(config: SwarmRunConfig, track: Steps) -> SwarmResult:
                     continue
                 told = tell_story(story, arena, champion, _share(step.progress, index, len(chosen)))
                 if docks and index == 0:
-                    first = told
                     save_track(config, told)
                 rows[key] = told.as_dict()
                 _write(config, "stories.json", rows)
-    result = SwarmResult(first, [rows[_name(story)] for story in wanted])
+    result = SwarmResult(_load_track(config), [rows[_name(story)] for story in wanted])
     _write(config, "results.json", _summarize(result))
     return result
 
@@ -148,6 +148,17 @@ def save_track(config: SwarmRunConfig, story: Story) -> None:
     """Write where the robots were, and what they did, as arrays."""
     with write_atomically(config.folder / "track.npz") as beside, beside.open("wb") as file:
         np.savez_compressed(file, **story.track._asdict())
+
+
+def _load_track(config: SwarmRunConfig) -> Track:
+    path = config.folder / "track.npz"
+    arrays = read_npz(path)
+    try:
+        return Track(*(arrays[name] for name in Track._fields))
+    except KeyError as error:
+        raise ev.RunError(
+            f"{path} is no track of a swarm ({error}); remove it to tell the story again"
+        ) from error
 
 
 def _share(progress: Progress, index: int, count: int) -> Progress:

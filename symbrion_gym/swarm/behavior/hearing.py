@@ -21,7 +21,10 @@ from symbrion_gym.swarm.world import SwarmState
 
 @dataclass(frozen=True)
 class HearingConfig:
-    """How well broadcasts are received; all are estimates.
+    """How well broadcasts are received.
+
+    `bias` and `bias_time` were fitted to half of the docking trials of real robots
+    (`evolution.experiments.swarm.docking_trials`); the rest are estimates.
 
     Attributes:
         light: of infrared units; a dock is heard where it is bright enough for messages.
@@ -36,8 +39,8 @@ class HearingConfig:
     light: SignalConfig = field(default_factory=SignalConfig)
     bearing_noise: float = 0.05
     departure_noise: float = 0.10
-    bias: float = 0.02
-    bias_time: float = 15.0
+    bias: float = 0.17
+    bias_time: float = 60.0
     distance_noise: float = 0.05
     loss: float = 0.05
 

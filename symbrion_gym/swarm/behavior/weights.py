@@ -20,8 +20,8 @@ def _weight(default: float, low: float, high: float) -> Any:
 class BehaviorWeights:
     """How robots steer and how long they try; each has bounds in `list_bounds`.
 
-    All are estimates but those that `symbrion_gym.swarm.behavior.fitted` names: these were fitted to docking trials of
-    real robots.
+    All are estimates but `locate_speed`, which was fitted to docking trials of real robots
+    (`evolution.experiments.swarm.docking_trials`).
 
     Attributes:
         explore_speed: [m/s]; faster robots find each other sooner, and run farther into what they meet.
@@ -56,7 +56,7 @@ class BehaviorWeights:
     turn_speed: float = _weight(0.05, 0.01, 0.10)
     avoid_distance: float = _weight(0.10, 0.03, 0.20)
     avoid_time: float = _weight(2.0, 0.3, 6.0)
-    locate_speed: float = _weight(0.05, 0.01, 0.10)
+    locate_speed: float = _weight(0.035, 0.01, 0.10)
     lookahead: float = _weight(0.6, 0.0, 1.0)
     align_distance: float = _weight(0.10, 0.04, 0.25)
     align_angle: float = _weight(radians(5), radians(1), radians(20))
