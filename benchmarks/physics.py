@@ -31,6 +31,14 @@ from benchmarks.material.physics_laws import (
     measure_step_limit,
     measure_turning_rate,
 )
+from benchmarks.material.physics_published import (
+    DRIVES,
+    FRICTION,
+    FRICTION_ALONG,
+    Drive,
+    find_misses,
+    measure_drive,
+)
 from benchmarks.material.physics_theory import (
     find_beam_gap_limit,
     find_gap_limit,
@@ -256,6 +264,22 @@ def list_prices() -> Iterator[Row]:
     yield "champions", lambda: compare_champions(4)
 
 
+def list_published() -> Iterator[Row]:
+    """Yield the drives of a published tracked robot: where they led, and how many figures are not as expected."""
+    for friction in (FRICTION, FRICTION_ALONG):
+        for name, drive in DRIVES.items():
+            yield (
+                f"{name}, friction {friction:g}",
+                lambda drive=drive, friction=friction: _drive(drive, friction),
+            )
+
+
+def _drive(drive: Drive, friction: float) -> dict[str, Any]:
+    found = measure_drive(drive, friction)
+    misses = find_misses(drive, found)
+    return found | {"misses": len(misses), "missed": misses, "of": len(drive.expected)}
+
+
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "slope": list_slopes,
     "gap": list_gaps,
@@ -264,6 +288,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "energy": list_energies,
     "rest": list_rests,
     "touching": list_touches,
+    "published": list_published,
     "price": list_prices,
 }
 
