@@ -1,6 +1,6 @@
 """Laws of physics: what the simulated robot does against closed-form theory, row by row.
 
-python -m benchmarks.physics [--quick] [--only NAME ...] [--more]
+python -m benchmarks.physics [--quick] [--only NAME ...] [--more] [--theory]
 
 Rows are written one by one; `--more` keeps those of the present code's last run and measures only what is missing.
 `python docs/physics_pictures.py` draws them.
@@ -58,8 +58,8 @@ FIRM = {"contact_time": 0.004}
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 TORQUES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 """Hinge torques of a snake at the gap [N m]."""
-Row = tuple[str, Callable[[], dict[str, Any]]]
-"""Name of a row of a law, and what measures it."""
+Row = tuple[str, Callable[..., dict[str, Any]]]
+"""Name of a row of a law, and what measures it; given what was simulated, it compares that."""
 
 
 def list_slopes() -> Iterator[Row]:
@@ -83,12 +83,12 @@ def list_slopes() -> Iterator[Row]:
 
 
 def _slope(world: World, heading: float = 0.0) -> Row:
-    def measure() -> dict[str, Any]:
+    def measure(known: float | None = None) -> dict[str, Any]:
         limits = [find_slope_limit(world.friction)]
         if world.modules == 1:
             limits.append(find_tipping_limit(world.organism.scout))
         theory = float(np.degrees(min(limits)))
-        return _compare(measure_slope_limit(world, heading), theory)
+        return _compare(measure_slope_limit(world, heading) if known is None else known, theory)
 
     return f"{_name(world)}{_name_scout(world)}, heading {heading:.0f}°", measure
 
@@ -117,7 +117,7 @@ def list_gaps() -> Iterator[Row]:
 
 
 def _gap(world: World, speed: float = GAP_SPEED) -> Row:
-    def measure() -> dict[str, Any]:
+    def measure(known: float | None = None) -> dict[str, Any]:
         organism = world.organism
         more = {
             "sharp": find_gap_limit(organism, is_round=False),
@@ -125,7 +125,10 @@ def _gap(world: World, speed: float = GAP_SPEED) -> Row:
             "torque": organism.scout.hinge_torque,
             "modules": world.modules,
         }
-        return _compare(measure_gap_limit(world, speed), find_gap_limit(organism)) | more
+        return (
+            _compare(measure_gap_limit(world, speed) if known is None else known, find_gap_limit(organism))
+            | more
+        )
 
     return (
         f"{_name(world)}, torque {world.scout['hinge_torque']} N m{_name_scout(world)}{_name_speed(speed)}",
@@ -167,8 +170,10 @@ def list_steps() -> Iterator[Row]:
 
 
 def _step(world: World) -> Row:
-    def measure() -> dict[str, Any]:
-        return _compare(measure_step_limit(world), find_step_limit(world.organism.scout))
+    def measure(known: float | None = None) -> dict[str, Any]:
+        return _compare(
+            measure_step_limit(world) if known is None else known, find_step_limit(world.organism.scout)
+        )
 
     return f"{_name(world)}{_name_scout(world)}", measure
 
@@ -190,14 +195,17 @@ def list_turns() -> Iterator[Row]:
 
 
 def _turn(world: World, speed: float = TURN_SPEED) -> Row:
-    def measure() -> dict[str, Any]:
+    def measure(known: float | None = None) -> dict[str, Any]:
         contacts = make_contacts(world.organism, speed)
         points, belts = contacts.points, contacts.belts
         rate = find_sliding_rate(contacts, find_load_gain(world.friction, IMPRATIOS[world.contact]))
         even = find_turning_rate(points, np.ones(len(points)), belts)
         corners = np.isin(points[:, 0], (points[:, 0].min(), points[:, 0].max()))
         least = find_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
-        return _compare(measure_turning_rate(world, speed), rate) | {"even": even, "corners": least}
+        return _compare(measure_turning_rate(world, speed) if known is None else known, rate) | {
+            "even": even,
+            "corners": least,
+        }
 
     return f"{_name(world)}{_name_scout(world)}, {speed} m/s", measure
 
@@ -293,22 +301,28 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
 }
 
 
-def run(quick: bool = False, only: tuple[str, ...] = (), more: bool = False) -> dict[str, Any]:
+def run(
+    quick: bool = False, only: tuple[str, ...] = (), more: bool = False, theory: bool = False
+) -> dict[str, Any]:
     """Measure, print, store and return the rows.
 
     Args:
         quick: only every eighth row of each law.
         only: names of laws; all by default.
         more: keep the rows that are there.
+        theory: keep what was simulated in the rows that are there, and compare it again; only where the simulation's
+            models are the same to the bit.
     """
     results = Results("physics")
     for part in only or PARTS:
-        found = dict(results.content.get(part, {})) if more else {}
+        old = dict(results.content.get(part, {}))
+        found = dict(old) if more else {}
         for name, measure in list(PARTS[part]())[:: 8 if quick else 1]:
             if name in found:
                 continue
             start = time.process_time()
-            found[name] = measure()
+            known = (old[name]["simulated"],) if theory and "simulated" in old.get(name, {}) else ()
+            found[name] = measure(*known)
             seconds = time.process_time() - start
             print(f"{part}: {name}: {_format(found[name])} ({seconds:.1f} s)", flush=True)
             results.put(part, found)
@@ -348,8 +362,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="every eighth row")
     parser.add_argument("--only", nargs="*", default=[], choices=list(PARTS), help="laws (default: all)")
     parser.add_argument("--more", action="store_true", help="keep the rows that are there")
+    parser.add_argument(
+        "--theory", action="store_true", help="compare what was simulated again, with the present theory"
+    )
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.more)
+    run(options.quick, tuple(options.only), options.more, options.theory)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """A published tracked robot on `sg.add_tracks`: the drives with which Gazebo tests its contact surface motion.
 
-Sizes, masses, obstacles, commands and what is expected are those of gazebosim/gz-sim,
-`test/integration/tracked_vehicle_system.cc` and `examples/worlds/tracked_vehicle_simple.sdf` (main branch), by the authors of
-Pecka, Zimmermann and Svoboda, arXiv 1703.04316. Differs: friction is the same in all directions (there 0.7 across the belts
-and 150 along), the rear flippers are a mass only.
+Sizes, masses, obstacles, commands and what is expected are those of gazebosim/gz-sim (main branch),
+`test/integration/tracked_vehicle_system.cc` and `examples/worlds/tracked_vehicle_simple.sdf`, which follow
+Pecka, Zimmermann and Svoboda, arXiv 1703.04316. Differs: friction is the same in all directions (there 0.7 across the
+belts and 150 along), and the rear flippers are a mass only.
 """
 
 from __future__ import annotations
