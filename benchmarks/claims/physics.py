@@ -43,11 +43,11 @@ PHYSICS = (
         *("gap", "%", "5", PERCENT),
     ),
     _claim(
-        "Widest gap against the statics of a straight chain: all rows but 3.5 N m, and friction 0.3 with its soft servo",
+        "Widest gap against statics of a straight chain: all rows but 3.5 N m, and friction 0.3 with its soft servo",
         *("gap, explained rows apart", "%", "5", PERCENT),
     ),
     _claim(
-        "Widest gap against the statics of a straight chain: friction 0.3 with its soft servo; error",
+        "Widest gap against statics of a straight chain: friction 0.3 with its soft servo; error",
         *("gap, friction 0.3", "%", "5", PERCENT),
     ),
     _claim(f"{_STEP}friction 0.5-0.9; largest error", "step, friction 0.5 to 0.9", "%", "10", PERCENT),
