@@ -268,8 +268,8 @@ def draw_rests(rows: dict[str, Any], touches: dict[str, Any]) -> None:
         axes[2].plot(
             np.arange(3) + shift,
             [1000 * each["worst_between_modules"] for each in firm],
-            "x",
-            color=color,
+            "x" if shift < 0 else "+",
+            color="k",
             ms=7,
             label=f"worst, firm, {contact}",
         )
