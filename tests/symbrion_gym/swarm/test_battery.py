@@ -39,9 +39,10 @@ def test_a_resting_robot_spends_its_idle_power_and_a_driving_one_more():
     assert batteries.charge[0] == pytest.approx(1000.0 - 0.1 * power)
 
 
-def test_docked_robots_share_until_they_are_equal_and_never_gain():
+@pytest.mark.parametrize("charge", [[1.0, 0.2, 0.0], [0.0, 0.2, 1.0]])
+def test_docked_robots_share_until_they_are_equal_and_never_gain(charge):
     config = BatteryConfig(capacity=1000.0, idle_power=0.0)
-    batteries = Batteries(3, config, charge=[1.0, 0.2, 0.0])
+    batteries = Batteries(3, config, charge=charge)
     links = (Docking(0, "back", 1, "front"), Docking(1, "back", 2, "front"))
     total = batteries.charge.sum()
     for _ in range(3000):
