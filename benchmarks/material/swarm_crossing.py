@@ -21,8 +21,8 @@ from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.robot.scout_constants import ScoutConfig
 from symbrion_gym.swarm.docks import make_docking, sort_links
 from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion
-from symbrion_gym.swarm.dynamic.organism_senses import find_modules
 from symbrion_gym.swarm.dynamic.world import DynamicWorld
+from symbrion_gym.swarm.organism_senses import find_modules
 from symbrion_gym.swarm.world import SwarmCommands
 
 TRIALS = 20

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Bool
 
 from evolution.controllers.protocol import check_genotypes
 from evolution.errors import RunError
@@ -22,6 +23,8 @@ _READ = ("hinge_angle", "pitch", "roll", "contact", "track_odometry")
 
 class DockedChampion:
     """Drives docked robots as a champion drives its organism; call `step` until the robots have arrived.
+
+    As long as docks still mate or free arms still fold up, the robots stand.
 
     Args:
         champion: whose body is the organism of the robots.
@@ -60,8 +63,12 @@ class DockedChampion:
 
     def command(self, commands: SwarmCommands) -> SwarmCommands:
         """Return commands in which the robots of the organism do what the champion does now; others keep theirs."""
-        from symbrion_gym.swarm.dynamic.organism_senses import read_organism
+        from symbrion_gym.swarm.organism_senses import is_organism, read_organism
 
+        hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), self._hold(commands.latch)
+        if not is_organism(self._world, self._modules):
+            hinge[self._modules], tracks[self._modules] = 0.0, 0.0
+            return SwarmCommands(tracks, hinge, latch)
         parts = read_organism(self._world, self._modules)
         parts["track_odometry"] = np.array([self.track_odometry])
         structure, rows, first = {}, [], 0
@@ -73,16 +80,20 @@ class DockedChampion:
             np.concatenate(rows)[None], self._genotype, structure, self._state
         )
         scout = self._world.scout
-        hinge, tracks = commands.hinge.copy(), commands.tracks.copy()
         hinge[self._hinged] = scout.hinge_range * np.clip(action[0, : len(self._hinged)], -1.0, 1.0)
         tracks[self._modules] = scout.track_speed
-        latch = commands.latch.copy()
+        self.track_odometry += self.dt * scout.track_speed * float(np.cos(parts["pitch"][0]))
+        return SwarmCommands(tracks, hinge, latch)
+
+    def _hold(self, latch: Bool[np.ndarray, "N 4"]) -> Bool[np.ndarray, "N 4"]:
+        """Return what docks are told, with those of the organism held and its free ones closed."""
+        held = latch.copy()
+        held[self._modules] = False
         for link in self._world.state.links:
             for robot, side in link.ends:
                 if robot in self._modules:
-                    latch[robot] |= np.array(SIDES) == side
-        self.track_odometry += self.dt * scout.track_speed * float(np.cos(parts["pitch"][0]))
-        return SwarmCommands(tracks, hinge, latch)
+                    held[robot, SIDES.index(side)] = True
+        return held
 
     def step(self, commands: SwarmCommands) -> None:
         """Advance the world by one action of the champion; robots of other groups do what `commands` say."""

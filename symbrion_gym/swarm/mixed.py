@@ -177,11 +177,7 @@ class MixedWorld:
         own = Motion(*(each[rows] for each in motion))
         links = tuple(_renumber(link, numbers) for link in self.state.links)
         matings = {_renumber(link, numbers): mating for link, mating in matings.items()}
-        self.dynamic.begin(own, links, self._target[rows], matings)
-        depth = np.where(is_new, self.dynamic.find_depths(), 0.0)
-        if depth.any():
-            own.position[:, 2] += depth
-            self.dynamic.begin(own, links, self._target[rows], matings)
+        self.dynamic.begin(own, links, self._target[rows], matings, is_new)
 
     def _read_motion(self) -> Motion:
         """Return how all robots move, as their levels have it."""

@@ -17,8 +17,8 @@ from symbrion_gym.swarm.dynamic.layout import Layout, Tree
 
 _WELD_SOLREF = (0.01, 1.0)
 """Time constant [s] and damping ratio of welds: twice the physics step, the stiffest that stays stable."""
-_WELD_SOLIMP = (0.9995, 0.9999, 0.001, 0.5, 2.0)
-"""Welds yield to a force by less than 0.1 % of what a free body would."""
+_WELD_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""The stiffest that MuJoCo has: welds yield to a force by 0.01 % of what a free body would."""
 _FRICTION_STIFFNESS = 10.0
 """Of friction against that of contacts, as for organisms with elliptic cones."""
 _KEPT = 64

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -63,10 +63,11 @@ class Layout(NamedTuple):
     welds: tuple[Docking, ...]
 
 
+@lru_cache(maxsize=256)
 def find_layout(
-    links: Iterable[Docking],
-    welds: Iterable[Docking],
-    open_arms: Iterable[int],
+    links: tuple[Docking, ...],
+    welds: tuple[Docking, ...],
+    open_arms: frozenset[int],
     num_robots: int,
     scout: ScoutConfig,
 ) -> Layout:
@@ -79,7 +80,7 @@ def find_layout(
         num_robots: N.
         scout: constants of the robots.
     """
-    welds = sort_links(tuple(welds))
+    welds = sort_links(welds)
     rigid = [link for link in links if link not in welds]
     groups = find_groups(rigid, num_robots)
     moving = set(open_arms) | {robot for link in welds for robot, side in link.ends if side == "front"}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
@@ -63,20 +63,29 @@ def _find_inertial(assembly: Assembly, data: mujoco.MjData, scout: ScoutConfig) 
 
 def _find_pushes(assembly: Assembly, data: mujoco.MjData) -> Float[np.ndarray, "N 3"]:
     """Return the sum of contact forces and applied forces on each robot [N]."""
-    model = assembly.model
     pushes = np.zeros((len(assembly.sites), 3))
-    owner = assembly.owners
-    force = np.zeros(6)
-    for index in range(data.ncon):
-        robots = owner[data.contact.geom[index]]
-        if robots[0] == robots[1]:
-            continue
-        mujoco.mj_contactForce(model, data, index, force)
-        push = data.contact.frame[index].reshape(3, 3).T @ force[:3]
-        for robot, sign in zip(robots, (-1.0, 1.0), strict=True):
-            if robot >= 0:
-                pushes[robot] += sign * push
+    owners, forces = find_contact_forces(assembly, data)
+    world = np.einsum("cji,cj->ci", data.contact.frame.reshape(-1, 3, 3), forces)
+    world[owners[:, 0] == owners[:, 1]] = 0.0
+    for side, sign in enumerate((-1.0, 1.0)):
+        is_robot = owners[:, side] >= 0
+        np.add.at(pushes, owners[is_robot, side], sign * world[is_robot])
     for body in np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1)):
-        on_body = owner[model.geom_bodyid == body]
+        on_body = assembly.owners[assembly.model.geom_bodyid == body]
         pushes[on_body.max(initial=-1)] += data.xfrc_applied[body, :3]
     return pushes
+
+
+def find_contact_forces(
+    assembly: Assembly, data: mujoco.MjData
+) -> tuple[Int[np.ndarray, "C 2"], Float[np.ndarray, "C 3"]]:
+    """Return the robots that each contact is between, -1 for the arena, and its force in its frame, normal first [N].
+
+    With elliptic cones, as all models here have, the solver's forces are these.
+    """
+    contacts = data.contact
+    rows = contacts.efc_address
+    forces = np.zeros((len(rows), 3))
+    is_active = rows >= 0
+    forces[is_active] = data.efc_force[rows[is_active, None] + np.arange(3)]
+    return assembly.owners[contacts.geom], forces

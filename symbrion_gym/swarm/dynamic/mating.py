@@ -15,8 +15,8 @@ from symbrion_gym.swarm.dynamic.assembly import Assembly
 
 EXACT = 3e-5
 """Docks this near to their exact pose have mated [m]."""
-EXACT_ANGLE = 1.5e-4
-"""Likewise [rad]: over the length of eight modules this is 0.15 mm, which the fit of a tree halves."""
+EXACT_ANGLE = 2e-4
+"""Likewise [rad]: over the length of eight modules this is 0.2 mm, which the fit of a tree halves."""
 _HALF_TURN = Rotation.from_rotvec([0.0, 0.0, np.pi])
 
 

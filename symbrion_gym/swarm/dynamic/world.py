@@ -15,12 +15,12 @@ from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
-from symbrion_gym.swarm.docks import DockConfig, find_matches, find_released, sort_links
+from symbrion_gym.swarm.docks import DockConfig, find_groups, find_matches, find_released, sort_links
 from symbrion_gym.swarm.dynamic.assembly import Assembler, Assembly
 from symbrion_gym.swarm.dynamic.layout import Layout, Tree, find_layout
 from symbrion_gym.swarm.dynamic.loads import find_loads
 from symbrion_gym.swarm.dynamic.mating import Mating, find_error, find_share, has_mated, write_weld
-from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion
+from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion, find_jump
 from symbrion_gym.swarm.dynamic.transfer import copy_tree, read_motion, refresh, write_motion
 from symbrion_gym.swarm.placing import lay_robots
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
@@ -28,8 +28,10 @@ from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
 _FRONT = SIDES.index("front")
 _AT_REST = 0.02
 """An arm that turns more slowly than this is folded for good [rad/s]."""
+_LARGEST_JUMP = 5e-5
+"""What a change of the model may move a robot at most [m]."""
 _FOLDED_TOLERANCE = 1e-3
-"""Likewise one that is this near to its folded angle [rad]."""
+"""Arms this near to their folded angle count as folded [rad]."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,7 @@ class DynamicWorld:
         links: tuple[Docking, ...] = (),
         target: Float[np.ndarray, " N"] | None = None,
         matings: Mapping[Docking, Mating] | None = None,
+        lifted: Bool[np.ndarray, " N"] | None = None,
     ) -> None:
         """Begin with robots in any motion, docked or not.
 
@@ -158,12 +161,19 @@ class DynamicWorld:
             links: latched docks, in their exact poses but for those of `matings`.
             target: of the hinges' servos [rad]; None for their present angles.
             matings: links that are on their way to the exact pose; they began at times before 0.
+            lifted: robots whose groups are first lifted out of the contact geometry, as those that stood on the exact
+                surface; None for none.
         """
         self._clear()
         self._links = sort_links(links)
         self.target = np.array(motion.hinge if target is None else target, dtype=np.float64)
         self.matings = dict(matings or {})
-        self._enter(self._find_layout(_find_arms(motion, self._links)), motion)
+        layout = self._find_layout(_find_arms(motion, self._links))
+        self._enter(layout, motion)
+        if lifted is not None and (depth := np.where(lifted, self._find_depths(), 0.0)).any():
+            up = np.zeros((self.num_robots, 3))
+            up[:, 2] = depth
+            self._enter(layout, motion._replace(position=motion.position + up))
         self.state = self._read_state()
 
     def step(self, commands: SwarmCommands, duration: float = DECISION) -> None:
@@ -211,33 +221,47 @@ class DynamicWorld:
         self._links, self._torn = sort_links([*kept, *new]), frozenset()
 
     def _change_layout(self, latch: Bool[np.ndarray, "N 4"]) -> None:
-        """Compile the model anew where robots have become one tree, or several."""
+        """Compile the model anew where robots have become one tree, or several.
+
+        Docks that have mated wait as welds if a tree would move the robots by more than `_LARGEST_JUMP`.
+        """
         is_open = self._find_open(latch)
-        mated = [link for link in self.matings if self._is_mated(link)]
-        for link in mated:
-            del self.matings[link]
-        layout = self._find_layout(is_open)
-        if layout != self.assembly.layout:
-            before = read_motion(self.assembly, self.data)
-            self._enter(layout, before, self.assembly)
-            self.conversion = before, read_motion(self.assembly, self.data)
+        before, assembly, data, matings = self._read_now(), self.assembly, self.data, self.matings
+        mated = {link for link in matings if self._is_mated(link)}
+        for joined in (mated, set()):
+            self.matings = {link: each for link, each in matings.items() if link not in joined}
+            layout = self._find_layout(is_open)
+            if layout == assembly.layout:
+                return
+            self._enter(layout, before, assembly)
+            after = self._read_now()
+            if find_jump(before, after)[0] <= _LARGEST_JUMP or not joined:
+                self.conversion = before, after
+                return
+            self.assembly, self.data = assembly, data
+
+    def _read_now(self) -> Motion:
+        return read_motion(self.assembly, self.data)
 
     def find_dynamic(self, robots: Sequence[int]) -> tuple[DynamicWorld, list[int]]:
         """Return the dynamic world that robots are in, and their numbers there; as `MixedWorld.find_dynamic`."""
         return self, list(robots)
 
-    def find_depths(self) -> Float[np.ndarray, " N"]:
-        """Return how deep each robot reaches into the arena now [m]."""
+    def _find_depths(self) -> Float[np.ndarray, " N"]:
+        """Return how deep the deepest robot of each group reaches into the arena now [m]."""
         depths = np.zeros(self.num_robots)
         mujoco.mj_collision(self.assembly.model, self.data)
         owners = self.assembly.owners[self.data.contact.geom]
         for pair, distance in zip(owners, self.data.contact.dist, strict=True):
             if pair.min() < 0:
                 depths[pair.max()] = max(depths[pair.max()], -distance)
-        return depths
+        groups = find_groups(self._links, self.num_robots)
+        return np.array([depths[groups == group].max() for group in groups])
 
     def _find_layout(self, open_arms: Iterable[int] = ()) -> Layout:
-        return find_layout(self._links, self.matings, open_arms, self.num_robots, self.scout)
+        return find_layout(
+            self._links, tuple(self.matings), frozenset(open_arms), self.num_robots, self.scout
+        )
 
     def _find_open(self, latch: Bool[np.ndarray, "N 4"]) -> set[int]:
         """Return which docked robots have a movable arm with a free front dock, and let the others fold theirs."""
@@ -245,7 +269,7 @@ class DynamicWorld:
         arms -= {robot for link in self._links for robot, side in link.ends if side == "front"}
         is_wanted = latch[:, _FRONT]
         self._is_folding = np.isin(np.arange(self.num_robots), list(arms)) & ~is_wanted
-        unfolded = _find_arms(read_motion(self.assembly, self.data), self._links)
+        unfolded = _find_arms(self._read_now(), self._links)
         return {robot for robot in arms if is_wanted[robot]} | set(unfolded)
 
     def _is_mated(self, link: Docking) -> bool:

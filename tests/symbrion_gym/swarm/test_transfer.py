@@ -21,7 +21,7 @@ ASSEMBLER = Assembler(ARENA, SCOUT, 0.005)
 
 
 def assemble(links=LINKS, welds=(), open_arms=()):
-    assembly = ASSEMBLER.assemble(find_layout(links, welds, open_arms, 4, SCOUT))
+    assembly = ASSEMBLER.assemble(find_layout(links, welds, frozenset(open_arms), 4, SCOUT))
     return assembly, mujoco.MjData(assembly.model)
 
 

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.errors import OptionError
 from symbrion_gym.swarm.docks import make_organism
+from symbrion_gym.swarm.dynamic.loads import find_contact_forces
 from symbrion_gym.swarm.dynamic.world import DynamicWorld
 
+if TYPE_CHECKING:
+    from symbrion_gym.swarm.mixed import MixedWorld
+    from symbrion_gym.swarm.world import SwarmWorld
 
-def find_modules(world: DynamicWorld, robots: Sequence[int], root: int | None = None) -> tuple[int, ...]:
+
+def find_modules(world: SwarmWorld, robots: Sequence[int], root: int | None = None) -> tuple[int, ...]:
     """Return docked robots in the order of the modules of their organism; see `make_organism`."""
     links = [link for link in world.state.links if link.first in robots]
     return make_organism(links, robots, world.scout, root)[1]
 
 
-def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
+def is_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> bool:
+    """Return whether robots are the very tree of an `Organism`: all docks have mated and free arms are folded."""
+    world, modules = world.find_dynamic(modules)
+    trees = world.assembly.layout.trees
+    return any(tree.is_organism and set(tree.robots) == set(modules) for tree in trees)
+
+
+def read_organism(world: DynamicWorld | MixedWorld, modules: Sequence[int]) -> dict[str, np.ndarray]:
     """Return parts of the observation of an organism, without noise, as its environment has them.
 
     Args:
@@ -33,9 +45,9 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.n
     Raises:
         OptionError: the robots are not one tree.
     """
+    is_whole = is_organism(world, modules)
     world, modules = world.find_dynamic(modules)
-    tree = next((each for each in world.assembly.layout.trees if set(each.robots) == set(modules)), None)
-    if tree is None or not tree.is_organism:
+    if not is_whole:
         trees = [each.robots for each in world.assembly.layout.trees if each.is_organism]
         raise OptionError(
             f"robots {modules} are not one organism yet; there are {trees}: step until they have mated and folded arms"
@@ -52,10 +64,9 @@ def read_organism(world: DynamicWorld, modules: Sequence[int]) -> dict[str, np.n
 
 def _find_touches(world: DynamicWorld) -> Float[np.ndarray, " N"]:
     """Return the sum of the normal forces on each robot [N]."""
-    touches, force = np.zeros(world.num_robots), np.zeros(6)
-    for index in range(world.data.ncon):
-        mujoco.mj_contactForce(world.assembly.model, world.data, index, force)
-        for robot in world.assembly.owners[world.data.contact.geom[index]]:
-            if robot >= 0:
-                touches[robot] += force[0]
+    touches = np.zeros(world.num_robots)
+    owners, forces = find_contact_forces(world.assembly, world.data)
+    for side in range(2):
+        is_robot = owners[:, side] >= 0
+        np.add.at(touches, owners[is_robot, side], forces[is_robot, 0])
     return touches
