@@ -76,7 +76,7 @@ def measure_speed(arena: Arena, blocks: int) -> dict[str, float]:
 
     Args:
         arena: where.
-        blocks: of 50 decisions; the median counts.
+        blocks: of 50 decisions; the median counts, the best is stated as well.
     """
     world = scatter(arena, NUM_ROBOTS, 0)
     senses, signals = Senses(world, laser=True), Signals(world)
@@ -98,13 +98,13 @@ def measure_speed(arena: Arena, blocks: int) -> dict[str, float]:
                 clock.append(time.process_time())
             parts += np.diff(clock)
         shares.append(parts / decisions)
-    part = np.median(shares, axis=0)
-    total = float(np.median(np.sum(shares, axis=1)))
+    part, totals = np.median(shares, axis=0), np.sum(shares, axis=1)
     return {
-        "times_real_time": DECISION / total,
-        "step_ms": 1e3 * part[0],
-        "senses_ms": 1e3 * part[1],
-        "signals_ms": 1e3 * part[2],
+        "times_real_time": float(DECISION / np.median(totals)),
+        "best_times_real_time": float(DECISION / np.min(totals)),
+        "step_ms": float(1e3 * part[0]),
+        "senses_ms": float(1e3 * part[1]),
+        "signals_ms": float(1e3 * part[2]),
     }
 
 

@@ -59,6 +59,7 @@ def test_a_robot_tilts_with_the_ground_and_drives_along_it():
     arena = make_floor(tilt=0.2)
     world = make_world([0.0, 0.0, 0.0], arena)
     start = world.state.position[0]
+    np.testing.assert_allclose(start, [0.0, 0.0, SCOUT.size[2] / 2 / np.cos(0.2)], atol=1e-9)
     state = run(world, 10, [0.1, 0.1])
     assert np.arcsin(state.rotation[0, 2, 0]) == pytest.approx(0.2)
     np.testing.assert_allclose(
