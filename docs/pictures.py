@@ -369,7 +369,9 @@ def main() -> None:
     draw_baselines(_load_results("baselines"))
     draw_learning(_load_results("baselines"))
     draw_crossing(_load_results("evolution"))
-    draw_docking_times(_load_results("swarm")["docking"])
+    docking = _load_results("swarm").get("docking", {}) if (RESULTS / "swarm.json").is_file() else {}
+    if "simulated_judged" in docking:
+        draw_docking_times(docking)
     if sys.argv[1:] == ["results"]:
         return
     draw_colors()

@@ -58,7 +58,7 @@ def measure_docking(quick: bool) -> dict[str, Any]:
     if not HARDWARE.is_file():
         return {"skipped": f"{HARDWARE.name} is not there"}
     fitted, judged = read_hardware(0), read_hardware(1)
-    found = {"hardware_fitted": describe(fitted), "hardware_judged": describe(judged)}
+    found: dict[str, Any] = {"hardware_fitted": describe(fitted), "hardware_judged": describe(judged)}
     parts = [run_part(judged, part) for part in range(1 if quick else PARTS)]
     joined = DockingTimes(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     found["simulated_judged"] = describe(joined)

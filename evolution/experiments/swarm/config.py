@@ -37,7 +37,7 @@ class StoryConfig:
     seed: int = 0
     num_robots: int = 8
     docks: bool = True
-    gather_time: float = 1500.0
+    gather_time: float = 2400.0
     cross_time: float = 120.0
     part_time: float = 120.0
     weights: BehaviorWeights = field(default_factory=BehaviorWeights)

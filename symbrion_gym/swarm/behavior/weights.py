@@ -69,7 +69,7 @@ class BehaviorWeights:
     lost_time: float = _weight(3.0, 0.3, 15.0)
     accept_time: float = _weight(60.0, 10.0, 200.0)
     guide_offset: float = _weight(0.35, 0.2, 0.8)
-    patience: float = _weight(300.0, 60.0, 900.0)
+    patience: float = _weight(600.0, 60.0, 900.0)
 
     def __post_init__(self) -> None:
         for name, (low, high) in list_bounds().items():

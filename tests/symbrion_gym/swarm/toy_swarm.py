@@ -9,12 +9,17 @@ import numpy as np
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.behavior.percepts import NOBODY, Heard, Percepts, Wired, Words
-from symbrion_gym.swarm.behavior.steering import HALF_GAUGE, SIDE_ANGLES, SLIP, wrap
+from symbrion_gym.swarm.behavior.percepts import Heard, Percepts, Wired, Words
+from symbrion_gym.swarm.behavior.steering import HALF_GAUGE, SIDE_ANGLES, SLIP
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
 
 REACH = np.array([ScoutConfig().arm_reach, 0.0525, 0.0525, 0.0525])
 CONE, RANGE = np.pi / 3, 1.5
+
+
+def wrap(angle):
+    """Return angles within -pi to pi."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 class ToySwarm:
@@ -185,6 +190,3 @@ def scatter(num_robots: int, course: Course, seed: int) -> np.ndarray:
         if all(np.hypot(pose[0] - p[0], pose[1] - p[1]) > 0.25 for p in poses):
             poses.append(pose)
     return np.array(poses)
-
-
-NOBODY_ROW = NOBODY
