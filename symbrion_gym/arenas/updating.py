@@ -15,6 +15,7 @@ from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.ground_friction import GroundFriction, choose_friction
 from symbrion_gym.arenas.making import make_arena
+from symbrion_gym.arenas.placed_objects import name_objects
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import ScannedSurface, find_two_sided, repair_surface, take_surface
 from symbrion_gym.arenas.seen_places import choose_positions
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from reconstruction.slip.patches import FrictionEstimate
 
 logger = logging.getLogger(__name__)
+_NEAR_OBJECT = 0.03
+"""Changes this near to the box of a known object concern it [m]."""
 
 
 def update_arena(
@@ -97,6 +100,7 @@ def update_arena(
     if found.contact is None:
         return _build_again(arena, surface, viewpoints, options, found.reason, found.notes, ground, progress)
     progress("done", 1.0)
+    _tell_of_objects(arena, mesh, update)
     updated = _replace(arena, mesh, scanned, found.contact, accuracy, found.notes, options)
     return _lay_friction(updated, ground)
 
@@ -137,6 +141,23 @@ def _read_options(arena: Arena, config: ContactConfig | None) -> ContactOptions:
     names = ("accuracy", "max_pieces", "kind", "thickness", "seed", "time_limit")
     given = {name: known[name] for name in names if name in known}
     return ContactOptions(**given, config=config or ContactConfig())
+
+
+def _tell_of_objects(arena: Arena, mesh: trimesh.Trimesh, update: UpdateConfig) -> None:
+    """Log which known objects stand where the surface has changed: they may have been moved or taken away."""
+    if not arena.objects:
+        return
+    is_new, is_gone = find_changed_faces(arena.surface, mesh, update.digits)
+    changed = np.concatenate([mesh.triangles[is_new], arena.surface.triangles[is_gone]]).reshape(-1, 3)
+    for name, each in name_objects(arena.objects).items():
+        corners = np.asarray(each.mesh.vertices) @ each.rotation.T + each.position
+        low, high = corners.min(axis=0) - _NEAR_OBJECT, corners.max(axis=0) + _NEAR_OBJECT
+        if ((changed >= low) & (changed <= high)).all(axis=1).any():
+            logger.warning(
+                "%s: %s stays where the surface has changed; find it again, it may have moved",
+                arena.name,
+                name,
+            )
 
 
 def _replace(
