@@ -30,7 +30,7 @@ from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import ChangeConfig
 from reconstruction.networks.change.free_space import FreeSpaceConfig
-from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig, MotionConfig
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction.slip.readings import SlipReadings
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.ready_made import SPACING
@@ -56,9 +56,8 @@ RAYS_ONLY = ChangeConfig(
 All readings are compared, and few that disagree suffice: the floor beside a new wall has many more that agree. They are
 compared with many old readings: with one or two of them for each unit, all new ones at a box may disagree by chance.
 """
-LOCAL = GSRMRefinementConfig(min_confirmations=1e9, motion=MotionConfig(max_distance=0.8))
-"""Units that a few readings have missed next to a change are not gone with it; and floor does not move up to become the
-lid of a box that is as high as an edge is long: the box has sides, and its surface needs more units."""
+LOCAL = GSRMRefinementConfig(min_confirmations=1e9)
+"""Units that a few readings have missed next to a change are not gone with it."""
 Made = TypeVar("Made")
 
 

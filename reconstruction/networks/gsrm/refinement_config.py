@@ -10,14 +10,15 @@ class MotionConfig:
     """When a contradicted part moves with its faces instead of being grown again. Lengths are in mean edges.
 
     Attributes:
-        max_distance: a part moves where only few readings are farther from it; beyond, its faces would not fit.
+        max_distance: a part moves where only few readings are farther from it; beyond, its faces would not fit. With an
+            edge and more, floor moves up to become the lid of a box that is as high, whose sides have no units.
         max_gone_share: it moves where no larger share of its units is gone without new readings next to them.
         max_edge: an edge that would become longer shows that units are missing there: the part stays and is grown
             again.
         settle_passes: passes in which each unit moves to the mean of the samples it wins.
     """
 
-    max_distance: float = 1.5
+    max_distance: float = 0.8
     max_gone_share: float = 0.2
     max_edge: float = 3.5
     settle_passes: int = 3

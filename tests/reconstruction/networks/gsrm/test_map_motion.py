@@ -81,3 +81,12 @@ def test_a_part_far_from_its_readings_or_gone_grows_anew(sheet):
     assert np.flatnonzero(find_movable(faces, is_doubtful, far, EDGE, CONFIG.motion, 3)).tolist() == [143]
     gone = _make_change([0, 0, 0], 0.05, nothing, is_doubtful)
     assert not find_movable(faces, is_doubtful, gone, EDGE, CONFIG.motion, 3).any()
+
+
+def test_floor_does_not_become_the_lid_of_a_box_as_high_as_an_edge(sheet):
+    faces = sheet[1]
+    is_below, nothing = np.zeros(SIDE**2, dtype=bool), np.zeros(SIDE**2, dtype=bool)
+    is_below[[0, 1]] = True
+    for height, is_lifted in ((0.6 * EDGE, True), (EDGE, False)):
+        change = _make_change([0, 0, 0, 1, 1, 1], height, is_below, nothing)
+        assert find_movable(faces, is_below, change, EDGE, CONFIG.motion, 3).any() == is_lifted
