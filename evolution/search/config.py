@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
+from evolution.backends.making import LOCAL_BACKENDS
 from evolution.backends.nested import Nested
 from evolution.backends.parts import (
     BodyConfig,
@@ -134,6 +135,11 @@ class EvolutionConfig(Nested):
                 f"arena is {type(self.arena).__name__}; a run is stored as text: "
                 "save the arena in a folder and name that"
             )
+        if not isinstance(self.body, BodyConfig):
+            raise RunError(
+                f"body is {type(self.body).__name__}; a `BodyConfig` is needed. To search for bodies, give `evolve` a "
+                "BodyEvolutionConfig(bodies=BodiesConfig(...))"
+            )
         self.set_field("stages", tuple(self.stages))
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
@@ -156,7 +162,7 @@ class EvolutionConfig(Nested):
     @property
     def must_be_restorable(self) -> bool:
         """Whether a file or other processes must find again what a user wrote."""
-        return self.execution.folder is not None or self.execution.backend != "batch"
+        return self.execution.folder is not None or self.execution.backend not in LOCAL_BACKENDS
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:
