@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from benchmarks.material.object_rooms import PlacedObject, RoomSurvey, make_room, move
+from benchmarks.material.object_rooms import PlacedObject, RoomSurvey, make_room, place_mesh
 from benchmarks.material.ray_casts import make_embree_cast
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.scans.depth_image import Intrinsics, load_depth_image
@@ -43,7 +43,7 @@ def make_depth_survey(
     rng = np.random.default_rng(seed)
     parts, placed, _ = make_room(meshes, rng, 1, 1)
     target = placed[0]
-    bodies = [*parts, move(meshes[target.name], target)] if has_object else parts
+    bodies = [*parts, place_mesh(meshes[target.name], target)] if has_object else parts
     view = _look_at(target, distance, rng)
     directions = _list_directions()
     cast = make_embree_cast(trimesh.util.concatenate(bodies))

@@ -101,7 +101,7 @@ def _scan(
     rng: np.random.Generator,
 ) -> RoomSurvey:
     """Cast the beams; every reading knows the body that it is on."""
-    bodies = [*parts, *(move(meshes[each.name], each) for each in placed)]
+    bodies = [*parts, *(place_mesh(meshes[each.name], each) for each in placed)]
     whole = trimesh.util.concatenate(bodies)
     owner = np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies])
     from trimesh.ray.ray_pyembree import RayMeshIntersector
@@ -130,7 +130,7 @@ def _scan(
     )
 
 
-def move(mesh: trimesh.Trimesh, each: PlacedObject) -> trimesh.Trimesh:
+def place_mesh(mesh: trimesh.Trimesh, each: PlacedObject) -> trimesh.Trimesh:
     """Return an object's mesh at its place."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = each.rotation, each.position
