@@ -23,16 +23,6 @@ COLOR = (
     ),
     *(
         Claim(
-            f"{GROUPS[group]}: error of the texture where a reading lies within 5 cm, too, likewise",
-            "{0:.3f}",
-            (Value("color", f"{group}/*/texture_read", "max"),),
-            bar="<= 0.05",
-            set_after=True,
-        )
-        for group in ("scenes", "held-out scenes")
-    ),
-    *(
-        Claim(
             f"{GROUPS[group]}: error of the vertices' colors, likewise",
             "{0:.3f}",
             (Value("color", f"{group}/*/vertices", "max"),),
