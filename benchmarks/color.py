@@ -97,7 +97,7 @@ def measure_scenes(patterns: dict[str, str], quick: bool = False) -> dict[str, d
         surface = reconstruct(cloud)
         with tempfile.TemporaryDirectory() as folder:
             write_surface(Path(folder), surface)
-            row = judge(Path(folder), made.truth, PAINTS[pattern])
+            row = judge(Path(folder), made.truth, PAINTS[pattern], readings=made.points)
         rows[f"{name}, {pattern}"] = _report(f"{name}, {pattern}", row)
     return rows
 

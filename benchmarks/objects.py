@@ -4,26 +4,29 @@ Run as `python -m benchmarks.objects [--only PART ...] [--quick]`. Rooms have ra
 walls at any angle, and clutter, some of it on the walls and as large as a socket; a simulated scanner with a noise of
 5 mm and beams 0.4° apart stands at four places (`benchmarks/material/object_rooms.py`). Seeds 0 to 99 were used for
 development; the figures are those of the 20 surveys from seed 1000 on. The table of what can be found goes over four
-objects, the noise and the distance of the beams.
+objects, the noise and the distance of the beams. `depth` searches depth images, `real` real scans without such objects.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import time
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import reconstruction as rc
 from benchmarks.material.known_objects import OBJECTS, make_socket
+from benchmarks.material.object_depth import make_depth_survey
 from benchmarks.material.object_rooms import MIN_READINGS, RoomScan, RoomSurvey, make_survey
 from benchmarks.report import write_results
 from reconstruction.objects.finding import FoundObject
 from reconstruction.objects.model import make_model
 from reconstruction.objects.symmetry import find_angle
 
-PARTS = ("sockets", "detectability")
+PARTS = ("sockets", "detectability", "depth", "real")
 HELD_OUT, NUM_SURVEYS = 1000, 20
 SAME_PLACE = 0.1
 """A find belongs to the nearest object of its kind within this distance [m]; else it is false."""
@@ -33,6 +36,10 @@ CONDITIONS = {
     "noise 10 mm": RoomScan(noise=0.010),
     "noise 5 mm, beams 0.8° apart": RoomScan(step=0.8),
 }
+SCANS = Path(__file__).parents[2] / "shared" / "data"
+REAL_SCANS = ("pcl_depth_camera_room.pcd", "libpointmatcher_apartment_cloud_0.vtk", "3dtk_scan000.3d")
+"""A depth camera in an office, a laser in a flat, a laser in a building."""
+NUM_IMAGES = 10
 NUM_PLACED = 5
 """Objects in a room of the table."""
 
@@ -66,8 +73,12 @@ def run(quick: bool = False, parts: tuple[str, ...] = PARTS) -> dict[str, Any]:
     for part in parts:
         if part == "sockets":
             results[part] = measure_sockets(2 if quick else NUM_SURVEYS)
-        else:
+        elif part == "detectability":
             results[part] = measure_detectability(quick)
+        elif part == "depth":
+            results[part] = measure_depth(2 if quick else NUM_IMAGES)
+        else:
+            results[part] = measure_real(REAL_SCANS[: 1 if quick else None])
         print(part, results[part])
         write_results("objects", {part: results[part]})
     return results
@@ -103,6 +114,34 @@ def measure_detectability(quick: bool) -> dict[str, dict[str, Any]]:
             rows[f"{name}, {condition}"] = summarize([judge(survey, found, meshes)])
             print(f"{name}, {condition}: {rows[f'{name}, {condition}']}", flush=True)
     return rows
+
+
+def measure_depth(num_images: int) -> dict[str, Any]:
+    """Search depth images of rooms for sockets: as many with one, 0.6 to 1.2 m away, as without; seeds from 3000 on."""
+    meshes = {"socket": make_socket()}
+    judged, seconds = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(2 * num_images):
+            distance = 0.6 + 0.6 * (number // 2) / max(num_images - 1, 1)
+            survey = make_depth_survey(meshes, 3000 + number, Path(folder), distance, number % 2 == 0)
+            begin = time.process_time()
+            found = rc.find_objects(survey.cloud, meshes)
+            seconds.append(time.process_time() - begin)
+            judged.append(judge(survey, found, meshes))
+            print(f"image {number}, {distance:.2f} m: {judged[-1]}, {seconds[-1]:.1f} s", flush=True)
+    return summarize(judged) | {"images": 2 * num_images, "cpu_s_median": float(np.median(seconds))}
+
+
+def measure_real(names: tuple[str, ...]) -> dict[str, Any]:
+    """Search real scans of rooms for sockets of a kind that none of them has: every find is false."""
+    meshes, rows = {"socket": make_socket()}, {}
+    for name in names:
+        cloud = rc.load_cloud(SCANS / name)
+        begin = time.process_time()
+        found = rc.find_objects(cloud, meshes)
+        rows[name] = {"readings": cloud.num_points, "false": len(found), "cpu_s": time.process_time() - begin}
+        print(name, rows[name], flush=True)
+    return {"scans": rows, "false": sum(row["false"] for row in rows.values())}
 
 
 def judge(survey: RoomSurvey, found: list[FoundObject], meshes: dict[str, Any]) -> Judged:

@@ -15,6 +15,7 @@ from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.living import LIVING
 from benchmarks.claims.objects import OBJECTS
 from benchmarks.claims.physics import PHYSICS
+from benchmarks.claims.primitives import PRIMITIVES
 from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
@@ -32,6 +33,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Places that change": LIVING,
     "Arenas": ARENA,
     "Arenas of other people's scans": REAL_SCANS,
+    "Primitives in place of triangles": PRIMITIVES,
     "Known objects": OBJECTS,
     "Environment": ENVIRONMENT,
     "Physics against theory": PHYSICS,

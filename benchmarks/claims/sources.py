@@ -123,6 +123,13 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "reconstruction/scans",
         *(f"benchmarks/material/{name}.py" for name in _REAL_SCANS),
     ),
+    "primitives": (
+        *_NETWORKS,
+        "reconstruction/surfaces/primitives",
+        "symbrion_gym/arenas/primitives.py",
+        "benchmarks/material/plain_rooms.py",
+        "benchmarks/primitives.py::measure_scene",
+    ),
     "objects": (
         "reconstruction/objects",
         "reconstruction/geometry",

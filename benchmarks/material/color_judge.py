@@ -12,6 +12,7 @@ from typing import NamedTuple
 import igl
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 
 Paint = Callable[[np.ndarray], np.ndarray]
 """Returns the true colors (0 to 1) of positions [m]."""
@@ -68,7 +69,9 @@ PAINTS: dict[str, Paint] = {
 }
 
 
-def judge(folder: Path, truth: trimesh.Trimesh, paint: Paint, seed: int = 0) -> dict[str, float]:
+def judge(
+    folder: Path, truth: trimesh.Trimesh, paint: Paint, seed: int = 0, readings: np.ndarray | None = None
+) -> dict[str, float]:
     """Compare the colors in a folder (`surface.obj`, `surface.png`) with the true ones, at places of the true surface.
 
     Args:
@@ -76,6 +79,8 @@ def judge(folder: Path, truth: trimesh.Trimesh, paint: Paint, seed: int = 0) -> 
         truth: the true surface [m].
         paint: its colors.
         seed: of the places.
+        readings: `[N, 3]` colored points that the surface was made of [m]: adds `texture_read`, that of the places away
+            from edges that have a reading as near as edges may be, and `read`, their share.
 
     Returns:
         Root mean square errors over red, green and blue, of 1: `vertices` and `texture` away from edges,
@@ -90,7 +95,14 @@ def judge(folder: Path, truth: trimesh.Trimesh, paint: Paint, seed: int = 0) -> 
     true, away = paint(places), find_away(places, paint)
     by_vertex = np.einsum("nk,nki->ni", weights, surface.colors[surface.faces[face]])
     by_texture = _look_up(surface, face, weights)
-    return {
+    extra: dict[str, float] = {}
+    if readings is not None:
+        is_read = away & (cKDTree(readings).query(places)[0] <= EDGE)
+        extra = {
+            "texture_read": _rms((by_texture - true)[is_read]),
+            "read": float(is_read.sum() / away.sum()),
+        }
+    return extra | {
         "vertices": _rms((by_vertex - true)[away]),
         "texture": _rms((by_texture - true)[away]),
         "texture_everywhere": _rms(by_texture - true),

@@ -71,6 +71,14 @@ def make_survey(
         how: noise and spacing of the scan; None for the defaults.
     """
     rng, how = np.random.default_rng(seed), how or RoomScan()
+    parts, placed, viewpoints = make_room(meshes, rng, num_objects, how.num_viewpoints)
+    return _scan(meshes, parts, placed, viewpoints, how, rng)
+
+
+def make_room(
+    meshes: dict[str, trimesh.Trimesh], rng: np.random.Generator, num_objects: int | None, num_viewpoints: int
+) -> tuple[list[trimesh.Trimesh], list[PlacedObject], np.ndarray]:
+    """Return the bodies of a room, the objects in it, and places for the scanner that are clear of both."""
     size = np.array([rng.uniform(4.0, 6.5), rng.uniform(3.5, 5.0), rng.uniform(2.4, 2.8)])
     count = int(rng.integers(0, 7)) if num_objects is None else num_objects
     parts, spheres = _make_shell(size), []
@@ -79,10 +87,9 @@ def make_survey(
     for _ in range(count):
         name = names[int(rng.integers(len(names)))]
         _place_object(rng, size, name, meshes[name], placed, spheres)
-    viewpoints = _choose_viewpoints(rng, size, how.num_viewpoints)
+    viewpoints = _choose_viewpoints(rng, size, num_viewpoints)
     keep = [(viewpoint, 0.25) for viewpoint in viewpoints] + spheres
-    parts += _make_clutter(rng, size, keep)
-    return _scan(meshes, parts, placed, viewpoints, how, rng)
+    return [*parts, *_make_clutter(rng, size, keep)], placed, viewpoints
 
 
 def _scan(
@@ -94,7 +101,7 @@ def _scan(
     rng: np.random.Generator,
 ) -> RoomSurvey:
     """Cast the beams; every reading knows the body that it is on."""
-    bodies = [*parts, *(_move(meshes[each.name], each) for each in placed)]
+    bodies = [*parts, *(place_mesh(meshes[each.name], each) for each in placed)]
     whole = trimesh.util.concatenate(bodies)
     owner = np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies])
     from trimesh.ray.ray_pyembree import RayMeshIntersector
@@ -123,7 +130,8 @@ def _scan(
     )
 
 
-def _move(mesh: trimesh.Trimesh, each: PlacedObject) -> trimesh.Trimesh:
+def place_mesh(mesh: trimesh.Trimesh, each: PlacedObject) -> trimesh.Trimesh:
+    """Return an object's mesh at its place."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = each.rotation, each.position
     return mesh.copy().apply_transform(pose)

@@ -34,6 +34,10 @@ DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
 WIDTH = 760
 """Width of each picture [pixel]."""
 SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of red, green and blue in a gray (ITU-R BT.709)."""
+LIGHTEST, MUTED_CONTRAST = 0.92, 0.35
+"""Of the grays in place of a scan's colors, below contact or drivable ground: white, and what of the contrast stays."""
 CONTACT_OPACITY = 0.40
 CONTACT_COLOR, PLAIN_OPACITY = (0.36, 0.44, 0.90), 0.25
 """Of contact over colored ground; else each piece has its own color."""
@@ -84,9 +88,10 @@ def draw_arena(
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
         picture = np.ones((*pixels.face.shape, 3))
         if "surface" in layers:
-            picture = shade_pixels(
-                pixels, np.asarray(arena.surface.triangles), _color_pixels(arena, pixels, view)
-            )
+            colors = _color_pixels(arena, pixels, view)
+            if arena.texture is not None and {"contact", "drivable"} & set(layers):
+                colors = mute(colors)
+            picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), colors)
             picture = add_friction(picture, pixels, view, arena)
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
@@ -119,6 +124,12 @@ def _color_pixels(
     colors = np.ones((*pixels.face.shape, 3))
     colors[rows, columns] = arena.texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
     return colors
+
+
+def mute(colors: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
+    """Return light grays in place of colors: a scan's colors through translucent layers would be none of either."""
+    gray = colors @ LUMA
+    return np.repeat((LIGHTEST - MUTED_CONTRAST * (1.0 - gray))[..., None], 3, axis=-1)
 
 
 def _add_contact(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +31,7 @@ from reconstruction.scans.cloud import Cloud
 if TYPE_CHECKING:
     import trimesh
 
+logger = logging.getLogger(__name__)
 _NUM_NEIGHBORS = 14
 """Cells whose plane gives a normal."""
 _CERTAIN = 0.96
@@ -50,6 +52,8 @@ _MAX_POINTS = 150
 """More points of a region are not matched: the time grows with their square."""
 _FINAL_REACHES = (0.1, 0.08, 0.07, 0.07, 0.07)
 """Of the last fit, to all cells of a region; see `align`."""
+_BLURRED = 0.25
+"""An object is not searched where readings may be off it by more than this share of its radius: all would fit."""
 _APART = 0.8
 """Objects are farther apart than this share of the sum of their inner radii: two cannot be at one place."""
 
@@ -132,6 +136,13 @@ def find_objects(
     found: list[_Candidate] = []
     for number, model in enumerate(models):
         scene = _prepare(cloud, model, config, seed)
+        if config.tolerance * scene.noise > _BLURRED * model.radius:
+            logger.warning(
+                "%s is not searched: with a noise of %.0f mm its shape cannot be told from others",
+                model.name,
+                1000 * scene.noise,
+            )
+            continue
         regions = find_regions(scene.cells.points, model, config)
         detector = make_detector(model, config)
         mine: list[_Candidate] = []

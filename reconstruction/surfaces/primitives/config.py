@@ -56,7 +56,7 @@ class PrimitivesConfig:
     min_part: float = 0.003
     min_covered: float = 0.3
     max_exposed: float = 0.02
-    max_open: float = 0.005
+    max_open: float = 0.01
     min_rectangle: float = 0.06
     min_rectangle_hollow: float = 0.02
     hollow: float = 1.5
@@ -65,7 +65,7 @@ class PrimitivesConfig:
     cell: float = 0.01
     margin: float = 0.003
     thickness: float = 0.004
-    reach: float = 0.1
+    reach: float = 0.2
     apart: float = 0.3
     fewest: int = 30
     max_radius: float = 1.0

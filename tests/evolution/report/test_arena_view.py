@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import symbrion_gym as sg
-from evolution.report.arena_view import draw_arena
+from evolution.report.arena_view import draw_arena, mute
 from evolution.report.pictures import to_png
 
 
@@ -43,6 +43,17 @@ def test_layers_have_their_colors(truth: sg.Arena) -> None:
     assert (np.ptp(surface, axis=2) > 25).mean() < 0.001
     route = draw(truth, "surface", "route")
     assert ((route[..., 0] > 120) & (route[..., 1] < 40)).sum() > 100
+
+
+def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
+    arena = sg.Arena.from_course(sg.Course(color_pattern="checker"))
+    assert (np.ptp(draw(arena, "surface"), axis=2) > 60).mean() > 0.2
+    grays = mute(np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(grays.max(axis=1), [0.92, 0.57, 0.57 + 0.35 * 0.2126])
+    assert np.ptp(grays, axis=1).max() == 0.0
+    ground = draw(arena, "surface", "drivable")
+    plain = draw(sg.load_arena("truth"), "surface", "drivable")
+    assert abs(find_share(ground, 1) - find_share(plain, 1)) < 0.05
 
 
 def test_equal_arenas_give_equal_pictures(truth: sg.Arena) -> None:

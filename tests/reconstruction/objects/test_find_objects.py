@@ -87,3 +87,10 @@ def test_of_two_finds_at_one_place_the_better_is_kept():
         for pose, score in zip(poses, (0.95, 0.99, 0.96), strict=True)
     ]
     assert suppress(found) == [found[1], found[2]]
+
+
+def test_nothing_is_found_where_the_noise_hides_the_shape(library, caplog):
+    scan, meshes = make_scan(2), {"socket": make_socket()}
+    cloud = getattr(scan, "cloud", scan)
+    assert rc.find_objects(cloud, meshes, rc.ObjectsConfig(noise=0.02)) == []
+    assert "socket is not searched: with a noise of 20 mm" in caplog.text
