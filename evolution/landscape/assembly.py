@@ -46,8 +46,10 @@ def assemble(
         rows = []
         for name, row in tables.items():
             values = judged[name][kind]
-            if len(values) < len(row):
-                raise RunError(f"{len(values)} of {len(row)} bodies are judged in {name!r}; let it go on")
+            if len(values) < len(places[name]):
+                raise RunError(
+                    f"{len(values)} of {len(places[name])} bodies are judged in {name!r}; let it go on"
+                )
             rows.append([getattr(values[places[name][each.pupil.key]], quantity) for each in row])
         return np.array(rows)
 
