@@ -48,8 +48,13 @@ def make(folder, **changes):
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    return make(tmp_path_factory.mktemp("landscape"))
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("landscape")
+
+
+@pytest.fixture(scope="module")
+def table(folder):
+    return make(folder)
 
 
 def test_every_body_has_learned_every_task(table):
@@ -59,7 +64,7 @@ def test_every_body_has_learned_every_task(table):
     assert table.curve.shape == (2, 39, 2)
     best = table.bodies[int(np.argmax(table.fitness[0]))]
     assert best.canonical_text.count("(") == 3
-    assert np.mean(table.fitness - table.truth_fitness) == pytest.approx(0.5, abs=0.01)
+    assert (table.fitness > table.truth_fitness).all()
 
 
 def test_in_parts_and_at_once_the_bytes_are_equal(table, tmp_path):
@@ -71,14 +76,12 @@ def test_in_parts_and_at_once_the_bytes_are_equal(table, tmp_path):
         let_bodies_learn(other, ARENAS, tmp_path, simulate=simulate)
 
 
-def test_what_is_stored_is_not_tried_again(table, tmp_path):
-    make(tmp_path)
-
+def test_what_is_stored_is_not_tried_again(table, folder):
     def refuse(jobs, threads):
         raise AssertionError("nothing is left to be tried")
 
-    runs = let_bodies_learn(CONFIG, ARENAS, tmp_path, simulate=refuse)
-    judged = judge_bodies(CONFIG, runs, TRUTHS, tmp_path, simulate=refuse)
+    runs = let_bodies_learn(CONFIG, ARENAS, folder, simulate=refuse)
+    judged = judge_bodies(CONFIG, runs, TRUTHS, folder, simulate=refuse)
     assert assemble(CONFIG, runs, judged, {}).to_bytes() == table.to_bytes()
 
 
