@@ -14,6 +14,7 @@ from evolution.cli.commands.paper import Paper
 from evolution.cli.commands.reconstruct import Reconstruct
 from evolution.cli.commands.replay import Replay
 from evolution.cli.commands.survey import Survey
+from evolution.cli.commands.swarm import Swarm
 from evolution.cli.commands.view import View
 
 COMMANDS: dict[str, type[Command]] = {
@@ -29,6 +30,7 @@ COMMANDS: dict[str, type[Command]] = {
     "compare": Compare,
     "demo": Demo,
     "live": Live,
+    "swarm": Swarm,
     "paper": Paper,
     "bench-suite": BenchSuite,
     "assets": Assets,

@@ -98,7 +98,7 @@ def test_a_score_that_was_raised_is_found_out(tmp_path):
         ({"genotype": (float("nan"),)}, "not finite"),
         ({"seconds": 1e5}, "were spent"),
         ({"task": "moon"}, "no task 'moon'"),
-        ({"task": FREE, "body": "8"}, "at most 5"),
+        ({"task": FREE, "body": "snake8"}, "at most 5"),
     ],
 )
 def test_entries_that_break_a_rule_are_refused(changes, message):
