@@ -82,6 +82,9 @@ def test_axes_are_checked_and_those_by_default_keep_the_digest():
     )
     assert config.digest() != other.digest()
     assert config.digest() == ev.BodyEvolutionConfig.from_json(config.to_json()).digest()
+    before = config.to_json()
+    del before["axes"], before["randomization"]["patch_friction"]
+    assert config.digest() == ev.BodyEvolutionConfig.from_json(before).digest()
 
 
 @pytest.mark.skipif(find_spec("ribs") is None, reason="the extra 'ribs' is not installed")
