@@ -85,7 +85,7 @@ def make_map(
     judged = judge_bodies(config, runs, truths, folder, workers, progress=show, kinds=kinds)
     revision = find_revision()
     provenance = {
-        "command": COMMAND if tasks == tuple(TASKS) else f"{COMMAND} --tasks {' '.join(tasks)}",
+        "command": f"{COMMAND} --largest {config.largest} --tasks {' '.join(tasks)} --judge {' '.join(kinds)}",
         "commit": revision.commit if revision else None,
         "versions": describe_versions(),
         "tasks": {name: dict(TASKS[name]) for name in tasks},
