@@ -84,7 +84,7 @@ def judge_bodies(
                     done += _try_again(backend, search, chunk, conditions, config.exam_trials)
                     _write(path, run, known)
                     progress(f"{name}, {kind}: {len(done)} of {len(learned)}", number / len(runs))
-            judged[name] = known
+            judged[name] = {kind: known[kind] for kind in kinds}
     finally:
         backend.close()
     return judged
