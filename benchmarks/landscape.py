@@ -14,7 +14,7 @@ from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
 from evolution.landscape.assembly import assemble
 from evolution.landscape.config import TASKS, LandscapeConfig
-from evolution.landscape.judging import judge_bodies
+from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.making import let_bodies_learn
 from evolution.landscape.places import save_places
 from evolution.landscape.reliability import describe_reliability
@@ -37,6 +37,7 @@ def run(
     workers: int = 1,
     largest: int | None = None,
     tasks: tuple[str, ...] = tuple(TASKS),
+    kinds: tuple[str, ...] = KINDS,
 ) -> dict[str, Any]:
     """Make the table and measure searches on it.
 
@@ -48,13 +49,14 @@ def run(
         workers: number of threads; they change nothing but the time.
         largest: largest number of modules; None: five.
         tasks: names of the tasks.
+        kinds: how learned genotypes are tried again, see `judge_bodies`.
     """
     results = Results("landscape")
     folder = folder or FOLDER / ("quick" if quick else "whole")
     out = out or (folder / "table" if quick else OUT)
     if not only or "map" in only:
         default = 2 if quick else LandscapeConfig().largest
-        table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks)
+        table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks, kinds)
         table.save(out)
         results.put("map", describe_reliability(table))
     if not only or "replays" in only:
@@ -67,7 +69,11 @@ def run(
 
 
 def make_map(
-    config: LandscapeConfig, folder: Path, workers: int = 1, tasks: tuple[str, ...] = tuple(TASKS)
+    config: LandscapeConfig,
+    folder: Path,
+    workers: int = 1,
+    tasks: tuple[str, ...] = tuple(TASKS),
+    kinds: tuple[str, ...] = KINDS,
 ) -> Landscape:
     """Let all bodies learn, judge them, and return the table; what the folder contains is not computed again."""
 
@@ -76,10 +82,10 @@ def make_map(
 
     arenas, truths = save_places(folder / "arenas", tasks, show)
     runs = let_bodies_learn(config, arenas, folder / "runs", workers, progress=show)
-    judged = judge_bodies(config, runs, truths, folder, workers, progress=show)
+    judged = judge_bodies(config, runs, truths, folder, workers, progress=show, kinds=kinds)
     revision = find_revision()
     provenance = {
-        "command": COMMAND if tasks == tuple(TASKS) else f"{COMMAND} --tasks {' '.join(tasks)}",
+        "command": f"{COMMAND} --largest {config.largest} --tasks {' '.join(tasks)} --judge {' '.join(kinds)}",
         "commit": revision.commit if revision else None,
         "versions": describe_versions(),
         "tasks": {name: dict(TASKS[name]) for name in tasks},
@@ -101,6 +107,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="threads; they change nothing but the time")
     parser.add_argument("--largest", type=int, help="largest number of modules (default: 5)")
     parser.add_argument("--tasks", nargs="*", default=list(TASKS), choices=TASKS, help="tasks of the map")
+    parser.add_argument("--judge", nargs="*", default=list(KINDS), choices=KINDS, help="kinds of judgments")
     options = parser.parse_args()
     run(
         options.quick,
@@ -110,6 +117,7 @@ def main() -> None:
         options.workers,
         options.largest,
         tuple(options.tasks),
+        tuple(options.judge),
     )
 
 

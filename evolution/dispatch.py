@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, overload
 
 from evolution.body_search.config import BodyEvolutionConfig
-from evolution.body_search.loop import evolve_bodies, resume_bodies
-from evolution.body_search.run import BodyRun, has_bodies
+from evolution.body_search.loop import evolve_bodies
+from evolution.body_search.run import BodyRun
 from evolution.search.config import EvolutionConfig
 from evolution.search.loop import evolve as evolve_controller
-from evolution.search.loop import resume as resume_controller
 from evolution.search.run import Run
 
 
@@ -37,16 +35,3 @@ def evolve(config: EvolutionConfig | BodyEvolutionConfig, **options: Any) -> Run
     if isinstance(config, BodyEvolutionConfig):
         return evolve_bodies(config, **options)
     return evolve_controller(config, **options)
-
-
-def resume(folder: str | Path, **options: Any) -> Run | BodyRun:
-    """Continue a run of either kind as if it had never stopped.
-
-    Args:
-        folder: folder of the run.
-        options: those of `evolution.search.loop.resume`, or of `resume_bodies`.
-
-    Raises:
-        RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
-    """
-    return (resume_bodies if has_bodies(folder) else resume_controller)(folder, **options)

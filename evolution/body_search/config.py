@@ -13,7 +13,7 @@ from evolution.backends.making import EXACT_BACKENDS
 from evolution.backends.nested import Nested
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution.backends.scoring import Scoring, find_scoring
-from evolution.backends.trials import TrialConfig, Trials
+from evolution.backends.trials import Randomization, TrialConfig, Trials
 from evolution.bodies.genome import BodyGenome
 from evolution.bodies.variation import OPERATORS, BodyLimits
 from evolution.body_search.descriptors import DESCRIPTORS
@@ -254,6 +254,10 @@ class BodyEvolutionConfig(Nested):
         content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
         if self.bodies.axes == BodiesConfig.axes:  # runs from before this field existed keep their digest
             del content["axes"]
+        if self.trial.randomization.patch_friction == Randomization.patch_friction:
+            content["randomization"] = {
+                k: v for k, v in content["randomization"].items() if k != "patch_friction"
+            }
         content = drop_none(list(content.items()))
         return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
 

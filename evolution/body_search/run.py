@@ -19,6 +19,7 @@ from typing import Any
 
 from evolution.backends.parts import BodyConfig
 from evolution.body_search.config import BodyEvolutionConfig
+from evolution.body_search.descriptors import DESCRIPTORS
 from evolution.body_search.learning import Lesson
 from evolution.body_search.record import BodyRecord
 from evolution.errors import RunError
@@ -60,20 +61,44 @@ class BodyRun:
     def champion(self) -> Champion | None:
         """The fittest body and its controller, as `judge`, `play` and `symbrion replay` take it."""
         best = self.best
-        if best is None:
-            return None
+        return None if best is None else self.make_champion(best)
+
+    def make_champion(self, lesson: Lesson) -> Champion:
+        """Return what a body has learned, as `judge` and `play` take it."""
         return Champion(
-            genotype=best.genotype,
-            names=best.names,
+            genotype=lesson.genotype,
+            names=lesson.names,
             arena=self.config.arena,
             generation=0,
-            fitness=best.fitness,
-            successes=best.successes,
-            trials=best.trials,
-            body=BodyConfig(organism=best.pupil.body.to_organism()),
+            fitness=lesson.fitness,
+            successes=lesson.successes,
+            trials=lesson.trials,
+            body=BodyConfig(organism=lesson.pupil.body.to_organism()),
             episode=self.config.episode,
             control=self.config.control,
         )
+
+    def find_elites(self, axes: tuple[str, ...] | None = None) -> dict[tuple[int, ...], Lesson]:
+        """Return the fittest body of each cell of an archive, among those that have learned to the last rung.
+
+        Args:
+            axes: names of descriptors; None for those of the run.
+        """
+        config = self.config.bodies
+        chosen = [DESCRIPTORS[name] for name in axes or config.axes]
+        elites: dict[tuple[int, ...], Lesson] = {}
+        for lesson in self.record.lessons:
+            if lesson.rung != len(self.config.learning.rungs) - 1:
+                continue
+            cell = []
+            for axis in chosen:
+                count, low, high = axis.limits(config.smallest, config.largest)
+                share = (axis.measure(lesson) - low) / (high - low)
+                cell.append(min(int(share * count), count - 1))
+            key = tuple(cell)
+            if key not in elites or lesson.fitness > elites[key].fitness:
+                elites[key] = lesson
+        return dict(sorted(elites.items()))
 
     @property
     def is_spent(self) -> bool:

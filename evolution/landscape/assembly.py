@@ -15,6 +15,9 @@ from evolution.landscape.judging import Judgment, find_learned
 from evolution.landscape.making import list_bodies
 from evolution.landscape.table import Landscape
 
+UNKNOWN = {"fitness": np.nan, "successes": -1}
+"""Values of what was not judged at all."""
+
 
 def assemble(
     config: LandscapeConfig,
@@ -45,9 +48,14 @@ def assemble(
     def judge(kind: str, quantity: str) -> np.ndarray:
         rows = []
         for name, row in tables.items():
-            values = judged[name][kind]
-            if len(values) < len(row):
-                raise RunError(f"{len(values)} of {len(row)} bodies are judged in {name!r}; let it go on")
+            values = judged[name].get(kind)
+            if values is None:
+                rows.append([UNKNOWN[quantity]] * len(row))
+                continue
+            if len(values) < len(places[name]):
+                raise RunError(
+                    f"{len(values)} of {len(places[name])} bodies are judged in {name!r}; let it go on"
+                )
             rows.append([getattr(values[places[name][each.pupil.key]], quantity) for each in row])
         return np.array(rows)
 

@@ -25,6 +25,8 @@ from reconstruction.progress import Progress, silent
 AGAIN = 2
 """A kind of trials with conditions that are neither those of learning nor those of the exam."""
 
+KINDS = ("truth", "again")
+
 
 class Judgment(NamedTuple):
     """How a learned genotype fared.
@@ -46,6 +48,7 @@ def judge_bodies(
     workers: int = 1,
     simulate: Simulate | None = None,
     progress: Progress = silent,
+    kinds: Sequence[str] = KINDS,
 ) -> dict[str, dict[str, list[Judgment]]]:
     """Try what each body has learned again, on the scan ("again") and in the truth ("truth").
 
@@ -57,6 +60,7 @@ def judge_bodies(
         workers: number of threads.
         simulate: the function that tries jobs; None means physics.
         progress: called with what is being done and the share done.
+        kinds: "truth" and "again", or one of them; what is left out is unknown in the table.
 
     Returns:
         Task -> kind of trials -> judgments in the order of the lessons.
@@ -72,13 +76,15 @@ def judge_bodies(
                 ("truth", in_truth, (EXAM, len(config.generations) - 1)),
                 ("again", run.config, (AGAIN, 0)),
             ):
+                if kind not in kinds:
+                    continue
                 done = known.setdefault(kind, [])
                 while len(done) < len(learned):
                     chunk = learned[len(done) : len(done) + CHILDREN]
                     done += _try_again(backend, search, chunk, conditions, config.exam_trials)
                     _write(path, run, known)
                     progress(f"{name}, {kind}: {len(done)} of {len(learned)}", number / len(runs))
-            judged[name] = known
+            judged[name] = {kind: known[kind] for kind in kinds}
     finally:
         backend.close()
     return judged

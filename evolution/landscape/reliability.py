@@ -11,9 +11,11 @@ from evolution.landscape.table import Landscape
 
 
 def correlate_ranks(first: Float[np.ndarray, " B"], second: Float[np.ndarray, " B"]) -> float:
-    """Return Spearman's rank correlation; 0 where one of them does not vary."""
+    """Return Spearman's rank correlation; 0 where one of them does not vary, NaN where one is unknown."""
     from scipy import stats
 
+    if np.isnan([*first, *second]).any():
+        return float("nan")
     if np.ptp(first) == 0.0 or np.ptp(second) == 0.0:
         return 0.0
     return float(stats.spearmanr(first, second).statistic)
@@ -31,7 +33,7 @@ def describe_reliability(table: Landscape) -> dict[str, Any]:
     for task, name in enumerate(table.tasks):
         fitness = table.fitness[task]
         best = int(np.argmax(fitness))
-        rows[name] = {
+        row = {
             "bodies": len(fitness),
             "best": float(fitness[best]),
             "best_body": table.bodies[best].text,
@@ -47,6 +49,8 @@ def describe_reliability(table: Landscape) -> dict[str, Any]:
             "within_95_percent": int(np.sum(fitness >= find_goal(table, task))),
             "seconds": float(table.seconds[task].sum()),
         }
+        unknown = {key for key, value in row.items() if isinstance(value, float) and np.isnan(value)}
+        rows[name] = {key: None if key in unknown else value for key, value in row.items()}
     return rows
 
 

@@ -59,6 +59,8 @@ def draw_truth(table: Landscape) -> Figure:
             ("truth", table.truth_fitness[task], PALETTE[0]),
         )
         for name, values, color in kinds:
+            if np.isnan(values).any():
+                continue
             label = f"{name}, rank correlation {correlate_ranks(fitness, values):.2f}"
             axes.plot(fitness, values, ".", color=color, markersize=4, label=label)
         ends = [fitness.min(), fitness.max()]

@@ -23,6 +23,23 @@ _TEMPLATE = jinja2.Environment(
 ).get_template("page.html.j2")
 
 
+@dataclasses.dataclass(frozen=True)
+class Card:
+    """A picture that opens.
+
+    Attributes:
+        picture: figure, or PNG.
+        label: below the picture.
+        text: shown when it is open.
+        video: H.264 in MP4, likewise; None for none.
+    """
+
+    picture: bytes | Figure
+    label: str
+    text: str
+    video: bytes | None = None
+
+
 @dataclasses.dataclass
 class Page:
     """A page to which blocks are added one after the other, and which is written at the end.
@@ -72,6 +89,19 @@ class Page:
             for label, item in pictures.items()
         ]
         self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
+
+    def add_cards(self, cards: Sequence[Card], caption: str) -> None:
+        """Add a grid of pictures; a click opens the text, and the video where there is one."""
+        shown = [
+            {
+                "source": _inline(_as_png(card.picture), "image/png"),
+                "label": card.label,
+                "text": card.text,
+                "video": _inline(card.video, "video/mp4") if card.video else "",
+            }
+            for card in cards
+        ]
+        self._blocks.append({"kind": "cards", "cards": shown, "caption": caption})
 
     def add_scene(self, scene: Scene, caption: str) -> None:
         """Add an interactive scene and its switches; a page can have one.

@@ -69,6 +69,8 @@ class SuiteTask:
         )
 
 
+CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"
+"""A module with others on all sides: five modules."""
 _GAP = {"task": "cross_gap", "start": "pit"}
 _WIDE = _GAP | {"duration": 30.0}
 _CLIMB, _ROUGH = {"task": "climb"}, {"task": "traverse"}
@@ -77,9 +79,9 @@ SUITE: tuple[SuiteTask, ...] = (
     SuiteTask("wide pit, 8 in a row, growing grid", "gg", 8, "truth", _WIDE),
     SuiteTask("wide pit, H", "gsrm", "H", "truth", _WIDE),
     SuiteTask("narrow pit, 4 in a row", "pit", 4, None, _GAP),
-    SuiteTask("narrow pit, cross", "pit", "cross", None, _GAP),
+    SuiteTask("narrow pit, cross", "pit", CROSS, None, _GAP),
     SuiteTask("stairs, 5 in a row", "stairs", 5, None, _CLIMB),
-    SuiteTask("stairs, cross", "stairs", "cross", None, _CLIMB),
+    SuiteTask("stairs, cross", "stairs", CROSS, None, _CLIMB),
     SuiteTask("rough ground, 5 in a row", "rough", 5, None, _ROUGH),
     SuiteTask("rough ground, H", "rough", "H", None, _ROUGH),
     SuiteTask("narrow pit, any body", "pit", None, None, _GAP),

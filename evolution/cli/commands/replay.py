@@ -35,6 +35,10 @@ class Replay(SeededCommand):
     where that had a place or a task, otherwise the floor."""
     video: Path | None = None
     """Record one trial without randomization in this file (.mp4)."""
+    page: Path | None = None
+    """Of a search for bodies: write a page (.html), a grid of the fittest body of each kind; a click shows it drive."""
+    films: int = 6
+    """Films on that page, of the fittest bodies."""
     viewer: bool = False
     """Show one trial without randomization in MuJoCo's viewer."""
     speed: float = 5.0
@@ -50,6 +54,12 @@ class Replay(SeededCommand):
             raise UsageError(f"--speed {self.speed} is not a speed; give a number above 0")
         if self.video is not None:
             require_writable_file(self.video, "--video", (".mp4",))
+        if self.page is not None:
+            require_writable_file(self.page, "--page", (".html",))
+            if not has_bodies(self.folder):
+                raise UsageError(f"--page {self.page}: {self.folder} is no search for bodies; leave it out")
+        if self.films < 0:
+            raise UsageError(f"--films {self.films} is negative; give 0 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
         """Judge, record and show the champion.
@@ -59,6 +69,8 @@ class Replay(SeededCommand):
         """
         if self.video is not None:
             require_extras("`symbrion replay --video`", "report")
+        if self.page is not None:
+            require_extras("`symbrion replay --page`", "report")
         champion = (ev.load_bodies if has_bodies(self.folder) else ev.load_run)(self.folder).champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
@@ -79,9 +91,20 @@ class Replay(SeededCommand):
             summary["successes"] = outcome.successes
         if self.video is not None:
             summary["video"] = self._film(champion, console)
+        if self.page is not None:
+            self._write_page(self.page, console)
+            summary["page"] = self.page
         if self.viewer:
             self._show(champion, console)
         return summary
+
+    def _write_page(self, path: Path, console: Console) -> None:
+        from evolution.report.body_page import make_body_page
+
+        with console.track("Page of bodies") as step:
+            page = make_body_page(ev.load_bodies(self.folder), self.films, self.seed, step.progress)
+        page.write(path)
+        console.print_line(f"{path}: a click on a body shows it drive")
 
     def _show(self, champion: "ev.Champion", console: Console) -> None:
         recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)

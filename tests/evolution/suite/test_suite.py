@@ -1,0 +1,160 @@
+"""The benchmark suite on made physics: rules of tasks, baselines, files, verification and the ranking."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from evolution.backends.outcome import Outcome
+from evolution.cli.command import UsageError
+from evolution.cli.commands.bench_suite import BenchSuite
+from evolution.errors import RunError
+from evolution.suite import submission as submission_module
+from evolution.suite import tasks as tasks_module
+from evolution.suite import verification
+from evolution.suite.baselines import METHODS
+from evolution.suite.leaderboard import count_wins, format_rows, rank
+from evolution.suite.running import run_suite
+from evolution.suite.submission import Score, Submission, load_submission
+from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
+
+FIXED, FREE = "wide pit, H", "narrow pit, any body"
+
+
+def simulate(jobs, threads):
+    """The nearer the genes to 0.3 the farther; trials take 5 s; the truth is a little harder."""
+    outcomes = []
+    for job in jobs:
+        is_true = not isinstance(job.trials.arena, str) or job.trials.arena == "truth"
+        progress = 1.0 - float(np.abs(job.genotype - 0.3).mean()) - 0.1 * is_true
+        successes = (bool(progress > 0.8),) * job.trials.count
+        outcomes.append(Outcome(progress, 0.0, successes, seconds=5.0 * job.trials.count))
+    return outcomes
+
+
+@pytest.fixture(autouse=True)
+def _use_made_physics(monkeypatch):
+    make = submission_module.make_backend
+    monkeypatch.setattr(submission_module, "make_backend", lambda *args: make(*args, simulate=simulate))
+    monkeypatch.setattr(tasks_module, "find_published_arena", lambda name: name)
+
+
+def run(method, seeds=(0,), tasks=(FIXED, FREE)):
+    return run_suite(method, seeds, tasks, budget=400.0, simulate=simulate)
+
+
+def test_the_suite_has_8_to_12_tasks_with_names_of_their_own():
+    assert 8 <= len(SUITE) <= 12
+    assert len({task.name for task in SUITE}) == len(SUITE)
+    with pytest.raises(RunError, match="no task 'moon'"):
+        find_suite_task("moon")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_equal_seeds_give_equal_entries(method):
+    assert run(method).entries == run(method).entries
+    spent = [entry.seconds for entry in run(method).entries]
+    assert spent == [0.0, 0.0] if method == "zero" else all(400.0 <= each <= 440.0 for each in spent)
+
+
+def test_learning_beats_chance_and_chance_beats_nothing():
+    fitness = {
+        name: np.mean([each.truth.fitness for each in run(name, seeds=(0, 1), tasks=(FIXED,)).entries])
+        for name in METHODS
+    }
+    assert fitness["cmaes"] > fitness["random"]
+    assert fitness["cmaes"] > fitness["zero"] == pytest.approx(0.6)
+
+
+def test_a_submission_is_read_as_written_and_verified(tmp_path):
+    found = run("cmaes")
+    found.save(tmp_path / "a.json")
+    read = load_submission(tmp_path / "a.json")
+    assert read.entries == found.entries
+    assert all(check.holds for check in verification.verify(read))
+
+
+def test_a_score_that_was_raised_is_found_out(tmp_path):
+    found = run("cmaes", tasks=(FIXED,))
+    entry = found.entries[0]
+    raised = replace(entry, truth=Score(entry.truth.fitness + 0.01, entry.truth.successes))
+    more = replace(entry, scan=Score(entry.scan.fitness, (entry.scan.successes + 1) % EXAM_TRIALS))
+    checks = verification.verify(Submission("raised", (entry, raised, more)))
+    assert [check.holds for check in checks] == [True, False, False]
+    Submission("raised", (raised,)).save(tmp_path / "raised.json")
+    from evolution.cli.console import Console
+
+    summary = BenchSuite(action="verify", files=(tmp_path / "raised.json",), quiet=True).run(
+        Console(True, True)
+    )
+    assert (summary["ok"], summary["failed"]) == (False, 1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"body": "SF0F0000"}, "the task gives"),
+        ({"genotype": (float("nan"),)}, "not finite"),
+        ({"seconds": 1e5}, "were spent"),
+        ({"task": "moon"}, "no task 'moon'"),
+        ({"task": FREE, "body": "snake8"}, "at most 5"),
+    ],
+)
+def test_entries_that_break_a_rule_are_refused(changes, message):
+    entry = run("zero", tasks=(FIXED,)).entries[0]
+    with pytest.raises(RunError, match=message):
+        Submission("broken", (replace(entry, **changes),))
+
+
+def test_files_that_are_no_submission_are_refused(tmp_path):
+    path = tmp_path / "a.json"
+    with pytest.raises(RunError, match="cannot be read"):
+        load_submission(path)
+    run("zero", tasks=(FIXED,)).save(path)
+    content = json.loads(path.read_text())
+    for change in ({"format": "other"}, {"version": "0"}, {"entries": [{"task": FIXED}]}):
+        path.write_text(json.dumps(content | change))
+        with pytest.raises(RunError, match=r"no submission|of suite '0'|cannot be read"):
+            load_submission(path)
+
+
+def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
+    entry = run("zero", tasks=(FIXED,)).entries[0]
+    low = Submission("low", (replace(entry, truth=Score(9.0, 1)),))
+    high = Submission("high", (replace(entry, truth=Score(0.5, 9)),))
+    rows = rank([low, high])
+    assert [row[1] for row in rows] == ["high", "low"]
+    assert format_rows(rows)[0] == [FIXED, "high", "1", "90", "0.50", f"{entry.scan.fitness:.2f}"]
+    assert count_wins([low, high]) == {"low": 0, "high": 1}
+    low.save(tmp_path / "low.json")
+    from evolution.cli.console import Console
+
+    BenchSuite(action="board", files=(tmp_path / "low.json",), out=tmp_path / "b.html").run(
+        Console(True, True)
+    )
+    assert "low" in (tmp_path / "b.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"action": "verify"},
+        {"action": "run"},
+        {"action": "board"},
+        {"action": "run", "out": "a.html"},
+        {"action": "list", "files": ("a.json",)},
+        {"action": "verify", "files": ("missing.json",)},
+        {"action": "list", "seeds": (-1,)},
+        {"action": "list", "budget": 0.0},
+    ],
+)
+def test_command_lines_that_cannot_be_executed_are_refused(options, tmp_path):
+    from pathlib import Path
+
+    given = dict(options)
+    if "out" in given:
+        given["out"] = tmp_path / given["out"]
+    given["files"] = tuple(Path(each) for each in given.get("files", ()))
+    with pytest.raises(UsageError):
+        BenchSuite(**given)
