@@ -1,9 +1,9 @@
 """Arenas and models that follow a place that changes: contact made again only where it changed, and a robot's round.
 
-Run as `python -m benchmarks.living [--quick]`. The first part updates arenas after changes of the course (those of
+Run as `python -m benchmarks.living [--quick] [--only arenas|live] [--seeds 0 1 2]`. "live" runs `symbrion live` for
+seeds that nothing was tuned on (1 and 2), besides 0. "arenas" updates arenas after changes of the course (those of
 `benchmarks.refine`, and a held-out course with a box elsewhere), and of a made room: processor time relative to a new
-arena, pieces that stay, and distances. The second runs `symbrion live` for seeds that nothing was tuned on (1 and 2),
-besides 0.
+arena, pieces that stay, and distances.
 """
 
 import argparse
@@ -11,6 +11,7 @@ import contextlib
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import trimesh
 import reconstruction as rc
 import symbrion_gym as sg
 from benchmarks.material import changes as material
-from benchmarks.report import write_results
+from benchmarks.report import describe_moment, load_record, write_results
 from symbrion_gym.contact.local_changes import find_local_changes, measure_gaps, sample_faces
 
 HELD_OUT = (sg.Course(width=1.6, pit=0.35), (-2.6, -2.35, -0.5, -0.1, 0.2), 11)
@@ -30,13 +31,34 @@ REPEATS = 3
 SEEDS = (0, 1, 2)
 
 
-def run(quick: bool = False) -> dict[str, Any]:
+def run(quick: bool = False, only: str | None = None, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
     """Measure, write and return everything.
 
     Args:
         quick: one repetition, one seed, few genotypes.
+        only: the one part to measure.
+        seeds: of the rounds; those that were measured of the same commit stay.
     """
-    repeats = 1 if quick else REPEATS
+    if only in (None, "live"):
+        for seed in seeds[:1] if quick else seeds:
+            row = measure_live(seed, quick)
+            print(f"live, seed {seed}: {row}", flush=True)
+            write_results("living", {"live": _find_rows() | {str(seed): row}})
+    if only in (None, "arenas"):
+        write_results("living", measure_arenas(1 if quick else REPEATS))
+    return load_record("living")["results"]
+
+
+def _find_rows() -> dict[str, Any]:
+    """Return the rounds that were measured of this commit."""
+    record, now = load_record("living"), describe_moment()
+    then = record["origins"].get("live", {})
+    is_same = not now["dirty"] and all(then.get(key) == now[key] for key in ("commit", "dirty"))
+    return record["results"]["live"] if is_same else {}
+
+
+def measure_arenas(repeats: int) -> dict[str, Any]:
+    """Measure updates of the arenas of courses and of a room."""
     results: dict[str, Any] = {"course": {}, "held-out course": {}}
     for name, change in material.make_changes().items():
         if name in CHANGES:
@@ -48,9 +70,6 @@ def run(quick: bool = False) -> dict[str, Any]:
             print(f"held-out course, {name}: {results['held-out course'][name]}", flush=True)
     results["room"] = measure_room(repeats)
     print(f"room: {results['room']}", flush=True)
-    results["live"] = {str(seed): measure_live(seed, quick) for seed in (SEEDS[:1] if quick else SEEDS)}
-    print(f"live: {results['live']}", flush=True)
-    write_results("living", results)
     return results
 
 
@@ -129,10 +148,13 @@ def measure_live(seed: int, quick: bool) -> dict[str, Any]:
     from evolution.experiments.live.live import LiveConfig, run_live
 
     with tempfile.TemporaryDirectory() as folder:
-        config = LiveConfig(
-            Path(folder), seed, generations=2 if quick else 30, trials=5 if quick else 20, workers=2
-        )
-        return run_live(config, lambda _title: _silent_step()).as_dict()
+        config = LiveConfig(Path(folder), seed, workers=2)
+        if quick:
+            config = replace(config, generations=2, trials=5)
+        result = run_live(config, lambda _title: _silent_step())
+        models = [rc.Reconstruction.load(Path(folder) / f"{name}.npz") for name in ("before", "after")]
+    intersections = [model.quality().self_intersections for model in models]
+    return result.as_dict() | {"self_intersections": intersections}
 
 
 class _Step:
@@ -158,7 +180,10 @@ def _time(call: Callable[[], Any]) -> tuple[float, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.living", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="one repetition, one seed, few genotypes")
-    run(parser.parse_args().quick)
+    parser.add_argument("--only", choices=("arenas", "live"), help="one part")
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS, help="of the rounds")
+    options = parser.parse_args()
+    run(options.quick, options.only, tuple(options.seeds))
 
 
 if __name__ == "__main__":

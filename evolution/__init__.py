@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from evolution.controllers.config import ControllerConfig
     from evolution.controllers.finding import find_controller
     from evolution.controllers.protocol import Controller, OutOfBoundsWarning
+    from evolution.dispatch import evolve, resume
     from evolution.errors import EvolutionError, RunError
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
     from evolution.search.evaluation import Evaluation, Evaluator, evaluate
-    from evolution.search.loop import evolve, load_run, resume
+    from evolution.search.loop import load_run
     from evolution.search.run import Run, load_champion
     from evolution.search.stages import Stage
     from evolution.search.validation import Champion, Validation

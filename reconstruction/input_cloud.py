@@ -82,9 +82,12 @@ def make_cloud_of_rays(
 def join_clouds(first: Cloud, second: Cloud) -> Cloud:
     """Return the points of both, which share a frame; what only one of them knows of its points is left out.
 
-    Viewpoints of either are kept; where a point's own is unknown for one cloud, it is for all.
+    So are viewpoints that only one of them has: points would be taken as seen from places that nobody saw them from,
+    and the surface there turned around. Where a point's own of several is unknown for one cloud, it is for all.
     """
     viewpoints = [cloud.viewpoints for cloud in (first, second) if cloud.viewpoints is not None]
+    if len(viewpoints) < 2 and first.num_points and second.num_points:
+        viewpoints = []
     seen_from = colors = None
     if first.seen_from is not None and second.seen_from is not None:
         seen_from = np.concatenate([first.seen_from, second.seen_from + len(viewpoints[0])])

@@ -291,7 +291,7 @@ def _start_trials(
         seeds[row] = trial.seed
         stretches[row] = trial.stretch
         for name in CONDITIONS:
-            options[name][row] = trial.conditions[name]
+            options[name][row] = trial.conditions.get(name, 0.0)
     observation, _ = environment.reset(
         seed=seeds, options={**options, "stretch": stretches, "reset_mask": mask}
     )

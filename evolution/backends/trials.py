@@ -43,7 +43,7 @@ MAX_ERROR_LENGTH = 200
 MAX_STRETCHES = 100
 """Each is a separate arena in memory."""
 _STRETCH_LIMITS = (0.1, 10.0)
-CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw")
+CONDITIONS = ("friction", "torque_scale", "start_offset", "yaw", "patch_friction")
 """Conditions of a trial that are sampled from a range, in this order, and set when the environment is reset."""
 Range = tuple[float, float]
 
@@ -61,6 +61,8 @@ class Randomization:
         start_offset: along the course [m].
         yaw: heading at the start [rad].
         stretch: factors on the length of the arena, as the scan may be wrong; the trials take turns.
+        patch_friction: where in their intervals the frictions of patches lie (`Arena.friction_map`): 0 is the middle,
+            -1 and 1 are the ends of the 95 % interval; only for arenas with patches.
     """
 
     friction: Range = (0.55, 0.9)
@@ -68,6 +70,7 @@ class Randomization:
     start_offset: Range = (-0.05, 0.05)
     yaw: Range = (-0.0873, 0.0873)
     stretch: tuple[float, ...] = (0.975, 1.0, 1.025)
+    patch_friction: Range = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in CONDITIONS:
@@ -80,9 +83,14 @@ class Randomization:
     def draw(self, seed: Sequence[int], count: int) -> dict[str, Float[np.ndarray, " T"]]:
         """Sample `count` values of each condition; equal seeds give equal values."""
         rng = np.random.default_rng(list(seed))
-        conditions = {name: _sample_stratified(rng, getattr(self, name), count) for name in CONDITIONS}
+        names = [name for name in CONDITIONS if name != "patch_friction"]
+        conditions = {name: _sample_stratified(rng, getattr(self, name), count) for name in names}
         turns = np.resize(rng.permutation(len(self.stretch)), count)
-        return conditions | {"stretch": np.asarray(self.stretch, dtype=float)[turns]}
+        conditions |= {"stretch": np.asarray(self.stretch, dtype=float)[turns]}
+        if self.patch_friction != (0.0, 0.0):
+            # The last to be drawn: the others are those of the seeds of existing runs.
+            conditions |= {"patch_friction": _sample_stratified(rng, self.patch_friction, count)}
+        return conditions
 
 
 def _sample_stratified(rng: np.random.Generator, limits: Range, count: int) -> Float[np.ndarray, " T"]:

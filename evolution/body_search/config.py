@@ -16,6 +16,7 @@ from evolution.backends.scoring import Scoring, find_scoring
 from evolution.backends.trials import TrialConfig, Trials
 from evolution.bodies.genome import BodyGenome
 from evolution.bodies.variation import OPERATORS, BodyLimits
+from evolution.body_search.descriptors import DESCRIPTORS
 from evolution.body_search.learning import LearningConfig
 from evolution.controllers.drive import count_tracks
 from evolution.controllers.finding import refer_to_controller
@@ -62,6 +63,8 @@ class BodiesConfig:
         random_share: share of children that are new random bodies.
         tournament_size: bodies of which the fittest becomes a parent.
         promoted_share: share of the bodies of a rung that learn on, in "halving".
+        axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
+            used) and "energy".
         operators: mutations, see `evolution.bodies.variation`.
         max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone.
 
@@ -78,6 +81,7 @@ class BodiesConfig:
     random_share: float = 0.12
     tournament_size: int = 3
     promoted_share: float = 0.34
+    axes: tuple[str, ...] = ("modules", "width_to_length")
     operators: tuple[str, ...] = tuple(OPERATORS)
     max_seconds: float | None = None
 
@@ -95,6 +99,10 @@ class BodiesConfig:
         if self.max_seconds is not None:
             coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
         object.__setattr__(self, "operators", tuple(self.operators))
+        object.__setattr__(self, "axes", tuple(self.axes))
+        strange = [name for name in self.axes if name not in DESCRIPTORS]
+        if strange or not self.axes or len(set(self.axes)) < len(self.axes):
+            raise RunError(f"axes is {self.axes}; different ones of {', '.join(DESCRIPTORS)} are needed")
         unknown = [name for name in self.operators if name not in OPERATORS]
         if unknown or not self.operators:
             raise RunError(f"operators is {self.operators}; some of {', '.join(OPERATORS)} are needed")
@@ -144,6 +152,7 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "random_share": float,
     "tournament_size": int,
     "promoted_share": float,
+    "axes": tuple[str, ...],
     "operators": tuple[str, ...],
     "max_seconds": float | None,
     "learning": LearningConfig,
@@ -243,6 +252,8 @@ class BodyEvolutionConfig(Nested):
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
         content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
+        if self.bodies.axes == BodiesConfig.axes:  # runs from before this field existed keep their digest
+            del content["axes"]
         content = drop_none(list(content.items()))
         return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
 

@@ -6,6 +6,7 @@ what follows is the same to the bit.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
@@ -26,6 +27,7 @@ from evolution.errors import RunError
 from evolution.search.run import RunFolder
 from reconstruction.progress import Progress, silent
 
+logger = logging.getLogger(__name__)
 OnIteration = Callable[[BodyRun], None]
 """Called with the run so far after each iteration."""
 
@@ -89,12 +91,15 @@ def resume_bodies(
     run_folder = RunFolder(folder)
     with run_folder.lock():
         stored, record = read_folder(run_folder.path)
-        config = replace(stored, folder=str(folder), **changes).restore()
+        config, known = replace(stored, folder=str(folder), **changes).restore(), record.num_lessons
         if simulate is None:
             prepare_arena(config.arena, progress)
         if config != stored:
             change_folder(run_folder.path, config)
-        return _run(config, record, run_folder.path, simulate, on_iteration, progress)
+        run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
+    if run.is_spent and run.record.num_lessons == known:
+        logger.warning("%s: max_seconds is spent, nothing more is tried; begin another run with more", folder)
+    return run
 
 
 def load_bodies(folder: str | Path) -> BodyRun:

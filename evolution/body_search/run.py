@@ -22,13 +22,13 @@ from evolution.body_search.config import BodyEvolutionConfig
 from evolution.body_search.learning import Lesson
 from evolution.body_search.record import BodyRecord
 from evolution.errors import RunError
-from evolution.search.run import describe_origin
+from evolution.search.run import BODIES, describe_origin
 from evolution.search.validation import Champion
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.typed_json import JsonError, read_json
 
 CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
-KIND = "bodies"
+KIND = BODIES
 """What `config.json` says the folder is a run of."""
 COLUMNS = ("body", "plan", "modules", "rung", "fitness", "successes", "trials", "effort", "seconds")
 
@@ -74,6 +74,12 @@ class BodyRun:
             episode=self.config.episode,
             control=self.config.control,
         )
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the simulated time that the run may take is used up: resumed, it tries nothing more."""
+        limit = self.config.bodies.max_seconds
+        return limit is not None and bool(self.history) and self.history[-1][0] >= limit
 
 
 def has_bodies(folder: str | Path) -> bool:

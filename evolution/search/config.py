@@ -135,6 +135,11 @@ class EvolutionConfig(Nested):
                 f"arena is {type(self.arena).__name__}; a run is stored as text: "
                 "save the arena in a folder and name that"
             )
+        if not isinstance(self.body, BodyConfig):
+            raise RunError(
+                f"body is {type(self.body).__name__}; a `BodyConfig` is needed. To search for bodies, give `evolve` a "
+                "BodyEvolutionConfig(bodies=BodiesConfig(...))"
+            )
         self.set_field("stages", tuple(self.stages))
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)

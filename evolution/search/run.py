@@ -36,6 +36,8 @@ from reconstruction.files.typed_json import JsonError, read_json
 
 CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.csv", "champion.json"
 LOCK = ".lock"
+BODIES = "bodies"
+"""The kind of a folder of a search for bodies, which `evolution.body_search.run` reads."""
 IN_DISTRIBUTION = (
     "equal in distribution only: samples were tried on a GPU in single precision (backend 'warp')"
 )
@@ -149,6 +151,10 @@ class RunFolder:
         if not (self.path / CONFIG).exists():
             raise RunError(f"{self.path} contains no run: {CONFIG} is missing")
         content = self._read_json(CONFIG)
+        if content.get("kind") == BODIES:
+            raise RunError(
+                f"{self.path} contains a search for bodies; read it by ev.load_bodies, continue it by ev.resume_bodies"
+            )
         try:
             return EvolutionConfig.from_json(content.get("config"))
         except RunError as error:

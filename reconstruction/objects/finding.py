@@ -42,8 +42,8 @@ _ROUGH_BEAMS = 250
 """Beams that choose between poses; all of them decide about a find."""
 _THINNING = 1.25
 """Points of a region are farther apart than the samples of the object by this factor."""
-_NUM_ROUNDS = 2
-"""So many times an object is turned about the best pose of a region."""
+_WORTH_TURNING = (_PROMISING, 0.65)
+"""An object is turned about the best pose of a region twice, each time where the score is at least this."""
 _TAKEN = 0.5
 """A region is left out where an object was found whose center is nearer than this share of the radius."""
 _MAX_POINTS = 150
@@ -189,8 +189,8 @@ def _search(
     if not proposed:
         return None
     best = _choose(scene, model, np.array(proposed), points, normals, beams, config)
-    for _ in range(_NUM_ROUNDS):
-        if not _PROMISING <= best.verdict.score < _CERTAIN:
+    for least in _WORTH_TURNING:
+        if not least <= best.verdict.score < _CERTAIN:
             break
         turned = _choose(scene, model, _turn(model, best.pose), points, normals, beams, config)
         if turned.verdict.score <= best.verdict.score:

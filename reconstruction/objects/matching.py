@@ -21,6 +21,8 @@ _SAME_PLACE, _SAME_ANGLE = 0.25, np.radians(20.0)
 _SCENE_STEP = 1.0 / 4.0
 """Every fourth point of the region votes for poses."""
 _MAX_POSES = 60
+_TRAINED = 600
+"""Points of the object with which the detector is trained, at most: its time grows with their square."""
 
 
 def require_library() -> None:
@@ -38,7 +40,8 @@ def make_detector(model: ObjectModel, config: ObjectsConfig) -> Any:
 
     cv2.setNumThreads(1)
     detector = cv2.ppf_match_3d.PPF3DDetector(config.sampling, config.sampling, 30)
-    samples = np.hstack([model.points, model.point_normals]).astype(np.float32)
+    rows = np.linspace(0, len(model.points) - 1, min(_TRAINED, len(model.points))).round().astype(np.int64)
+    samples = np.hstack([model.points[rows], model.point_normals[rows]]).astype(np.float32)
     detector.trainModel(np.ascontiguousarray(samples))
     return detector
 

@@ -152,6 +152,12 @@ class Arena:
             self.surface, self.texture, self.course, np.asarray(positions, dtype=np.float64)
         )
 
+    def find_friction(self, positions: Float[np.ndarray, "N D"]) -> Float[np.ndarray, " N"]:
+        """Return the sliding friction of the ground at positions (x, y, ...) [m]."""
+        if self.friction_map is None:
+            return np.full(len(positions), self.friction)
+        return self.friction_map.find_friction(positions, self.friction)
+
     @property
     def geometry(self) -> ArenaGeometry:
         """What has a shape: contact and surface."""
@@ -190,7 +196,8 @@ class Arena:
     ) -> DrivingRoute:
         """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
 
-        Where the positions of the scanner are known, they are chosen where it saw the ground.
+        Ways go around slippery patches of the `friction_map` where that costs less (`RouteConfig.slip_cost`). Where the
+        positions of the scanner are known, they are chosen where it saw the ground.
 
         Args:
             body: an organism, or what a body of any kind needs; None for one Scout.
@@ -205,7 +212,9 @@ class Arena:
         """
         viewpoints = self.provenance.get("viewpoints")
         find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
-        return find_driving_route(self.traversability(body), start, goal, self.name, config, find_seen)
+        ground = self.traversability(body)
+        friction = self.find_friction(ground.positions)
+        return find_driving_route(ground, start, goal, self.name, config, find_seen, friction)
 
     def spec(self) -> mujoco.MjSpec:
         """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.

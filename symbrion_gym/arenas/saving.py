@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import re
 from collections.abc import Set
@@ -30,6 +31,7 @@ from symbrion_gym.arenas.spec import make_arena_spec
 from symbrion_gym.arenas.texture import TEXTURE_FILE
 from symbrion_gym.errors import ArenaError
 
+logger = logging.getLogger(__name__)
 ABOUT, MODEL = "arena.json", "arena.xml"
 _SURFACE_DIGITS, _PIECE_DIGITS = 4, 6
 _MESH = r"surface\.obj|surface\.png|height_field\.npz|pieces/\d{3,}\.obj"
@@ -79,6 +81,8 @@ def save_arena(
     model = _format_model(spec, meshes)
     models = {PLAIN: model, SPARE: model.replace('file="', f'file="{SPARE}')}
     own = find_own_files(folder)
+    if not objects and count_objects(folder):
+        logger.warning("%s: its %d known objects are replaced by none", folder, count_objects(folder))
     wanted = {f"{place}{name}" for place in (SPARE, PLAIN) for name in meshes} | {MODEL, ABOUT}
     _refuse_foreign(folder, wanted, own.names)
     _drop_stale_model(folder, own.place)
@@ -113,6 +117,14 @@ def find_own_files(folder: Path) -> OwnFiles:
         files = [name for name in _list_files(folder) if _was_in_format_1(name, about)]
     named = {name for name in files if isinstance(name, str) and _OWN.fullmatch(name)}
     return OwnFiles(about.get("place", PLAIN), frozenset(named | spare | {ABOUT}))
+
+
+def count_objects(folder: Path) -> int:
+    """Return how many known objects the arena in a folder has; 0 where there is none."""
+    if not (folder / ABOUT).exists():
+        return 0
+    objects = _read_about(folder / ABOUT).get("objects", [])
+    return len(objects) if isinstance(objects, list) else 0
 
 
 def _read_about(path: Path) -> dict[str, Any]:

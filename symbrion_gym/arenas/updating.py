@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike
 
 from reconstruction.progress import Progress, silent
 from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.ground_friction import GroundFriction, choose_friction
 from symbrion_gym.arenas.making import make_arena
+from symbrion_gym.arenas.placed_objects import name_objects
 from symbrion_gym.arenas.scan_quality import add_scan_quality
 from symbrion_gym.arenas.scanned import ScannedSurface, find_two_sided, repair_surface, take_surface
 from symbrion_gym.arenas.seen_places import choose_positions
@@ -27,8 +29,11 @@ from symbrion_gym.errors import ArenaError
 
 if TYPE_CHECKING:
     from reconstruction.reconstruction import Reconstruction
+    from reconstruction.slip.patches import FrictionEstimate
 
 logger = logging.getLogger(__name__)
+_NEAR_OBJECT = 0.03
+"""Changes this near to the box of a known object concern it [m]."""
 
 
 def update_arena(
@@ -42,9 +47,10 @@ def update_arena(
 ) -> Arena:
     """Return the arena with contact geometry made again only where the surface has changed.
 
-    Pieces elsewhere stay equal to the bit, and so do friction and everything else that the arena knows. The whole is
-    measured and accepted as a new arena's would be; where it is not good enough, all is built again, and
-    `Arena.provenance["update"]` says why. The same surface gives the same arena.
+    Pieces elsewhere stay equal to the bit, and so does everything else that the arena knows. Friction that robots have
+    felt (`Reconstruction.friction`) becomes that of the arena, unless a user gave its friction; pieces are cut where it
+    changes. The whole is measured and accepted as a new arena's would be; where it is not good enough, all is built
+    again, and `Arena.provenance["update"]` says why. The same surface and friction give the same arena.
 
     Args:
         arena: made of the surface before.
@@ -72,23 +78,53 @@ def update_arena(
         )
     progress("repairing the mesh", 0.0)
     mesh = repair_surface(scanned, options.config.repair)
-    if not any(part.any() for part in find_changed_faces(arena.surface, mesh, update.digits)):
+    ground = _update_friction(arena, scanned.friction)
+    has_patches = ground.friction_map is not None and bool(ground.friction_map.patches)
+    needs_pieces = arena.height_field is not None and has_patches
+    if not needs_pieces and not any(
+        part.any() for part in find_changed_faces(arena.surface, mesh, update.digits)
+    ):
         progress("done", 1.0)
-        return arena
+        return _lay_friction(arena, ground)
     accuracy = arena.provenance.get("accuracy") or find_accuracy(
         mesh, scanned.points, options.config.accuracy
     )
     if arena.height_field is not None:
-        return _build_again(arena, surface, viewpoints, options, "a height field is one piece", {}, progress)
+        why = "a height field is one piece"
+        return _build_again(arena, surface, viewpoints, options, why, {}, ground, progress)
     progress("finding what has changed", 0.2)
     before = Contact(arena.pieces, arena.quality)
     miss = find_miss(before, accuracy, options.max_pieces, options.config.acceptance)
     backs = find_two_sided(scanned, mesh)
     found = update_contact(arena.surface, mesh, arena.pieces, options, accuracy, miss, backs, update)
     if found.contact is None:
-        return _build_again(arena, surface, viewpoints, options, found.reason, found.notes, progress)
+        return _build_again(arena, surface, viewpoints, options, found.reason, found.notes, ground, progress)
     progress("done", 1.0)
-    return _replace(arena, mesh, scanned, found.contact, accuracy, found.notes, options)
+    _tell_of_objects(arena, mesh, update)
+    updated = _replace(arena, mesh, scanned, found.contact, accuracy, found.notes, options)
+    return _lay_friction(updated, ground)
+
+
+def _update_friction(arena: Arena, felt: FrictionEstimate | None) -> GroundFriction:
+    """Return the friction that an arena is to have: what robots felt, unless a user or a course gave another."""
+    if felt is None or arena.friction_source not in ("assumed", "estimated"):
+        return GroundFriction(arena.friction, arena.friction_source, arena.friction_map)
+    return choose_friction(None, None, None, felt)
+
+
+def _lay_friction(arena: Arena, ground: GroundFriction) -> Arena:
+    """Return an arena with a friction: the same where it has it already."""
+    if ground == (arena.friction, arena.friction_source, arena.friction_map):
+        return arena
+    patches = 0 if ground.friction_map is None else len(ground.friction_map.patches)
+    notes = {**arena.provenance.get("update", {}), "friction_patches": patches}
+    return replace(
+        arena,
+        friction=ground.friction,
+        friction_source=ground.source,
+        friction_map=ground.friction_map,
+        provenance={**arena.provenance, "update": notes},
+    )
 
 
 def _read_options(arena: Arena, config: ContactConfig | None) -> ContactOptions:
@@ -105,6 +141,23 @@ def _read_options(arena: Arena, config: ContactConfig | None) -> ContactOptions:
     names = ("accuracy", "max_pieces", "kind", "thickness", "seed", "time_limit")
     given = {name: known[name] for name in names if name in known}
     return ContactOptions(**given, config=config or ContactConfig())
+
+
+def _tell_of_objects(arena: Arena, mesh: trimesh.Trimesh, update: UpdateConfig) -> None:
+    """Log which known objects stand where the surface has changed: they may have been moved or taken away."""
+    if not arena.objects:
+        return
+    is_new, is_gone = find_changed_faces(arena.surface, mesh, update.digits)
+    changed = np.concatenate([mesh.triangles[is_new], arena.surface.triangles[is_gone]]).reshape(-1, 3)
+    for name, each in name_objects(arena.objects).items():
+        corners = np.asarray(each.mesh.vertices) @ each.rotation.T + each.position
+        low, high = corners.min(axis=0) - _NEAR_OBJECT, corners.max(axis=0) + _NEAR_OBJECT
+        if ((changed >= low) & (changed <= high)).all(axis=1).any():
+            logger.warning(
+                "%s: %s stays where the surface has changed; find it again, it may have moved",
+                arena.name,
+                name,
+            )
 
 
 def _replace(
@@ -139,6 +192,7 @@ def _build_again(
     options: ContactOptions,
     reason: str,
     notes: dict[str, Any],
+    ground: GroundFriction,
     progress: Progress,
 ) -> Arena:
     """Return the arena with all contact geometry made again, and the reason in its notes."""
@@ -150,7 +204,8 @@ def _build_again(
         kind=options.kind,
         viewpoints=viewpoints,
         name=arena.name,
-        friction=arena.friction,
+        friction=ground.friction,
+        friction_map=ground.friction_map,
         thickness=options.thickness,
         seed=options.seed,
         time_limit=options.time_limit,
@@ -164,5 +219,8 @@ def _build_again(
         quality=made.quality,
         kind=made.kind,
         height_field=made.height_field,
+        friction=ground.friction,
+        friction_source=ground.source,
+        friction_map=ground.friction_map,
         provenance={**made.provenance, "update": {**notes, "built_again": reason}},
     )

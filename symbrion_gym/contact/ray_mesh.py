@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 _LEAST_AREA = 1e-12
 """Triangles with less are no shape [m²]; a ray hits their neighbors."""
@@ -58,22 +58,35 @@ class RayMesh:
         distances = np.full(len(origins), np.inf)
         if self._model is None or not len(origins):
             return distances
-        places, group = np.unique(origins - self._middle, axis=0, return_inverse=True)
+        places, group = np.unique(origins, axis=0, return_inverse=True)
         order = np.argsort(group.ravel(), kind="stable")
-        for place, rays in zip(
-            places, np.split(order, np.cumsum(np.bincount(group.ravel()))[:-1]), strict=True
-        ):
-            distances[rays] = self._cast_from(place, directions[rays])
+        distances[order] = self.cast_fans(places, directions[order], np.bincount(group.ravel()))
         return distances
 
-    def _cast_from(
-        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
     ) -> Float[np.ndarray, " R"]:
-        assert self._model is not None
+        """Return the distance of the first triangle along each ray of fans [m]; inf where there is none.
+
+        Args:
+            origins: where the rays of each fan begin [m].
+            directions: unit vectors, fan after fan.
+            counts: number of rays of each fan.
+        """
         count = len(directions)
-        distances, geoms = np.empty(count), np.empty(count, np.int32)
-        mujoco.mj_multiRay(
-            self._model, self._data, np.ascontiguousarray(origin), np.ascontiguousarray(directions).ravel(),
-            None, True, -1, geoms, distances, None, count, mujoco.mjMAXVAL,
-        )  # fmt: skip
+        if self._model is None or not count:
+            return np.full(count, np.inf)
+        distances, geoms = np.empty(count), np.full(count, -1, np.int32)
+        flat, stops = np.ascontiguousarray(directions).ravel(), np.cumsum(counts).tolist()
+        start = 0
+        for place, stop in zip(np.ascontiguousarray(origins - self._middle), stops, strict=True):
+            if stop > start:
+                mujoco.mj_multiRay(
+                    self._model, self._data, place, flat[3 * start : 3 * stop], None, True, -1,
+                    geoms[start:stop], distances[start:stop], None, stop - start, mujoco.mjMAXVAL,
+                )  # fmt: skip
+            start = stop
         return np.where(geoms < 0, np.inf, distances)

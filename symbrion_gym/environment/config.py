@@ -40,7 +40,7 @@ RANDOM_LIMITS = {
     "yaw": (-np.pi, np.pi),
     "track_speed": (0.0, 2.0),
     "roll": (-np.pi, np.pi),
-    "patch_friction": (-5.0, 5.0),
+    "patch_friction": (-1.0, 1.0),
 }
 """Smallest and largest value of what may differ from episode to episode; units as in `Domain`."""
 RANDOM_OPTIONS = tuple(RANDOM_LIMITS)

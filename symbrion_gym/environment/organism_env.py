@@ -228,7 +228,9 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
             self.world,
             {**self.world.task.start.randomize(), **self.config.randomize, **(options or {})},
         )
-        self.domain = domain = draw_domain(self._nominal._asdict(), wanted, self.np_random)
+        self.domain = domain = draw_domain(
+            self._nominal._asdict(), wanted, self.np_random, has_patches=len(world.patch_geoms) > 0
+        )
         apply_domain(world, self.model, domain)
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = world.lay_down(domain.start_offset, domain.start_lateral, domain.yaw, domain.roll)

@@ -184,7 +184,9 @@ class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.batch.reset(rows, stage=0)
         for row in rows:
             wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
-            domain = draw_domain(self._nominal._asdict(), wanted, self._rngs[row])
+            domain = draw_domain(
+                self._nominal._asdict(), wanted, self._rngs[row], has_patches=len(self.world.patch_geoms) > 0
+            )
             world = self._worlds[self._selected[row]]
             apply_domain(world, self._models.select(row, self._selected[row]), domain)
             self._qpos[row] = world.lay_down(

@@ -54,7 +54,11 @@ class Domain(NamedTuple):
 
 
 def draw_domain(
-    nominal: Mapping[str, float], options: Mapping[str, Any] | None, rng: np.random.Generator
+    nominal: Mapping[str, float],
+    options: Mapping[str, Any] | None,
+    rng: np.random.Generator,
+    *,
+    has_patches: bool = True,
 ) -> Domain:
     """Return the circumstances of one episode.
 
@@ -62,15 +66,22 @@ def draw_domain(
         nominal: value of everything that is not asked for.
         options: name -> a number, or a pair (low, high) to draw from uniformly.
         rng: drawn from once per range, in the order of `Domain`.
+        has_patches: whether the arena has friction patches.
 
     Raises:
-        OptionError: an unknown name, or a value out of range.
+        OptionError: an unknown name, a value out of range, or `patch_friction` other than 0 without friction patches.
     """
     options = options or {}
     for name in options:
         if name not in RANDOM_OPTIONS:
             raise OptionError(f"no reset option {name!r}; there are: {', '.join(RANDOM_OPTIONS)}")
-    return Domain(*(_draw(name, options.get(name, nominal.get(name)), rng) for name in Domain._fields))
+    domain = Domain(*(_draw(name, options.get(name, nominal.get(name)), rng) for name in Domain._fields))
+    if domain.patch_friction and not has_patches:
+        raise OptionError(
+            f"patch_friction is {options['patch_friction']!r}, but the arena has no friction patches; leave it out, or "
+            "give an arena with a friction_map"
+        )
+    return domain
 
 
 def _draw(name: str, value: Any, rng: np.random.Generator) -> float:

@@ -56,7 +56,11 @@ class Lane(NamedTuple):
 
 
 def drive_lanes(
-    arena: Arena, robot: FrictionRobot, rng: np.random.Generator, progress: Progress = silent
+    arena: Arena,
+    robot: FrictionRobot,
+    rng: np.random.Generator,
+    progress: Progress = silent,
+    lanes: list[Lane] | None = None,
 ) -> SlipReadings:
     """Drive every lane in both directions and return what the last module reads.
 
@@ -67,8 +71,9 @@ def drive_lanes(
         robot: how it drives and errs.
         rng: of all errors.
         progress: called with what is being done.
+        lanes: where to drive; None for all lanes of the arena.
     """
-    lanes = find_lanes(arena, robot)
+    lanes = find_lanes(arena, robot) if lanes is None else lanes
     simulation = _Simulation(arena, robot)
     sensors = SlipSensors(robot.noise, simulation.mass, rng)
     parts = []

@@ -77,8 +77,9 @@ def find_path(
     else:
         here = None
     legs: list[DrivingRoute] = []
+    friction = arena.find_friction(ground.positions)
     for place in places or (None,):
-        leg = find_driving_route(ground, here, place, arena.name, config)
+        leg = find_driving_route(ground, here, place, arena.name, config, friction=friction)
         legs.append(leg)
         here = leg.goal
     corners, is_place = [], []

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
@@ -88,7 +89,7 @@ class Footprint:
         places = np.array([(pose.x, pose.y) for pose in body.find_poses()])
         extent = np.ptp(places, axis=0) + body.scout.size[:2]
         in_a_row = round(float(extent[0] - body.scout.size[0]) / body.scout.pitch) + 1
-        hold = _FRICTION_SHARE * float(np.arctan(body.scout.friction if friction is None else friction))
+        hold = float(find_hold(body.scout.friction if friction is None else friction))
         return cls(
             length=round(float(extent[0]), 9),
             width=round(float(extent[1]), 9),
@@ -130,6 +131,11 @@ class TraversabilityConfig:
         names = [each.name for each in fields(self) if each.name not in ("cell", "crack")]
         check_positive(self, names if self.cell is None else [*names, "cell"], OptionError)
         check_not_negative(self, ("crack",), OptionError)
+
+
+def find_hold(friction: float | Float[np.ndarray, " P"]) -> Float[np.ndarray, "*P"]:
+    """Return the steepest slope on which tracks hold [rad]."""
+    return np.asarray(_FRICTION_SHARE * np.arctan(friction))
 
 
 def _read_limit(table: tuple[tuple[int, float], ...], count: int) -> float:

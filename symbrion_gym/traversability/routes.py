@@ -14,8 +14,11 @@ from scipy.sparse.csgraph import dijkstra
 from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import ArenaError, OptionError
 from symbrion_gym.traversability.drivable import TraversabilityMap
+from symbrion_gym.traversability.footprint import find_hold
 
-_MAY_BE_ZERO = ("snap", "wall_cost", "slope_cost")
+_MAY_BE_ZERO = ("snap", "wall_cost", "slope_cost", "slip_cost")
+_SLIPPERY = 0.9
+"""Ground with less than this share of the largest friction is slippery."""
 Place = Sequence[float] | np.ndarray
 """(x, y), or (x, y, z) where there are several storeys [m]."""
 FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
@@ -33,7 +36,9 @@ class RouteConfig:
         wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
             room, so that paths keep off walls where they can.
         slope_cost: likewise ground as steep as the body climbs, against level ground; less slope costs less, by its
-            square.
+            square. Slippery ground that is steeper than tracks hold on it costs still more.
+        slip_cost: ground without friction costs this many times more per length than the least slippery ground; what is
+            between, in proportion: paths go around ice where they can.
         level: start and goal are chosen where the ground around has no more than this share of the slope on which the
             body stays upright, or among the half of the region with the least.
         num_ends: places of which start and goal are chosen at most, evenly spread.
@@ -49,6 +54,7 @@ class RouteConfig:
     ample_room: float = 2.0
     wall_cost: float = 3.0
     slope_cost: float = 3.0
+    slip_cost: float = 6.0
     level: float = 0.5
     num_ends: int = 4000
     snap: float = 0.0
@@ -95,6 +101,7 @@ def find_driving_route(
     name: str = "arena",
     config: RouteConfig | None = None,
     find_seen: FindSeen | None = None,
+    friction: Float[np.ndarray, " P"] | None = None,
 ) -> DrivingRoute:
     """Find a route over drivable ground; what is not given is chosen.
 
@@ -108,6 +115,7 @@ def find_driving_route(
         config: how the route is chosen; None for the defaults.
         find_seen: tells which places the scanner saw: start and goal are chosen among them, if there are any in the
             region; None where that is unknown.
+        friction: sliding friction of the ground at every place of the map; None where it is the same everywhere.
 
     Raises:
         ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
@@ -129,8 +137,9 @@ def find_driving_route(
         wanted = None if first is None else region
         last = find_drivable_place(ground, "goal", goal, name, config, wanted)
         region = int(ground.region[last])
-    graph = _make_cost_graph(ground, config)
-    first, last = _choose_ends(ground, region, first, last, config, find_seen)
+    friction = np.ones(len(ground.cell)) if friction is None else friction
+    graph = _make_cost_graph(ground, config, friction)
+    first, last = _choose_ends(ground, region, first, last, config, find_seen, friction)
     path = _follow(ground, graph, first, last)
     points = ground.positions[path]
     for index, given in ((0, start), (-1, goal)):
@@ -202,15 +211,25 @@ def _show(point: Float[np.ndarray, " d"]) -> str:
     return str(tuple(np.round(point, 3).tolist()))
 
 
-def _make_cost_graph(ground: TraversabilityMap, config: RouteConfig) -> csr_matrix:
-    """Return the graph of drivable places; its lengths are longer near walls."""
+def _make_cost_graph(
+    ground: TraversabilityMap, config: RouteConfig, friction: Float[np.ndarray, " P"]
+) -> csr_matrix:
+    """Return the graph of drivable places; its lengths are longer near walls, on slopes and on slippery ground."""
     graph = ground.find_graph(ground.is_drivable).tocoo()
     ample = config.ample_room * max(ground.footprint.reach, ground.grid.cell)
     nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
-    steepness = np.clip(np.nan_to_num(ground.slope) / ground.footprint.max_slope, 0.0, 1.0) ** 2
-    cost = config.wall_cost * nearness + config.slope_cost * steepness
+    slope, is_slippery = np.nan_to_num(ground.slope), find_slippery(friction)
+    steepness = np.clip(slope / ground.footprint.max_slope, 0.0, 1.0) ** 2
+    steepness = np.where(is_slippery, np.maximum(steepness, (slope / find_hold(friction)) ** 2), steepness)
+    slip = 1.0 - friction / friction.max(initial=0.0)
+    cost = config.wall_cost * nearness + config.slope_cost * steepness + config.slip_cost * slip
     factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
     return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
+
+
+def find_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
+    """Return which places have clearly less friction than the least slippery one."""
+    return friction < _SLIPPERY * friction.max(initial=0.0)
 
 
 def _choose_ends(
@@ -220,11 +239,13 @@ def _choose_ends(
     last: int | None,
     config: RouteConfig,
     find_seen: FindSeen | None,
+    friction: Float[np.ndarray, " P"],
 ) -> tuple[int, int]:
     """Return start and goal; what is missing is chosen far from the other, with room on level ground around it."""
     if first is not None and last is not None:
         return first, last
-    roomy = _find_good_ends(ground, ground.region == region, config, find_seen)
+    is_firm = (ground.region == region) & ~find_slippery(friction)
+    roomy = _find_good_ends(ground, is_firm if is_firm.any() else ground.region == region, config, find_seen)
     lengths = ground.find_graph(ground.is_drivable)
     if first is None and last is None:
         middle = roomy[np.argmax(ground.wall_distance[roomy])]

@@ -116,6 +116,26 @@ def test_joined_clouds_keep_what_both_know():
     assert join_clouds(bare, bare).viewpoints is None
 
 
+def test_viewpoints_of_new_readings_are_not_those_of_old_ones():
+    bare, rays = (
+        make_cloud_of_rays(make_ground(4), None, np.zeros(3)),
+        Cloud(make_ground(5), viewpoints=np.ones((1, 3))),
+    )
+    for joined in (join_clouds(bare, rays), join_clouds(rays, bare)):
+        assert joined.viewpoints is None
+        assert joined.seen_from is None
+    nothing = bare.replace(points=np.zeros((0, 3)))
+    assert join_clouds(nothing, rays).viewpoints is not None
+
+
+def test_a_surface_seen_by_nobody_known_looks_up_after_readings_from_below():
+    ground = make_ground()
+    result = reconstruct(ground, units=150)
+    new = ground[np.abs(ground[:, :2]).max(axis=1) < 0.3] + 0.05 * ABOVE / np.linalg.norm(ABOVE)
+    refined = result.refine(new, origins=np.array([0.0, 0.0, -3.0]))
+    assert refined.mesh.face_normals[:, 2].mean() > 0.9
+
+
 @pytest.mark.parametrize(
     ("shift", "extent", "is_moved"),
     [(900.0, 1.0, False), (1001.0, 1.0, True), (1500.0, 3000.0, False), (1500.0, 1000.0, True)],

@@ -17,13 +17,11 @@ import numpy as np
 
 from evolution.body_search.algorithms.algorithm import Breeder, sort_by_fitness
 from evolution.body_search.config import BodiesConfig
-from evolution.body_search.descriptors import MAX_WIDTH_TO_LENGTH, find_measures
+from evolution.body_search.descriptors import DESCRIPTORS
 from evolution.body_search.learner import Assignment
 from evolution.body_search.learning import LearningConfig, Lesson, Pupil
 from reconstruction.extras import require_extras
 
-NUM_SHAPES = 6
-"""Cells along the width to length."""
 ANNEALING_RATE = 0.1
 """Share by which the threshold of a cell rises towards a new elite, in CMA-MAE."""
 
@@ -60,7 +58,8 @@ class ArchiveSearch:
         for lesson in lessons:
             self._lessons.append(lesson)
             index = np.array([len(self._lessons) - 1.0])
-            self._archive.add_single(index, lesson.fitness, np.array(find_measures(lesson.pupil.body)))
+            measures = [DESCRIPTORS[name].measure(lesson) for name in self._config.axes]
+            self._archive.add_single(index, lesson.fitness, np.array(measures))
 
     def _breed(self, elites: list[Lesson]) -> Pupil:
         chosen = [elites[int(self._rng.integers(len(elites)))] for _ in range(2)] if elites else []
@@ -72,11 +71,11 @@ def _make_archive(config: BodiesConfig, annealing_rate: float | None) -> Any:
     require_extras("MAP-Elites over bodies", "ribs")
     from ribs.archives import GridArchive
 
-    count = config.largest - config.smallest + 1
+    axes = [DESCRIPTORS[name].limits(config.smallest, config.largest) for name in config.axes]
     annealing = {} if annealing_rate is None else {"learning_rate": annealing_rate, "threshold_min": -1.0}
     return GridArchive(
         solution_dim=1,
-        dims=(count, NUM_SHAPES),
-        ranges=((config.smallest - 0.5, config.largest + 0.5), (0.0, MAX_WIDTH_TO_LENGTH)),
+        dims=[count for count, _, _ in axes],
+        ranges=[(low, high) for _, low, high in axes],
         **annealing,
     )

@@ -11,7 +11,8 @@ from evolution.body_search.algorithms.algorithm import Algorithm
 from evolution.body_search.algorithms.archives import ANNEALING_RATE, ArchiveSearch
 from evolution.body_search.algorithms.genetic import GeneticSearch, HalvingSearch
 from evolution.body_search.algorithms.sampling import ExhaustiveSearch, RandomSearch
-from evolution.body_search.config import BodyEvolutionConfig
+from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
+from evolution.body_search.learning import LearningConfig
 
 _MAKERS: dict[str, Callable[..., Algorithm]] = {
     "halving": HalvingSearch,
@@ -25,5 +26,16 @@ _MAKERS: dict[str, Callable[..., Algorithm]] = {
 
 def make_algorithm(config: BodyEvolutionConfig) -> Algorithm:
     """Return the algorithm of a run, with a random generator of its own."""
-    rng = np.random.default_rng((config.seed, *config.bodies.algorithm.encode()))
-    return _MAKERS[config.bodies.algorithm](config.bodies, config.learning, rng)
+    return make_searcher(config.bodies, config.learning, config.seed)
+
+
+def make_searcher(bodies: BodiesConfig, learning: LearningConfig, seed: int) -> Algorithm:
+    """Return an algorithm with a random generator of its own, for bodies that learn in whatever way.
+
+    Args:
+        bodies: which bodies are searched, and how.
+        learning: the rungs, and whether what was learned is inherited.
+        seed: seed of the generator.
+    """
+    rng = np.random.default_rng((seed, *bodies.algorithm.encode()))
+    return _MAKERS[bodies.algorithm](bodies, learning, rng)

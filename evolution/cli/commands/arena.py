@@ -119,7 +119,7 @@ class Arena(SeededCommand):
         from symbrion_gym.arenas.accuracy import report_accuracy
 
         with console.track(f"Arena from {self.mesh.name}") as step:
-            arena = self._make(step.progress)
+            arena, kept = self._keep_objects(self._make(step.progress))
             arena.save(self.out)
         report = report_accuracy(arena)
         if self.picture is not None:
@@ -127,6 +127,8 @@ class Arena(SeededCommand):
                 self._draw(arena)
         contact = f"{len(arena.pieces)} pieces" if arena.height_field is None else "a height field"
         console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
+        if kept:
+            console.print_line(kept)
         console.show_table(
             "Quality of the contact geometry",
             ["measure", "value"],
@@ -162,6 +164,23 @@ class Arena(SeededCommand):
             seed=self.seed,
             progress=progress,
             **options,
+        )
+
+    def _keep_objects(self, arena: "sg.Arena") -> tuple["sg.Arena", str]:
+        """Return the arena with the known objects of the one that it replaces, and what happened to them."""
+        from symbrion_gym.arenas.saving import count_objects
+
+        number = count_objects(self.out)
+        if not number:
+            return arena, ""
+        former = sg.Arena.load(self.out)
+        if np.array_equal(former.offset, arena.offset):
+            return dataclasses.replace(
+                arena, objects=former.objects
+            ), f"known objects that were there: {number} kept"
+        return arena, (
+            f"known objects that were there: {number} dropped, as the surface lies in another frame; find them "
+            f"again by symbrion objects SCAN --object FILE --add-to {self.out}"
         )
 
     def _draw(self, arena: "sg.Arena") -> None:

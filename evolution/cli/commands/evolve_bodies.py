@@ -104,6 +104,11 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         f"{summary['iterations']} iterations, {summary['bodies']} bodies, {run.record.seconds:.0f} s simulated in "
         f"{run.folder}"
     )
+    if run.is_spent:
+        console.print_line(
+            f"the simulated time of this run is spent (--max-seconds {run.config.bodies.max_seconds:g}): resumed, it "
+            "tries nothing more; begin another with more"
+        )
     if best is not None:
         modules = best.pupil.body.num_modules
         unit = "module" if modules == 1 else "modules"

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from evolution.cli.arguments import check_modules
 from evolution.cli.command import SeededCommand, UsageError, require_writable_folder
@@ -12,6 +12,9 @@ from evolution.errors import RunError
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
 
+if TYPE_CHECKING:
+    from evolution.experiments.live.ground import FeltFriction
+
 MILLIMETERS = 1000.0
 
 
@@ -19,10 +22,10 @@ MILLIMETERS = 1000.0
 class Live(SeededCommand):
     """Let a Scout find what has changed in a course since its scan: its readings update the model, where it changed.
 
-    The course is surveyed, a champion evolves in its model; then a box is gone, another is there, and the far wall of
-    the pit has moved. A Scout drives around, its laser and infrared readings go to `refine`, the arena is built again
-    only where it changed, and the champion is judged in both models and in the truth. The same command again goes on
-    where it was interrupted.
+    The course is surveyed, a champion evolves in its model; then a box is gone, another is there, the far wall of the
+    pit has moved, and there is ice on the floor. A Scout drives around, and three docked ones feel the ground; their
+    laser and infrared readings and their slip go to `refine`, the arena is built again only where it changed, and the
+    champion is judged in both models and in the truth. The same command again goes on where it was interrupted.
 
     Example: symbrion live --out live
     """
@@ -31,6 +34,8 @@ class Live(SeededCommand):
     """Output folder: models, arenas, readings, picture and figures."""
     widening: float = 0.1
     """By how much the far wall of the pit has moved away [m]."""
+    ice: float = 0.2
+    """Friction of the ice; that of the other ground is 0.7."""
     pit: float = 0.4
     """Width of the pit before [m]."""
     modules: int = 8
@@ -54,16 +59,19 @@ class Live(SeededCommand):
         for option in ("pit", "widening"):
             if not getattr(self, option) >= 0:
                 raise UsageError(f"--{option} {getattr(self, option)} is no length; give 0 or more")
+        if not 0 < self.ice <= 1:
+            raise UsageError(f"--ice {self.ice} is no friction of ice; give above 0, up to 1")
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion live`", "scan", "report")
         from evolution.experiments.live.live import LiveConfig, run_live
         from evolution.experiments.live.pictures import draw_models
-        from evolution.experiments.live.scene import SceneConfig
+        from evolution.experiments.live.scene import DEFAULT_ICE, SceneConfig
         from evolution.report.pictures import to_png
 
         try:
-            scene = SceneConfig(pit=self.pit, widening=self.widening)
+            ice = dataclasses.replace(DEFAULT_ICE, friction=self.ice)
+            scene = SceneConfig(pit=self.pit, widening=self.widening, ice=ice)
         except RunError as error:
             raise UsageError(f"--widening {self.widening}: {error}") from error
         config = LiveConfig(
@@ -86,6 +94,7 @@ class Live(SeededCommand):
         ]
         columns = ["change", "model before [mm]", "model after [mm]"]
         console.show_table("Mean distance of the true surface from the model", columns, rows)
+        _show_friction(console, result.friction)
         console.show_table(
             "Successes of the champion, of no control, and of a random one",
             ["control", *next(iter(result.successes.values()))],
@@ -103,3 +112,19 @@ class Live(SeededCommand):
         )
         console.print_line(f"arena after the drive: {kept}; {picture}")
         return {"folder": self.out, **result.as_dict()}
+
+
+def _show_friction(console: Console, friction: dict[str, "FeltFriction"]) -> None:
+    rows: list[list[object]] = [
+        [
+            name,
+            f"{felt.truth:.2f}",
+            f"{felt.before:.2f}",
+            f"{felt.after:.2f} ± {felt.half_width:.2f}",
+            f"{felt.error_before:.3f}",
+            f"{felt.error_after:.3f}",
+        ]
+        for name, felt in friction.items()
+    ]
+    columns = ["ground", "truth", "model before", "model after", "mean error before", "mean error after"]
+    console.show_table("Friction of the ground on this side of the pit", columns, rows)

@@ -80,12 +80,15 @@ class Stop(NamedTuple):
         y: [m].
         sweep: by how much to turn on the spot there, to either side [rad].
         toward: where to face before [m]; None for the heading of the arrival.
+        is_backward: whether it drives there backwards: up a ramp with the floor in sight. Forwards over its crest and
+            down, a lone Scout may pitch over.
     """
 
     x: float
     y: float
     sweep: float
     toward: tuple[float, float] | None = None
+    is_backward: bool = False
 
 
 Plan = list[Stop]
@@ -175,13 +178,14 @@ class _Steps:
 
     def choose(self, pose: Float[np.ndarray, "4 4"]) -> Float[np.ndarray, " 2"]:
         """Return the speeds of the left and the right track, -1 to 1."""
-        x, y, angle, toward = self._plan[self.place]
+        x, y, angle, toward, is_backward = self._plan[self.place]
         yaw = float(np.arctan2(pose[1, 0], pose[0, 0]))
         if self._phase == 0:
             way = np.array([x, y]) - pose[:2, 3]
             if np.hypot(*way) > self._config.reach:
-                turn = _wrap(float(np.arctan2(way[1], way[0])) - yaw)
+                turn = _wrap(float(np.arctan2(way[1], way[0])) - yaw + np.pi * is_backward)
                 speed = max(0.0, np.cos(turn)) ** 2 if abs(turn) < 0.5 else 0.0
+                speed = -speed if is_backward else speed
                 turn = float(np.clip(turn, -1.0, 1.0)) * self._config.turn_speed
                 return np.clip([speed - turn, speed + turn], -1.0, 1.0)
             self._phase, self._turned, self._last_yaw = -1, 0.0, yaw

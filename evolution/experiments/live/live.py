@@ -17,6 +17,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track
 from evolution.experiments.live.drive import DriveConfig, Readings, drive_round
+from evolution.experiments.live.ground import FeltFriction, compare_friction, feel_ground, load_slip
 from evolution.experiments.live.matching import DrivenPoints, MatchConfig, find_points
 from evolution.experiments.live.route import plan_round
 from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
@@ -29,13 +30,18 @@ from reconstruction.geometry.sampling import sample_area
 from reconstruction.networks.change.absence import AbsenceConfig
 from reconstruction.networks.change.detection import ChangeConfig
 from reconstruction.networks.change.free_space import FreeSpaceConfig
-from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
+from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig, MotionConfig
+from reconstruction.slip.readings import SlipReadings
 from reconstruction.surfaces.quality import find_distances
 from symbrion_gym.ready_made import SPACING
+from symbrion_gym.sensing.friction_robot import FrictionRobot
 
 MARKER = "live.json"
 """The file that the command writes first; it holds what the other files were made with."""
-OUTPUTS = ("before.npz", "after.npz", "readings.npz", "arenas", "run", "models.png", "results.json")
+OUTPUTS = (
+    *("before.npz", "readings.npz", "refined.npz", "slip.npz", "after.npz"),
+    *("arenas", "run", "models.png", "results.json"),
+)
 _SAMPLES = 40_000
 """Places of the true surface on which the error of a model is measured."""
 RAYS_ONLY = ChangeConfig(
@@ -43,13 +49,16 @@ RAYS_ONLY = ChangeConfig(
     compared_per_face=12,
     absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000),
     free_space=FreeSpaceConfig(max_rays=65_536),
+    num_probes=20_000,
 )
 """A part is gone only where rays go through it: one fan of beams leaves gaps between readings, which show nothing.
 
-All readings are compared, and few that disagree suffice: the floor beside a new wall has many more that agree.
+All readings are compared, and few that disagree suffice: the floor beside a new wall has many more that agree. They are
+compared with many old readings: with one or two of them for each unit, all new ones at a box may disagree by chance.
 """
-LOCAL = GSRMRefinementConfig(min_confirmations=1e9)
-"""Units that a few readings have missed next to a change are not gone with it."""
+LOCAL = GSRMRefinementConfig(min_confirmations=1e9, motion=MotionConfig(max_distance=0.8))
+"""Units that a few readings have missed next to a change are not gone with it; and floor does not move up to become the
+lid of a box that is as high as an edge is long: the box has sides, and its surface needs more units."""
 Made = TypeVar("Made")
 
 
@@ -63,6 +72,7 @@ class LiveConfig:
         scene: what has changed.
         drive: how the Scout drives and is localized.
         match: how its readings become points.
+        feel: how docked Scouts feel the ground.
         modules: number of modules of the champion.
         units: units of the network.
         generations: limit of the champion's evolution in the model before.
@@ -75,6 +85,7 @@ class LiveConfig:
     scene: SceneConfig = field(default_factory=SceneConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
     match: MatchConfig = field(default_factory=MatchConfig)
+    feel: FrictionRobot = field(default_factory=lambda: FrictionRobot(spacing=0.25))
     modules: int = 8
     units: int = 2200
     generations: int = 4
@@ -95,6 +106,7 @@ class LiveResult:
 
     Attributes:
         errors: change, or "elsewhere" -> mean distance of the true surface there from the model, before and after [m].
+        friction: "ice" or "other ground" -> friction there; the model after has what docked Scouts felt.
         successes: control ("champion", "zero", "random") -> arena ("model before", "model after", "truth before",
             "truth now") -> trials in which it succeeded.
         trials: of these.
@@ -106,6 +118,7 @@ class LiveResult:
     """
 
     errors: dict[str, tuple[float, float]]
+    friction: dict[str, FeltFriction]
     successes: dict[str, dict[str, int]]
     trials: int
     update: dict[str, Any]
@@ -118,6 +131,7 @@ class LiveResult:
         """Return the figures, for JSON."""
         return {
             "errors": {name: list(pair) for name, pair in self.errors.items()},
+            "friction": {name: felt._asdict() for name, felt in self.friction.items()},
             "successes": self.successes,
             "trials": self.trials,
             "update": self.update,
@@ -142,7 +156,7 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
         "before": make_truth(config.scene, is_changed=False),
         "after": make_truth(config.scene, is_changed=True),
     }
-    with track("1/6 survey and model before") as step:
+    with track("1/7 survey and model before") as step:
         before = _make_or_load(
             folder / "before.npz", rc.Reconstruction.load, lambda: _scan(config, truths, step.progress)
         )
@@ -151,9 +165,9 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
             sg.Arena.load,
             lambda: _without_time(sg.make_arena(before, name="before", cache=False, progress=step.progress)),
         )
-    with track("2/6 champion in the model before") as step:
+    with track("2/7 champion in the model before") as step:
         champion = _find_champion(config, step.progress)
-    with track("3/6 a Scout drives through the changed place") as step:
+    with track("3/7 a Scout drives through the changed place") as step:
         readings = _make_or_load(
             folder / "readings.npz",
             _load_readings,
@@ -162,15 +176,24 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
             ),
         )
         driven = find_points(readings, before.mesh, config.match, config.drive)
-    with track("4/6 refine") as step:
-        after = _make_or_load(
-            folder / "after.npz",
+    with track("4/7 refine") as step:
+        refined = _make_or_load(
+            folder / "refined.npz",
             rc.Reconstruction.load,
             lambda: before.refine(
                 driven.points, config.seed, step.progress, origins=driven.origins, free_rays=driven.free_rays
             ),
         )
-    with track("5/6 arena, where it has changed") as step:
+    with track("5/7 docked Scouts feel the ground") as step:
+        slip = _make_or_load(
+            folder / "slip.npz",
+            load_slip,
+            lambda: feel_ground(
+                truths["after"], arena, refined.mesh, config.scene, config.feel, config.seed, step.progress
+            ),
+        )
+        after = _make_or_load(folder / "after.npz", rc.Reconstruction.load, lambda: refined.refine(slip=slip))
+    with track("6/7 arena, where it has changed") as step:
         updated = _make_or_load(
             folder / "arenas" / "after",
             sg.Arena.load,
@@ -179,7 +202,7 @@ def run_live(config: LiveConfig, track: Track) -> LiveResult:
             ),
         )
     arenas = {"before": arena, "after": updated}
-    with track("6/6 the champion is judged") as step:
+    with track("7/7 the champion is judged") as step:
         successes = _judge(config, champion, arenas, truths, step.progress)
     result = _summarize(config, arenas, truths, driven, successes)
     with write_atomically(folder / "results.json") as beside:
@@ -240,9 +263,10 @@ def _make_or_load(path: Path, load: Callable[[Path], Made], make: Callable[[], A
     if not path.exists():
         made = make()
         path.parent.mkdir(parents=True, exist_ok=True)
-        if isinstance(made, Readings):
+        if isinstance(made, Readings | SlipReadings):
+            arrays: dict[str, Any] = made._asdict() if isinstance(made, Readings) else made.as_arrays()
             with write_atomically(path) as beside, beside.open("wb") as file:
-                np.savez_compressed(file, **made._asdict())
+                np.savez_compressed(file, **arrays)
         else:
             made.save(path)
     return load(path)
@@ -336,6 +360,7 @@ def _summarize(
     errors = measure_errors(config.scene, truths["after"].surface, meshes)
     return LiveResult(
         errors={name: (pair[0], pair[1]) for name, pair in errors.items()},
+        friction=compare_friction(config.scene, truths["after"], arenas["before"], arenas["after"]),
         successes=successes,
         trials=config.trials,
         update=dict(arenas["after"].provenance.get("update", {})),

@@ -9,8 +9,10 @@ import numpy as np
 from evolution.experiments.live.scene import SceneConfig, find_regions
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    import symbrion_gym as sg
     from evolution.experiments.live.live import LiveResult
 
 _SPACING = 0.01
@@ -19,7 +21,7 @@ _TITLES = {"before": "model before", "after": "model after the drive", "truth": 
 
 
 def draw_models(result: LiveResult, scene: SceneConfig) -> Figure:
-    """Draw the heights of the model before, of the model after, and of the truth; changes are framed.
+    """Draw the heights of the model before, of the model after, and of the truth; changes are framed, ice is hatched.
 
     Args:
         result: of the command.
@@ -49,9 +51,33 @@ def draw_models(result: LiveResult, scene: SceneConfig) -> Figure:
             (x0, y0, _), (x1, y1, _) = region.low, region.high
             ax.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor="red"))
             ax.text(x0, y1, region.name, color="red", va="bottom")
+        _draw_friction(ax, arena)
         ax.set_title(_TITLES[name], loc="left")
         ax.set_ylabel("y [m]")
     axes[-1].set_xlabel("x [m]")
     if image is not None:
         figure.colorbar(image, ax=axes, label="height [m]", shrink=0.6)
     return figure
+
+
+def _draw_friction(ax: Axes, arena: sg.Arena) -> None:
+    """Hatch the friction patches of an arena, and write their friction."""
+    from matplotlib.patches import Polygon
+
+    for patch in () if arena.friction_map is None else arena.friction_map.patches:
+        for outline in patch.outlines:
+            ax.add_patch(
+                Polygon(outline, closed=True, fill=False, edgecolor="white", hatch="//", linewidth=0.5)
+            )
+        middle = np.mean(max(patch.outlines, key=lambda outline: np.ptp(outline, axis=0).prod()), axis=0)
+        width = f" ± {patch.half_width:.2f}" if patch.half_width else ""
+        label = f"friction {patch.friction:.2f}{width}"
+        ax.text(
+            float(middle[0]),
+            float(middle[1]),
+            label,
+            color="white",
+            ha="center",
+            va="center",
+            fontweight="bold",
+        )

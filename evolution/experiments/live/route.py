@@ -9,6 +9,8 @@ from evolution.experiments.live.scene import Box, SceneConfig
 
 _STEP = 0.05
 """Between two looks down from the ramp [m]: the rings of two neighboring beams meet."""
+_FULL_EVERY = 5
+"""Every so many stops on the ramp it looks all around: the ramp itself may have changed."""
 _LOOKS = 11
 """At the far wall, along the edge of the pit."""
 
@@ -16,8 +18,8 @@ _LOOKS = 11
 def plan_round(scene: SceneConfig) -> Plan:
     """Return where the Scout goes: over the old box's place, around the new box, on the ramp, along the pit.
 
-    It looks around at each stop by turning on the spot: its laser has one vertical fan of beams. From the ramp it looks
-    back over the floor: only from there it sees what lies on top of boxes.
+    It looks around at each stop by turning on the spot: its laser has one vertical fan of beams. From the ramp, which
+    it drives up backwards, it looks back over the floor: only from there it sees what lies on top of boxes.
 
     Args:
         scene: what may have changed.
@@ -54,15 +56,18 @@ def _go_around(box: Box) -> Plan:
 
 
 def _look_back(scene: SceneConfig) -> Plan:
-    """Return stops on the way up the ramp, and on a way down with the floor and its boxes in sight."""
+    """Return stops up the ramp and on the plateau, backwards: with the floor and its boxes in sight."""
     course, box = scene.course, scene.new_box
     foot, edge = course.ramp_feet[0], course.pit_edges[0]
     y = 0.15 if box is None else float(np.mean(box.y))
     aim = (foot - 0.3, y) if box is None else (float(np.mean(box.x)), y)
-    low, high = foot + 0.25, edge - 0.2
-    up = [Stop(float(x), 0.15, np.pi) for x in np.linspace(foot, high, 6)[1:]]
-    down = [Stop(float(x), y, 0.4, aim) for x in np.arange(high, low, -_STEP)]
-    return up + down
+    places = np.arange(foot + 0.25, edge - 0.2, _STEP)
+    sweeps = np.where(np.arange(len(places)) % _FULL_EVERY == 0, np.pi, 0.4)
+    up = [
+        Stop(float(x), y, float(sweep), aim, is_backward=True)
+        for x, sweep in zip(places, sweeps, strict=True)
+    ]
+    return [Stop(foot + 0.2, y, 0.4, aim), *up]
 
 
 def _look_over_pit(scene: SceneConfig) -> Plan:

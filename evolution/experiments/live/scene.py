@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 import symbrion_gym as sg
 from evolution.errors import RunError
+from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym.contact.quality import ArenaQuality
 
 _SAME = 1e-9
@@ -44,6 +45,32 @@ class Box:
 
 
 @dataclass(frozen=True)
+class Ice:
+    """Slippery ground on the level floor.
+
+    Attributes:
+        x: from, to [m].
+        y: from, to [m].
+        friction: sliding friction on it.
+
+    Raises:
+        RunError: it has no area.
+    """
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    friction: float
+
+    def __post_init__(self) -> None:
+        if not (self.x[0] < self.x[1] and self.y[0] < self.y[1]):
+            raise RunError(f"ice from x {self.x}, y {self.y} m has no area; give from < to")
+
+
+DEFAULT_ICE = Ice((-2.5, -1.8), (-0.4, 0.15), 0.2)
+"""Where the champion starts; beyond it are the new box and the ramp."""
+
+
+@dataclass(frozen=True)
 class SceneConfig:
     """A course with boxes on its first floor, before and now.
 
@@ -52,15 +79,17 @@ class SceneConfig:
         widening: by how much the far wall of the pit has moved away since [m].
         old_box: stood there, and is gone; None for none.
         new_box: stands there now; None for none.
+        ice: patch of the first floor that is slippery now; None for none.
 
     Raises:
-        RunError: the widening leaves nothing of the plateau, or a box does not stand on the first floor.
+        RunError: the widening leaves nothing of the plateau, or a box or the ice is not on the first floor.
     """
 
     pit: float = 0.40
     widening: float = 0.10
     old_box: Box | None = Box((-2.95, -2.7), (-0.7, -0.4), 0.15)
     new_box: Box | None = Box((-2.05, -1.8), (0.3, 0.55), 0.1)
+    ice: Ice | None = DEFAULT_ICE
 
     def __post_init__(self) -> None:
         course = self.course
@@ -68,13 +97,13 @@ class SceneConfig:
             raise RunError(
                 f"the wall moves by {self.widening} m; give 0 or more, less than the plateau's {course.plateau} m"
             )
-        for box in (self.old_box, self.new_box):
-            if box is None:
+        for part in (self.old_box, self.new_box, self.ice):
+            if part is None:
                 continue
-            inside = -course.length / 2 < box.x[0] and box.x[1] < course.ramp_feet[0]
-            if not inside or max(-box.y[0], box.y[1]) >= course.width / 2:
+            inside = -course.length / 2 < part.x[0] and part.x[1] < course.ramp_feet[0]
+            if not inside or max(-part.y[0], part.y[1]) >= course.width / 2:
                 raise RunError(
-                    f"{box} does not stand on the first floor, x {-course.length / 2:g} to {course.ramp_feet[0]:g} m"
+                    f"{part} is not on the first floor, x {-course.length / 2:g} to {course.ramp_feet[0]:g} m"
                 )
 
     @property
@@ -123,8 +152,20 @@ def make_truth(config: SceneConfig, *, is_changed: bool) -> sg.Arena:
     about: dict[str, Any] = {"source": "truth, changed" if is_changed else "truth"}
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces))
     plain = sg.Arena.from_course(course, name="truth_now" if is_changed else "truth_before")
+    ice = None
+    if is_changed and config.ice is not None:
+        low, high = zip(config.ice.x, config.ice.y, strict=True)
+        ice = FrictionMap((FrictionPatch.of_rectangle(low, high, config.ice.friction),))
     # The course does not describe boxes and moved walls: start, edges and finish are found on the surface.
-    return replace(plain, pieces=pieces, surface=surface, quality=quality, course=None, provenance=about)
+    return replace(
+        plain,
+        pieces=pieces,
+        surface=surface,
+        quality=quality,
+        course=None,
+        provenance=about,
+        friction_map=ice,
+    )
 
 
 def find_regions(config: SceneConfig, margin: float = 0.05) -> list[Region]:

@@ -13,8 +13,8 @@ class PrimitivesConfig:
     """Which shapes replace triangles.
 
     Attributes:
-        tolerance: largest distance of a replaced vertex from its shape [m]; None: five times the noise of the surface,
-            within `tolerance_limits`. Fewer leave holes in planes, which rectangles must go around.
+        tolerance: largest distance of a replaced vertex from its shape [m]; None: three times the noise of the
+            surface, within `tolerance_limits`. Less leaves holes in planes, which rectangles must go around.
         tolerance_limits: of an estimated tolerance [m]. Beams on a shape are off those on the mesh by a quarter of the
             tolerance in the mean.
         normal_angle: largest angle between a face and its shape [rad]: normals of faces of 3 cm with a noise of 1 mm
@@ -23,6 +23,9 @@ class PrimitivesConfig:
         min_part: ... and those with a smaller share of the surface.
         min_covered: share of a closed shape (box, sphere, cylinder) that faces cover, at least.
         max_exposed: share of a closed shape that may stand where the surface says nothing.
+        max_open: share of a rectangle that neither lies on the surface nor behind it, at most. Rectangles grow to the
+            corners of a room and behind things that stand before them, so that little is left for the tree of
+            triangles, and over ragged rims. More closes narrow openings: 0.02 closed half a doorway.
         min_rectangle: share of the surface that a rectangle of a plane has at least, where the surface is open ground:
             each costs every beam that looks its way, as much as a level or two of the tree of triangles ...
         min_rectangle_hollow: ... and where it is hollow, as a room, of which each beam meets more boxes of the tree.
@@ -47,12 +50,13 @@ class PrimitivesConfig:
     """
 
     tolerance: float | None = None
-    tolerance_limits: tuple[float, float] = (0.004, 0.010)
+    tolerance_limits: tuple[float, float] = (0.004, 0.006)
     normal_angle: float = 0.35
     min_area: float = 0.03
     min_part: float = 0.003
     min_covered: float = 0.3
     max_exposed: float = 0.02
+    max_open: float = 0.005
     min_rectangle: float = 0.06
     min_rectangle_hollow: float = 0.02
     hollow: float = 1.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.geometry.manifold import find_vertex_normals, group_sides
 from reconstruction.surfaces.primitives.config import PrimitivesConfig
@@ -46,11 +46,22 @@ class Surface:
 
         A point whose nearest place of the surface is at the rim, where the surface ends, is not behind it.
         """
-        import igl
-
         mesh = shape.as_mesh()
         points, index = _sample(mesh.triangles, np.random.default_rng(0))
-        normals = mesh.face_normals[index]
+        return 1.0 - float(self.is_backed(points, mesh.face_normals[index], tolerance).mean())
+
+    def is_backed(
+        self, points: Float[np.ndarray, "N 3"], normals: Float[np.ndarray, "N 3"], tolerance: float
+    ) -> Bool[np.ndarray, " N"]:
+        """Return which points of a shape lie on the surface or behind it.
+
+        Args:
+            points: of the shape [m].
+            normals: outward unit normals there.
+            tolerance: distance of a point on the surface from the surface [m].
+        """
+        import igl
+
         squared, nearest, places = igl.point_mesh_squared_distance(points, self._vertices, self._faces)[:3]
         distance, nearest = np.sqrt(np.asarray(squared)), np.asarray(nearest)
         corners = self._faces[nearest]
@@ -61,7 +72,7 @@ class Surface:
         is_on = (distance <= _BEHIND * tolerance) & (np.einsum("nd,nd->n", normals, toward) > 0.0)
         at_rim = self._rim[corners].sum(axis=1) >= 2
         is_hidden = (front < 0) & ~at_rim
-        return float(1.0 - (is_on | is_hidden).mean())
+        return is_on | is_hidden
 
 
 def _sample(

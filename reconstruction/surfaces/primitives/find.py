@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import trimesh
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from reconstruction.errors import ReconstructionError
 from reconstruction.surfaces.primitives.boxes import Side, propose_boxes
@@ -17,7 +17,7 @@ from reconstruction.surfaces.primitives.primitive import Primitive, take_out
 from reconstruction.surfaces.primitives.ransac import FoundShape, estimate_noise, find_shapes
 from reconstruction.surfaces.primitives.rectangles import find_rectangles
 
-_NOISES = 5.0
+_NOISES = 3.0
 """Standard deviations of the noise that a vertex is off its shape at most."""
 
 
@@ -96,7 +96,12 @@ def find_primitives(
         for i, shape in enumerate(flat)
         if i not in used
         for one in _find_rectangles(
-            shape, _leave_out([*boxes, *solids], corners[shape.faces], tolerance), least, config
+            shape,
+            _leave_out([*boxes, *solids], corners[shape.faces], tolerance),
+            least,
+            surface,
+            tolerance,
+            config,
         )
     ]
     planes.sort(key=lambda one: -float(one.half_sizes[0] * one.half_sizes[1]))
@@ -150,7 +155,12 @@ def _leave_out(
 
 
 def _find_rectangles(
-    found: FoundShape, corners: Float[np.ndarray, "F 3 3"], least: float, config: PrimitivesConfig
+    found: FoundShape,
+    corners: Float[np.ndarray, "F 3 3"],
+    least: float,
+    surface: Surface,
+    tolerance: float,
+    config: PrimitivesConfig,
 ) -> list[Primitive]:
     """Return thin boxes behind the rectangles that the triangles of a plane cover."""
     if found.area < least or not len(corners):
@@ -158,8 +168,17 @@ def _find_rectangles(
     normal, point = found.shape.axis[0], found.shape.point[0]
     frame = _make_frame(normal)
     flat = ((corners - point) @ frame)[..., :2]
+
+    def is_backed(places: Float[np.ndarray, "N 2"]) -> Bool[np.ndarray, " N"]:
+        if not len(places):
+            return np.zeros(0, bool)
+        points = point + places @ frame[:, :2].T
+        return surface.is_backed(points, np.broadcast_to(normal, points.shape), tolerance)
+
     planes = []
-    for center, axes, half in find_rectangles(flat, config.cell, least, config.max_rectangles):
+    for center, axes, half in find_rectangles(
+        flat, config.cell, least, config.max_rectangles, is_backed, config.max_open
+    ):
         turned = frame.copy()
         turned[:, :2] = frame[:, :2] @ axes
         depth = config.thickness / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,15 +28,24 @@ class GridRectangle(NamedTuple):
 
 
 def find_rectangles(
-    triangles: Float[np.ndarray, "F 3 2"], cell: float, least_area: float, most: int
+    triangles: Float[np.ndarray, "F 3 2"],
+    cell: float,
+    least_area: float,
+    most: int,
+    is_backed: Callable[[np.ndarray], np.ndarray] | None = None,
+    max_exposed: float = 0.0,
 ) -> list[tuple[Float[np.ndarray, " 2"], Float[np.ndarray, "2 2"], Float[np.ndarray, " 2"]]]:
-    """Return rectangles that triangles cover wholly, the largest first.
+    """Return rectangles that triangles cover, the largest first.
+
+    A rectangle of covered cells grows over cells that are hidden, and over a few that are not.
 
     Args:
         triangles: in the plane [m].
         cell: resolution [m].
         least_area: of a rectangle [m²].
         most: so many at most.
+        is_backed: points `[N, 2]` of the plane -> which of them lie on the surface or behind it; None for none.
+        max_exposed: share of a rectangle that neither triangles cover nor the surface backs, at most.
 
     Returns:
         Center [m], axes (columns) and half sizes [m] of each.
@@ -48,13 +58,22 @@ def find_rectangles(
     steps = np.clip(np.ceil((high - low) / cell), 1, _MOST_CELLS).astype(np.int64)
     lines = [np.linspace(low[k], high[k], steps[k] + 1) for k in range(2)]
     is_free = _find_covered(turned, lines)
+    is_taken = np.zeros_like(is_free)
+    is_exposed = ~is_free
+    if is_backed is not None:
+        middles = np.stack(
+            np.meshgrid(*((line[1:] + line[:-1]) / 2 for line in lines), indexing="ij"), axis=-1
+        )
+        is_exposed[is_exposed] = ~is_backed(middles[is_exposed] @ around.axes.T)
     size = np.array([line[1] - line[0] for line in lines])
     found = []
     while len(found) < most:
         area, one = find_largest_rectangle(is_free)
         if area * float(size.prod()) < least_area:
             break
+        one = _grow(one, is_exposed, is_taken, max_exposed)
         is_free[one.row : one.row_end, one.column : one.column_end] = False
+        is_taken[one.row : one.row_end, one.column : one.column_end] = True
         first = np.array([lines[0][one.row], lines[1][one.column]])
         last = np.array([lines[0][one.row_end], lines[1][one.column_end]])
         found.append((around.axes @ (first + last) / 2, around.axes, (last - first) / 2))
@@ -84,6 +103,30 @@ def find_largest_rectangle(is_free: Bool[np.ndarray, "R C"]) -> tuple[int, GridR
             best = int(area[k])
             where = GridRectangle(row + 1 - int(height[k]), row + 1, int(left[k]), int(right[k]))
     return best, where
+
+
+def _grow(
+    one: GridRectangle, is_exposed: Bool[np.ndarray, "R C"], is_taken: Bool[np.ndarray, "R C"], most: float
+) -> GridRectangle:
+    """Return a rectangle that is moved outwards, a row or column after the other, where that exposes the least.
+
+    It ends where more than a share `most` of it would be exposed, and at cells that another rectangle has taken.
+    """
+    while True:
+        wider = []
+        for side, step in enumerate((-1, 1, -1, 1)):
+            place = list(one)
+            place[side] += step
+            new = GridRectangle(*place)
+            if min(new) < 0 or new.row_end > is_exposed.shape[0] or new.column_end > is_exposed.shape[1]:
+                continue
+            cells = slice(new.row, new.row_end), slice(new.column, new.column_end)
+            share = float(is_exposed[cells].mean())
+            if share <= most and not is_taken[cells].any():
+                wider.append((share, side, new))
+        if not wider:
+            return one
+        one = min(wider)[2]
 
 
 def _find_covered(triangles: Float[np.ndarray, "F 3 2"], lines: list[np.ndarray]) -> Bool[np.ndarray, "R C"]:

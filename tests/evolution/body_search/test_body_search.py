@@ -17,6 +17,7 @@ from evolution.body_search.learning import Learning, LearningConfig, Pupil, inhe
 from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
 from evolution.body_search.record import BodyRecord
 from evolution.errors import RunError
+from evolution.search.loop import load_run
 from reconstruction.extras import MissingExtraError
 
 BEST = "b(b(.)m(.))"
@@ -248,3 +249,20 @@ def test_every_algorithm_has_a_maker():
     from evolution.body_search.algorithms.making import _MAKERS
 
     assert tuple(_MAKERS) == ALGORITHMS
+
+
+def test_a_run_whose_time_is_spent_says_so_when_it_is_resumed(tmp_path, caplog):
+    config = make_config(bodies=replace(BODIES, max_seconds=1.0), iterations=2, folder=str(tmp_path / "run"))
+    run = evolve_bodies(config, simulate=landscape)
+    assert run.is_spent
+    assert len(run.history) == 1
+    again = resume_bodies(tmp_path / "run", simulate=landscape, iterations=5)
+    assert len(again.history) == 1
+    assert "max_seconds is spent" in caplog.text
+    assert not evolve_bodies(make_config(iterations=1), simulate=landscape).is_spent
+
+
+def test_a_search_for_bodies_is_no_other_run(tmp_path):
+    evolve_bodies(make_config(iterations=1, folder=str(tmp_path / "run")), simulate=landscape)
+    with pytest.raises(RunError, match="contains a search for bodies; read it by"):
+        load_run(tmp_path / "run")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+import reconstruction as rc
 import symbrion_gym as sg
 from benchmarks.material.known_objects import make_socket
 from evolution.cli.main import run
@@ -33,6 +34,26 @@ def test_objects_of_a_scan_are_added_to_an_arena(files: Path, capsys: pytest.Cap
     np.testing.assert_allclose(found["position"], (0, 0.2, 0.5), atol=0.005)
     (placed,) = sg.Arena.load(files / "arena").objects
     assert placed.position.tolist() == found["position"]
+
+
+def test_an_arena_that_is_made_again_keeps_its_objects(
+    files: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    words = ["arena", str(files / "room.ply"), "--kind", "prisms", "--out", str(files / "made")]
+    assert run(words) == 0
+    assert "known objects" not in capsys.readouterr().out
+    made, found = sg.Arena.load(files / "made"), rc.FoundObject("socket", np.ones(3), np.eye(3), 1.0, 1.0, 50)
+    sg.place_objects(made, [found], {"socket": make_socket()}).save(files / "made")
+    assert run(words) == 0
+    assert "known objects that were there: 1 kept" in capsys.readouterr().out
+    (kept,) = sg.Arena.load(files / "made").objects
+    assert kept.position.tolist() == [1.0, 1.0, 1.0]
+    far = trimesh.load_mesh(files / "room.ply").apply_translation((5000.0, 0.0, 0.0))
+    far.export(files / "room.ply")
+    assert run(words) == 0
+    assert "1 dropped, as the surface lies in another frame" in capsys.readouterr().out
+    assert not sg.Arena.load(files / "made").objects
+    assert "its 1 known objects are replaced by none" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,18 @@ def test_conditions_are_equal_for_equal_seeds_spread_and_within_their_ranges():
     assert sorted(tenths) == list(range(10))
 
 
+def test_patch_friction_is_drawn_last_and_within_its_interval():
+    plain, moved = Randomization(), Randomization(patch_friction=(-1.0, 1.0))
+    before, after = plain.draw((1, 2), 10), moved.draw((1, 2), 10)
+    assert set(after) - set(before) == {"patch_friction"}
+    for name in before:
+        np.testing.assert_array_equal(before[name], after[name])
+    assert after["patch_friction"].min() < -0.8
+    assert after["patch_friction"].max() > 0.8
+    with pytest.raises(RunError, match="patch_friction"):
+        Randomization(patch_friction=(-2.0, 2.0))
+
+
 def test_fitness_is_progress_success_effort_and_body():
     outcome = Outcome(progress=1.2, effort=0.5, succeeded=(True, False))
     assert Scoring(success=2.0, effort=0.1, module=0.01).score(outcome, 8) == pytest.approx(

@@ -1,5 +1,7 @@
 """An arena is made again only where its surface has changed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -48,6 +50,16 @@ def test_a_saved_and_loaded_arena_has_not_changed(plain, tmp_path):
     updated = sg.update_arena(loaded, other)
     assert 0.0 < updated.provenance["update"]["changed_area"] < 0.1
     assert count_kept(loaded, updated) == updated.provenance["update"]["kept"] >= 1
+
+
+def test_objects_stay_and_those_where_the_surface_changed_are_named(plain, caplog):
+    box = trimesh.creation.box((0.2, 0.2, 0.2))
+    places = [(1.0, 1.0, 0.1), (-1.5, 1.5, 0.1)]
+    objects = tuple(sg.PlacedObject("box", np.array(place), np.eye(3), box) for place in places)
+    updated = sg.update_arena(replace(plain, objects=objects), make_floor(bump=0.2, hole=0.3))
+    assert updated.objects == objects
+    assert "object_box_0 stays where the surface has changed" in caplog.text
+    assert "object_box_1" not in caplog.text
 
 
 def test_a_new_platform_gets_pieces_and_the_others_stay(plain):

@@ -11,6 +11,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.course import Course
 from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
 from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import snake
 
 PATCH = (-1.9, -1.5, 0.2)
@@ -109,3 +110,17 @@ def test_a_robot_of_others_feels_the_ice() -> None:
     for _ in range(100):
         mujoco.mj_step(model, data)
     assert set(data.contact.friction[:, 0]) == {0.1}
+
+
+def test_places_beyond_the_intervals_and_arenas_without_patches_are_refused() -> None:
+    for value in (1.5, -2.0, (-1.0, 3.0)):
+        with pytest.raises(OptionError, match="patch_friction must be"):
+            make_env((PATCH,)).reset(options={"patch_friction": value})
+    with pytest.raises(OptionError, match="no friction patches"):
+        make_env(()).reset(options={"patch_friction": 0.5})
+    make_env(()).reset(options={"patch_friction": 0.0})
+    vector = gym.make_vec(
+        "symbrion_gym/SnakePit-v1", num_envs=1, vectorization_mode="vector_entry_point", modules=2
+    )
+    with pytest.raises(OptionError, match="no friction patches"):
+        vector.reset(options={"patch_friction": (-1.0, 1.0)})

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.material.driving_scenes import (
     GALLERY,
@@ -12,6 +13,9 @@ from benchmarks.material.driving_scenes import (
     make_terrain,
     make_two_storeys,
 )
+from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym.arenas.making import make_arena
 from symbrion_gym.errors import ArenaError, OptionError
 from symbrion_gym.robot.organism import snake
 from symbrion_gym.traversability.drawing import draw_traversability
@@ -176,3 +180,43 @@ def test_no_ground_is_told_with_the_axis():
     wall = make_box((0.0, 0.0, 0.0), (0.02, 3.0, 2.0))
     with pytest.raises(ArenaError, match="--up y"):
         make_exact_arena("wall", [wall], [wall]).find_route()
+
+
+def make_icy_floor(friction: float, *, is_ramp: bool = False) -> Arena:
+    """Return a floor of 4 m x 2 m, level or rising by 0.2 along x, with ice but for a way at its side."""
+    floor = trimesh.Trimesh(
+        [(0, 0, 0), (4, 0, 0.8 * is_ramp), (4, 2, 0.8 * is_ramp), (0, 2, 0)],
+        [(0, 1, 2), (0, 2, 3)],
+        process=False,
+    )
+    ice = FrictionPatch.of_rectangle((1.5, 0.6), (2.5, 2.0), friction)
+    return make_arena(floor, friction=0.7, friction_map=FrictionMap((ice,)), kind="convex", cache=False)
+
+
+def test_a_route_goes_around_ice_but_not_around_ground_that_holds():
+    ends = {"start": (0.5, 1.3), "goal": (3.5, 1.3)}
+    for friction, is_around in ((0.1, True), (0.65, False)):
+        path = make_icy_floor(friction).find_route(**ends).path
+        is_beside = (path[:, 0] > 1.5) & (path[:, 0] < 2.5)
+        assert (path[is_beside, 1].max() < 0.6) == is_around
+
+
+def test_the_cost_of_ice_is_an_option_and_ends_are_not_chosen_on_it():
+    arena = make_icy_floor(0.1)
+    straight = arena.find_route(start=(0.5, 1.3), goal=(3.5, 1.3), config=RouteConfig(slip_cost=0.0))
+    assert straight.path[:, 1].min() > 1.0
+    route = arena.find_route()
+    ends = np.array([route.start, route.goal])
+    assert (arena.find_friction(ends) == 0.7).all()
+    with pytest.raises(OptionError, match="slip_cost"):
+        RouteConfig(slip_cost=-1.0)
+
+
+def test_ice_on_a_slope_that_it_does_not_hold_costs_more_than_level_ice():
+    ends = {"start": (0.5, 1.3), "goal": (3.5, 1.3)}
+    config = RouteConfig(slip_cost=0.5)
+    level, ramp = (
+        make_icy_floor(0.1, is_ramp=is_ramp).find_route(**ends, config=config) for is_ramp in (False, True)
+    )
+    assert level.path[:, 1].min() > 0.6
+    assert ramp.path[:, 1].min() < 0.6

@@ -49,9 +49,10 @@ def test_a_column_in_a_room_is_a_cylinder_between_floor_and_ceiling() -> None:
     assert abs(column.axes[2, 2]) == pytest.approx(1.0, abs=1e-3)
     np.testing.assert_allclose(column.half_sizes[:2], [0.199, 0.5], atol=0.06)
     assert not pick(found, "box")  # a room is no box: its inside is free
-    for plane in pick(found, "plane"):  # rectangles of walls stay within the room
-        corners = plane.as_mesh().vertices
-        assert (np.abs(corners) <= np.array([1.0, 0.8, 1.0]) + 0.01).all()
+    for plane in pick(found, "plane"):  # rectangles may end behind other walls, but stand nowhere in the room
+        places = np.abs(plane.as_mesh().sample(2000, seed=0) - [0.0, 0.0, 0.5])
+        assert not (places < np.array([1.0, 0.8, 0.5]) - 0.01).all(axis=1).any()
+        assert (places < np.array([1.0, 0.8, 0.5]) + 0.1).all()
 
 
 def test_boxes_need_sides_at_right_angles_that_are_there() -> None:
@@ -120,6 +121,29 @@ def test_the_largest_rectangle_of_free_cells() -> None:
     assert where in ((0, 3, 0, 2), (1, 3, 0, 3))
     assert find_largest_rectangle(np.zeros((2, 2), dtype=bool))[0] == 0
     assert find_rectangles(np.zeros((1, 3, 2)), 0.1, 0.1, 3) == []
+
+
+def test_a_rectangle_grows_behind_things_and_not_over_openings() -> None:
+    size = 0.05
+    x, y = np.meshgrid(np.arange(40) * size, np.arange(20) * size, indexing="ij")
+    low = np.stack([x, y], axis=-1).reshape(-1, 2)
+    low = low[(low[:, 0] < 0.499) | ((low[:, 0] > 0.599) & ((low[:, 0] < 1.499) | (low[:, 0] > 1.599)))]
+    first = low[:, None] + np.array([[0, 0], [size, 0], [size, size]])
+    second = low[:, None] + np.array([[0, 0], [size, size], [0, size]])
+    wall = np.concatenate([first, second])  # 2 x 1 m, without two strips 0.1 m wide
+
+    def is_behind_a_thing(places: np.ndarray) -> np.ndarray:
+        return places[:, 0] < 1.0
+
+    ((_, axes, half),) = find_rectangles(wall, 0.01, 0.6, 6, is_behind_a_thing, 0.005)
+    np.testing.assert_allclose(
+        np.sort(half), [0.5, 0.75], atol=0.011
+    )  # over the first strip, up to the second
+    ((_, axes, half),) = find_rectangles(wall, 0.01, 0.6, 6, is_behind_a_thing, 0.07)
+    np.testing.assert_allclose(np.sort(half), [0.5, 1.0], atol=0.011)  # an opening of 5 %
+    np.testing.assert_allclose(axes @ axes.T, np.eye(2), atol=1e-9)
+    ((_, _, half),) = find_rectangles(wall, 0.01, 0.6, 6)
+    np.testing.assert_allclose(np.sort(half), [0.45, 0.5], atol=0.011)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,117 @@
+"""The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
+
+    python -m benchmarks.landscape [--quick] [--only map replays] [--folder FOLDER] [--out FOLDER] [--workers N]
+
+`map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
+folder after every twelve bodies and goes on there when it is called again. `replays` measures the searches on it.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from benchmarks.evolution_runs import Results
+from benchmarks.report import describe_versions
+from evolution.landscape.assembly import assemble
+from evolution.landscape.config import TASKS, LandscapeConfig
+from evolution.landscape.judging import judge_bodies
+from evolution.landscape.making import let_bodies_learn
+from evolution.landscape.places import save_places
+from evolution.landscape.reliability import describe_reliability
+from evolution.landscape.scores import score_searches
+from evolution.landscape.table import Landscape, load_landscape
+from evolution.search.provenance import find_revision
+
+PARTS = ("map", "replays")
+FOLDER = Path("runs/landscape")
+OUT = Path(__file__).parents[1] / "assets" / "landscape"
+COMMAND = "python -m benchmarks.landscape --only map"
+SEEDS = 10
+
+
+def run(
+    quick: bool = False,
+    only: tuple[str, ...] = (),
+    folder: Path | None = None,
+    out: Path | None = None,
+    workers: int = 1,
+    largest: int | None = None,
+    tasks: tuple[str, ...] = tuple(TASKS),
+) -> dict[str, Any]:
+    """Make the table and measure searches on it.
+
+    Args:
+        quick: bodies of up to two modules, into the folder of runs.
+        only: names of the parts; empty for all.
+        folder: where what was learned is kept.
+        out: where the table goes; None for `assets/landscape`.
+        workers: number of threads; they change nothing but the time.
+        largest: largest number of modules; None: five.
+        tasks: names of the tasks.
+    """
+    results = Results("landscape")
+    folder = folder or FOLDER / ("quick" if quick else "whole")
+    out = out or (folder / "table" if quick else OUT)
+    if not only or "map" in only:
+        default = 2 if quick else LandscapeConfig().largest
+        table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks)
+        table.save(out)
+        results.put("map", describe_reliability(table))
+    if not only or "replays" in only:
+        scores = score_searches(load_landscape(out), range(2 if quick else SEEDS))
+        for task, rows in scores.items():
+            results.put(f"replays of {task}", rows)
+            for name, row in rows["searches"].items():
+                print(task, name, row, flush=True)
+    return results.content
+
+
+def make_map(
+    config: LandscapeConfig, folder: Path, workers: int = 1, tasks: tuple[str, ...] = tuple(TASKS)
+) -> Landscape:
+    """Let all bodies learn, judge them, and return the table; what the folder contains is not computed again."""
+
+    def show(text: str, share: float) -> None:
+        print(f"{text} ({share:.0%})", flush=True)
+
+    arenas, truths = save_places(folder / "arenas", tasks, show)
+    runs = let_bodies_learn(config, arenas, folder / "runs", workers, progress=show)
+    judged = judge_bodies(config, runs, truths, folder, workers, progress=show)
+    revision = find_revision()
+    provenance = {
+        "command": COMMAND if tasks == tuple(TASKS) else f"{COMMAND} --tasks {' '.join(tasks)}",
+        "commit": revision.commit if revision else None,
+        "versions": describe_versions(),
+        "tasks": {name: dict(TASKS[name]) for name in tasks},
+    }
+    return assemble(config, runs, judged, provenance)
+
+
+def main() -> None:
+    """Read the command line and run."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.landscape",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--quick", action="store_true", help="bodies of up to two modules")
+    parser.add_argument("--only", nargs="*", default=[], choices=PARTS, help="parts to run")
+    parser.add_argument("--folder", type=Path, help="where what was learned is kept")
+    parser.add_argument("--out", type=Path, help="where the table goes (default: assets/landscape)")
+    parser.add_argument("--workers", type=int, default=1, help="threads; they change nothing but the time")
+    parser.add_argument("--largest", type=int, help="largest number of modules (default: 5)")
+    parser.add_argument("--tasks", nargs="*", default=list(TASKS), choices=TASKS, help="tasks of the map")
+    options = parser.parse_args()
+    run(
+        options.quick,
+        tuple(options.only),
+        options.folder,
+        options.out,
+        options.workers,
+        options.largest,
+        tuple(options.tasks),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""`symbrion swarm`: single robots gather, dock, cross a pit as one body, and part."""

@@ -1,0 +1,1 @@
+"""Robots in full contact: free ones, latched pairs and organisms in one MuJoCo model."""

@@ -1,0 +1,169 @@
+"""Poses that robots could take next, and which of them they get to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from symbrion_gym.swarm.kinematic.collisions import (
+    Outlines,
+    find_outlines,
+    find_overlaps,
+    find_pairs,
+    take,
+)
+from symbrion_gym.swarm.kinematic.rotations import find_headings
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from symbrion_gym.robot.scout_constants import ScoutConfig
+
+FULL, TURN, STAY = 0, 1, 2
+"""What a robot does of a wanted motion: all, only its turn on the spot, nothing."""
+
+
+class Poses(NamedTuple):
+    """Poses of N robots on the ground.
+
+    Attributes:
+        position: centers of the chassis [m].
+        rotation: of the chassis, to the arena.
+        hinge: angles of the arms [rad].
+    """
+
+    position: Float[np.ndarray, "N 3"]
+    rotation: Float[np.ndarray, "N 3 3"]
+    hinge: Float[np.ndarray, " N"]
+
+    @property
+    def heading(self) -> Float[np.ndarray, " N"]:
+        """Directions of the robots, seen from above [rad]."""
+        return find_headings(self.rotation)
+
+
+def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Args:
+        groups: number of each robot's group.
+        roots: roots of the groups before.
+    """
+    result = np.empty_like(roots)
+    for group in np.unique(groups):
+        members = np.flatnonzero(groups == group)
+        former, sizes = np.unique(roots[members], return_counts=True)
+        stays = np.isin(former, members)
+        result[members] = former[stays][sizes[stays].argmax()] if stays.any() else members[0]
+    return result
+
+
+def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
+    """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
+    root = poses.rotation[groups]
+    place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
+    ahead = np.einsum("nji,nj->ni", root, poses.rotation[:, :, 0])
+    return np.column_stack([place[:, :2], np.arctan2(ahead[:, 1], ahead[:, 0])])
+
+
+def place_members(
+    position: Float[np.ndarray, "N 3"],
+    rotation: Float[np.ndarray, "N 3 3"],
+    layout: Float[np.ndarray, "N 3"],
+    hinge: Float[np.ndarray, " N"],
+) -> Poses:
+    """Return the poses of robots from those of their roots, given once a member."""
+    c, s = np.cos(layout[:, 2]), np.sin(layout[:, 2])
+    x, y, z = np.moveaxis(rotation, 2, 0)
+    place = position + layout[:, :1] * x + layout[:, 1:2] * y
+    ahead, left = c[:, None] * x + s[:, None] * y, c[:, None] * y - s[:, None] * x
+    return Poses(place, np.stack([ahead, left, z], axis=2), hinge)
+
+
+def select(level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses) -> Poses:
+    """Return the poses at the level of each robot."""
+    if not level.any():
+        return full
+    chosen = []
+    for values in zip(full, turned, old, strict=True):
+        at = level.reshape(-1, *[1] * (values[0].ndim - 1))
+        chosen.append(np.where(at == FULL, values[0], np.where(at == TURN, values[1], values[2])))
+    return Poses(*chosen)
+
+
+def avoid_overlaps(
+    level: Int[np.ndarray, " N"],
+    full: Poses,
+    turned: Poses,
+    old: Poses,
+    groups: Int[np.ndarray, " N"],
+    scout: ScoutConfig,
+    grip: float,
+) -> Int[np.ndarray, " N"]:
+    """Return what of its motion each robot does, so that none reaches farther into another one than before.
+
+    Who moves into a robot, wherever that one ends up, gives up its way, and if that is not enough its turn. In the end
+    all stay, which is allowed, so this comes to an end. Members of a group move together or not at all.
+
+    Args:
+        level: what the ground allows.
+        full: where robots would be after all of their motion.
+        turned: where they would be after turning on the spot.
+        old: where they are.
+        groups: root of each robot's group.
+        scout: constants of the robots.
+        grip: overlap that is none [m].
+    """
+    way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip))
+    is_apart = groups[first] != groups[second]
+    pairs = first[is_apart], second[is_apart]
+    if not len(pairs[0]):
+        return level
+    before = outline(old, scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
+    is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
+    while True:
+        now = outline(select(level, full, turned, old), scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
+        if not is_bad.any():
+            return level
+        by_first = is_bad & (_measure(now, before, pairs, scout) > allowed) & (level[pairs[0]] < STAY)
+        by_second = is_bad & (_measure(before, now, pairs, scout) > allowed) & (level[pairs[1]] < STAY)
+        by_both = is_bad & ~by_first & ~by_second
+        causes = np.concatenate([pairs[0][by_first | by_both], pairs[1][by_second | by_both]])
+        level = _give_way(level, causes, groups, is_member)
+
+
+def _give_way(
+    level: Int[np.ndarray, " N"],
+    causes: Int[np.ndarray, " C"],
+    groups: Int[np.ndarray, " N"],
+    is_member: Bool[np.ndarray, " N"],
+) -> Int[np.ndarray, " N"]:
+    """Return levels with the robots that cause an overlap, and those docked to them, at the next one."""
+    level = level.copy()
+    level[causes] = np.where(is_member[causes], STAY, np.minimum(level[causes] + 1, STAY))
+    return spread_level(level, groups)
+
+
+def spread_level(level: Int[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return for each robot the highest level of its group: members move together or not at all."""
+    highest = np.zeros_like(level)
+    np.maximum.at(highest, groups, level)
+    return highest[groups]
+
+
+def outline(poses: Poses, scout: ScoutConfig) -> Outlines:
+    """Return robots seen from above."""
+    return find_outlines(poses.position, poses.heading, poses.hinge, scout)
+
+
+def _measure(
+    first: Outlines,
+    second: Outlines,
+    pairs: tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]],
+    scout: ScoutConfig,
+) -> Float[np.ndarray, " P"]:
+    return find_overlaps(take(first, pairs[0]), take(second, pairs[1]), scout)

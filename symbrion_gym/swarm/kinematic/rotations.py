@@ -1,0 +1,50 @@
+"""Attitudes of robots on the ground, many at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from jaxtyping import Float
+
+
+def find_headings(rotation: Float[np.ndarray, "N 3 3"]) -> Float[np.ndarray, " N"]:
+    """Return the directions of the x axes, seen from above [rad]."""
+    return np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+
+
+def make_rotations(
+    normal: Float[np.ndarray, "N 3"], heading: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, "N 3 3"]:
+    """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
+    c, s = np.cos(heading), np.sin(heading)
+    ahead = np.column_stack([c, s, -(normal[:, 0] * c + normal[:, 1] * s) / normal[:, 2]])
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    return np.stack([ahead, np.cross(normal, ahead), normal], axis=2)
+
+
+def find_spins(
+    old: Float[np.ndarray, "N 3 3"], new: Float[np.ndarray, "N 3 3"], duration: float
+) -> Float[np.ndarray, "N 3"]:
+    """Return the constant rates of rotation that lead from one attitude to another [rad/s], in the arena's frame.
+
+    Args:
+        old: attitudes before.
+        new: attitudes after.
+        duration: time between them [s].
+    """
+    change = new @ old.transpose(0, 2, 1)
+    axis = np.stack(
+        [
+            change[:, 2, 1] - change[:, 1, 2],
+            change[:, 0, 2] - change[:, 2, 0],
+            change[:, 1, 0] - change[:, 0, 1],
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(axis, axis=1) / 2
+    angle = np.arctan2(sine, (np.trace(change, axis1=1, axis2=2) - 1) / 2)
+    scale = np.where(sine > 0, angle / np.maximum(2 * sine, np.finfo(float).tiny), 0.5)
+    return axis * scale[:, None] / duration

@@ -1,0 +1,28 @@
+"""The PettingZoo environment of a swarm, by the name that PettingZoo's users expect: `swarm_v0.parallel_env(...)`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from reconstruction.extras import require_extras
+
+if TYPE_CHECKING:
+    from symbrion_gym.swarm.environment import SwarmEnv
+
+
+def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
+    """Return a PettingZoo `ParallelEnv` of Scouts that sense, dock and part; see `SwarmEnv` for all options.
+
+    Args:
+        render_mode: only None, as the swarm has no window.
+        options: of the environment, such as `arena="gsrm"` and `num_robots=8`.
+
+    Raises:
+        MissingExtraError: pettingzoo is not installed.
+        OptionError: an option is unknown or out of range.
+        ArenaError: there is no such arena, or it has no pit or no room for so many robots.
+    """
+    require_extras("`swarm_v0.parallel_env`", "swarm")
+    from symbrion_gym.swarm.environment import SwarmEnv
+
+    return SwarmEnv(render_mode=render_mode, **options)

@@ -1,0 +1,128 @@
+"""The PettingZoo environment of a swarm: its own tests, refusals, equal seeds, what success is."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from symbrion_gym import swarm_v0
+from symbrion_gym.errors import ArenaError, OptionError
+from symbrion_gym.robot.organism import Docking
+from symbrion_gym.swarm.environment import SwarmEnv
+
+pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
+
+
+@pytest.fixture(scope="module")
+def env() -> SwarmEnv:
+    return swarm_v0.parallel_env(arena="truth", num_robots=3, duration=2.0)
+
+
+def test_passes_the_tests_of_pettingzoo() -> None:
+    from pettingzoo.test import parallel_api_test
+    from pettingzoo.test.seed_test import parallel_seed_test
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(swarm_v0.parallel_env(arena="truth", num_robots=2, duration=1.0), num_cycles=20)
+        parallel_seed_test(lambda: swarm_v0.parallel_env(arena="truth", num_robots=2), num_cycles=15)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"num_robots": 0}, "num_robots must be a whole number from 1"),
+        ({"num_robots": 2.5}, "num_robots must be a whole number"),
+        ({"duration": -1.0}, "duration"),
+        ({"noise": "much"}, "noise must be a number"),
+        ({"robots": 3}, "no option 'robots'; there are: arena, num_robots"),
+        ({"render_mode": "human"}, "no render mode 'human'"),
+    ],
+)
+def test_bad_options_are_refused_in_one_line(options: dict, message: str) -> None:
+    with pytest.raises(OptionError, match=message) as error:
+        swarm_v0.parallel_env(**{"arena": "truth", **options})
+    assert "\n" not in str(error.value)
+
+
+def test_arenas_without_a_pit_or_room_are_refused() -> None:
+    with pytest.raises(ArenaError, match="has no pit"):
+        swarm_v0.parallel_env(arena="stairs")
+    with pytest.raises(ArenaError, match="there is room for"):
+        swarm_v0.parallel_env(arena="truth", num_robots=200).reset(seed=0)
+
+
+def test_actions_are_checked(env: SwarmEnv) -> None:
+    env.reset(seed=0)
+    with pytest.raises(OptionError, match="15 finite numbers"):
+        env.step({"robot_0": np.full(15, np.nan)})
+    with pytest.raises(OptionError, match="15 finite numbers"):
+        env.step({"robot_0": np.zeros(3)})
+    with pytest.raises(OptionError, match="no agent 'robot_9'"):
+        env.step({"robot_9": np.zeros(15)})
+
+
+def test_an_agent_without_an_action_stands_still(env: SwarmEnv) -> None:
+    env.reset(seed=1)
+    before = env.world.state.position.copy()
+    ahead = np.zeros(15)
+    ahead[:2] = 1.0
+    env.step({"robot_1": ahead})
+    moved = np.linalg.norm(env.world.state.position - before, axis=1)
+    assert moved[1] == pytest.approx(0.01, rel=0.2)
+    np.testing.assert_allclose(moved[[0, 2]], 0.0, atol=1e-6)
+
+
+def test_an_episode_ends_after_its_duration(env: SwarmEnv) -> None:
+    env.reset(seed=0)
+    for count in range(20):
+        *_, truncated, _ = env.step({})
+        assert all(truncated.values()) == (count == 19)
+    assert env.agents == []
+    with pytest.raises(OptionError, match="call reset"):
+        env.step({})
+
+
+def test_success_is_all_beyond_the_pit_upright_and_undocked(env: SwarmEnv) -> None:
+    env.reset(seed=0)
+    world = env.world
+    far = np.array([[0.6, y, 0.0] for y in (-0.4, 0.0, 0.4)])
+    world.reset(far)
+    _, reward, terminated, _, info = env.step({})
+    assert all(terminated.values())
+    assert info["robot_0"]["success"]
+    assert min(reward.values()) >= env.options.success_bonus
+    for poses, across in (((-0.6, 0.0, 0.0), False), ((0.285, 0.0, 0.0), False), ((0.45, 0.0, 0.0), True)):
+        env.reset(seed=0)
+        world.reset(np.vstack([far[[0, 2]], poses]))
+        *_, info = env.step({})
+        assert info["robot_2"]["across"] is across
+    env.reset(seed=0)
+    world.reset(np.array([[0.6, 0.0, 0.0], [0.6 - world.scout.pitch, 0.0, 0.0], [0.6, 0.5, 0.0]]))
+    world.state = world.state._replace(links=(Docking(0, "back", 1, "front"),))
+    hold = np.zeros(15)
+    hold[3:7] = 1.0
+    *_, info = env.step({"robot_0": hold, "robot_1": hold})
+    assert [info[f"robot_{i}"]["across"] for i in range(3)] == [False, False, True]
+
+
+def test_equal_seeds_give_equal_bits() -> None:
+    def run() -> list[np.ndarray]:
+        env = swarm_v0.parallel_env(arena="truth", num_robots=3)
+        observations, _ = env.reset(seed=5)
+        rng, seen = np.random.default_rng(0), [*observations.values()]
+        for _ in range(10):
+            actions = {agent: rng.uniform(-1, 1, 15) for agent in env.agents}
+            seen += env.step(actions)[0].values()
+        return seen
+
+    for one, other in zip(run(), run(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    import reconstruction.extras
+
+    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda _: None)
+    with pytest.raises(reconstruction.extras.MissingExtraError, match=r"pip install 'symbrion-gym\[swarm\]'"):
+        swarm_v0.parallel_env()
