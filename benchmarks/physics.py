@@ -1,6 +1,6 @@
 """Laws of physics: what the simulated robot does against closed-form theory, row by row.
 
-python -m benchmarks.physics [--quick] [--only NAME ...] [--more]
+python -m benchmarks.physics [--quick] [--only NAME ...] [--more] [--theory]
 
 Rows are written one by one; `--more` keeps those of the present code's last run and measures only what is missing.
 `python docs/physics_pictures.py` draws them.
@@ -31,23 +31,35 @@ from benchmarks.material.physics_laws import (
     measure_step_limit,
     measure_turning_rate,
 )
+from benchmarks.material.physics_published import (
+    DRIVES,
+    FRICTION,
+    FRICTION_ALONG,
+    Drive,
+    find_misses,
+    measure_drive,
+)
 from benchmarks.material.physics_theory import (
     find_beam_gap_limit,
     find_gap_limit,
     find_slope_limit,
-    find_standing,
     find_tipping_limit,
 )
-from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate
-from benchmarks.material.physics_worlds import World
+from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
+from benchmarks.material.physics_worlds import IMPRATIOS, World
 from symbrion_gym.environment.config import CONTACTS
+from symbrion_gym.robot.sliding_loads import find_load_gain, find_sliding_rate
 
 TRACKS = ("spheres", "wheels", "cylinders")
+STEADY = {"wheel_armature": 0.004}
+"""Wheels with joints whose motors are heavy enough that they do not tremble [kg m²]."""
+FIRM = {"contact_time": 0.004}
+"""Contacts of the robot that give way less, with steps of half that time [s]."""
 FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 TORQUES = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0, 8.0)
 """Hinge torques of a snake at the gap [N m]."""
-Row = tuple[str, Callable[[], dict[str, Any]]]
-"""Name of a row of a law, and what measures it."""
+Row = tuple[str, Callable[..., dict[str, Any]]]
+"""Name of a row of a law, and what measures it; given what was simulated, it compares that."""
 
 
 def list_slopes() -> Iterator[Row]:
@@ -64,17 +76,21 @@ def list_slopes() -> Iterator[Row]:
             yield _slope(replace(base, modules=modules))
         for tracks in TRACKS:
             yield _slope(replace(base, modules=1, tracks=tracks))
+        for tracks in TRACKS[1:]:
+            for friction in FRICTIONS:
+                yield _slope(replace(base, tracks=tracks, friction=friction, scout=STEADY))
+            yield _slope(replace(base, modules=1, tracks=tracks, scout=STEADY))
 
 
 def _slope(world: World, heading: float = 0.0) -> Row:
-    def measure() -> dict[str, Any]:
+    def measure(known: float | None = None) -> dict[str, Any]:
         limits = [find_slope_limit(world.friction)]
         if world.modules == 1:
             limits.append(find_tipping_limit(world.organism.scout))
         theory = float(np.degrees(min(limits)))
-        return _compare(measure_slope_limit(world, heading), theory)
+        return _compare(measure_slope_limit(world, heading) if known is None else known, theory)
 
-    return f"{_name(world)}, heading {heading:.0f}°", measure
+    return f"{_name(world)}{_name_scout(world)}, heading {heading:.0f}°", measure
 
 
 def list_gaps() -> Iterator[Row]:
@@ -92,10 +108,16 @@ def list_gaps() -> Iterator[Row]:
     for tracks in TRACKS[1:]:
         yield _gap(replace(base, tracks=tracks))
     yield _gap(replace(base, scout={"hinge_torque": 4.5, "track_radius": 0.01}))
+    for friction in (0.34, 0.4):
+        yield _gap(replace(base, friction=friction))
+    stiff = {"hinge_torque": 4.5, "hinge_stiffness": 240.0, "hinge_derivative": 12.0}
+    yield _gap(replace(base, friction=0.3, scout=stiff))
+    for speed in (0.02, 0.1):
+        yield _gap(World(modules=8, scout={"hinge_torque": 3.5}), speed)
 
 
 def _gap(world: World, speed: float = GAP_SPEED) -> Row:
-    def measure() -> dict[str, Any]:
+    def measure(known: float | None = None) -> dict[str, Any]:
         organism = world.organism
         more = {
             "sharp": find_gap_limit(organism, is_round=False),
@@ -103,10 +125,13 @@ def _gap(world: World, speed: float = GAP_SPEED) -> Row:
             "torque": organism.scout.hinge_torque,
             "modules": world.modules,
         }
-        return _compare(measure_gap_limit(world, speed), find_gap_limit(organism)) | more
+        return (
+            _compare(measure_gap_limit(world, speed) if known is None else known, find_gap_limit(organism))
+            | more
+        )
 
     return (
-        f"{_name(world)}, torque {world.scout['hinge_torque']} N m{_name_radius(world)}{_name_speed(speed)}",
+        f"{_name(world)}, torque {world.scout['hinge_torque']} N m{_name_scout(world)}{_name_speed(speed)}",
         measure,
     )
 
@@ -115,8 +140,19 @@ def _name_speed(speed: float) -> str:
     return "" if speed == GAP_SPEED else f", speed {speed} m/s"
 
 
-def _name_radius(world: World) -> str:
-    return f", radius {world.scout['track_radius']} m" if "track_radius" in world.scout else ""
+_CONSTANTS = {
+    "track_radius": "radius {} m",
+    "hinge_stiffness": "servo {} N m/rad",
+    "wheel_armature": "armature {} kg m²",
+    "contact_time": "contact {} s",
+}
+"""Constants of a module that rows vary -> their words."""
+
+
+def _name_scout(world: World) -> str:
+    return "".join(
+        f", {words.format(world.scout[name])}" for name, words in _CONSTANTS.items() if name in world.scout
+    )
 
 
 def list_steps() -> Iterator[Row]:
@@ -127,18 +163,23 @@ def list_steps() -> Iterator[Row]:
                 yield _step(World(tracks=tracks, friction=friction, contact=contact))
     yield _step(World(timestep=0.001))
     for friction in FRICTIONS:
-        yield _step(World(tracks="cylinders", friction=friction, has_capsules=True))
+        for contact in CONTACTS:
+            yield _step(World(tracks="capsules", friction=friction, contact=contact))
+    for friction in FRICTIONS:
+        yield _step(World(friction=friction, timestep=0.002, contact="elliptic", scout=FIRM))
 
 
 def _step(world: World) -> Row:
-    def measure() -> dict[str, Any]:
-        return _compare(measure_step_limit(world), find_step_limit(world.organism.scout))
+    def measure(known: float | None = None) -> dict[str, Any]:
+        return _compare(
+            measure_step_limit(world) if known is None else known, find_step_limit(world.organism.scout)
+        )
 
-    return _name(world), measure
+    return f"{_name(world)}{_name_scout(world)}", measure
 
 
 def list_turns() -> Iterator[Row]:
-    """Yield rates of turning on the spot, against points of Coulomb friction that all bear the same load."""
+    """Yield rates of turning on the spot, against points of Coulomb friction that bear what the contacts' law says."""
     for contact in CONTACTS:
         for tracks in TRACKS:
             for modules in (1, 2, 3, 4):
@@ -148,20 +189,25 @@ def list_turns() -> Iterator[Row]:
         yield _turn(World(modules=3, timestep=0.001, contact=contact))
         for modules in (1, 3):
             yield _turn(World(modules=modules, contact=contact), 0.01)
+    for tracks in TRACKS[1:]:
+        for modules in (1, 2, 3, 4):
+            yield _turn(World(modules=modules, tracks=tracks, contact="elliptic", scout=STEADY))
 
 
 def _turn(world: World, speed: float = TURN_SPEED) -> Row:
-    def measure() -> dict[str, Any]:
-        feet, pitch = find_standing(world.organism.scout), world.organism.scout.pitch
-        shifts = pitch * ((world.modules - 1) / 2 - np.arange(world.modules))
-        points = np.concatenate([feet + np.array([shift, 0.0]) for shift in shifts])
-        belts = np.where(points[:, 1] > 0, -speed, speed)
-        rate = find_turning_rate(points, np.ones(len(points)), belts)
+    def measure(known: float | None = None) -> dict[str, Any]:
+        contacts = make_contacts(world.organism, speed)
+        points, belts = contacts.points, contacts.belts
+        rate = find_sliding_rate(contacts, find_load_gain(world.friction, IMPRATIOS[world.contact]))
+        even = find_turning_rate(points, np.ones(len(points)), belts)
         corners = np.isin(points[:, 0], (points[:, 0].min(), points[:, 0].max()))
         least = find_turning_rate(points[corners], np.ones(int(corners.sum())), belts[corners])
-        return _compare(measure_turning_rate(world, speed), rate) | {"corners": least}
+        return _compare(measure_turning_rate(world, speed) if known is None else known, rate) | {
+            "even": even,
+            "corners": least,
+        }
 
-    return f"{_name(world)}, {speed} m/s", measure
+    return f"{_name(world)}{_name_scout(world)}, {speed} m/s", measure
 
 
 def list_energies() -> Iterator[Row]:
@@ -210,6 +256,11 @@ def list_touches() -> Iterator[Row]:
                 _name(world),
                 lambda world=world: {k: float(v) for k, v in measure_depths(world)._asdict().items()},
             )
+            firm = replace(world, timestep=0.002, scout=FIRM)
+            yield (
+                f"{_name(firm)}{_name_scout(firm)}",
+                lambda world=firm: {k: float(v) for k, v in measure_depths(world)._asdict().items()},
+            )
 
 
 def list_prices() -> Iterator[Row]:
@@ -221,6 +272,22 @@ def list_prices() -> Iterator[Row]:
     yield "champions", lambda: compare_champions(4)
 
 
+def list_published() -> Iterator[Row]:
+    """Yield the drives of a published tracked robot: where they led, and how many figures are not as expected."""
+    for friction in (FRICTION, FRICTION_ALONG):
+        for name, drive in DRIVES.items():
+            yield (
+                f"{name}, friction {friction:g}",
+                lambda drive=drive, friction=friction: _drive(drive, friction),
+            )
+
+
+def _drive(drive: Drive, friction: float) -> dict[str, Any]:
+    found = measure_drive(drive, friction)
+    misses = find_misses(drive, found)
+    return found | {"misses": len(misses), "missed": misses, "of": len(drive.expected)}
+
+
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "slope": list_slopes,
     "gap": list_gaps,
@@ -229,26 +296,33 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "energy": list_energies,
     "rest": list_rests,
     "touching": list_touches,
+    "published": list_published,
     "price": list_prices,
 }
 
 
-def run(quick: bool = False, only: tuple[str, ...] = (), more: bool = False) -> dict[str, Any]:
+def run(
+    quick: bool = False, only: tuple[str, ...] = (), more: bool = False, theory: bool = False
+) -> dict[str, Any]:
     """Measure, print, store and return the rows.
 
     Args:
         quick: only every eighth row of each law.
         only: names of laws; all by default.
         more: keep the rows that are there.
+        theory: keep what was simulated in the rows that are there, and compare it again; only where the simulation's
+            models are the same to the bit.
     """
     results = Results("physics")
     for part in only or PARTS:
-        found = dict(results.content.get(part, {})) if more else {}
+        old = dict(results.content.get(part, {}))
+        found = dict(old) if more else {}
         for name, measure in list(PARTS[part]())[:: 8 if quick else 1]:
             if name in found:
                 continue
             start = time.process_time()
-            found[name] = measure()
+            known = (old[name]["simulated"],) if theory and "simulated" in old.get(name, {}) else ()
+            found[name] = measure(*known)
             seconds = time.process_time() - start
             print(f"{part}: {name}: {_format(found[name])} ({seconds:.1f} s)", flush=True)
             results.put(part, found)
@@ -268,8 +342,7 @@ def _compare(simulated: float, theory: float) -> dict[str, Any]:
 
 def _name(world: World) -> str:
     milliseconds = 1000 * world.timestep
-    tracks = "capsules" if world.has_capsules else world.tracks
-    return f"{world.contact}, {tracks}, {world.modules} modules, friction {world.friction}, {milliseconds:.0f} ms"
+    return f"{world.contact}, {world.tracks}, {world.modules} modules, friction {world.friction}, {milliseconds:.0f} ms"
 
 
 def _format(row: dict[str, Any]) -> str:
@@ -289,8 +362,11 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="every eighth row")
     parser.add_argument("--only", nargs="*", default=[], choices=list(PARTS), help="laws (default: all)")
     parser.add_argument("--more", action="store_true", help="keep the rows that are there")
+    parser.add_argument(
+        "--theory", action="store_true", help="compare what was simulated again, with the present theory"
+    )
     options = parser.parse_args()
-    run(options.quick, tuple(options.only), options.more)
+    run(options.quick, tuple(options.only), options.more, options.theory)
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ COLORS = {"spheres": "#1f5f8b", "wheels": "#c2762b", "cylinders": "#5b8c3a", "ca
 MARKERS = {"spheres": "o", "wheels": "s", "cylinders": "^", "capsules": "D"}
 THEORY = "#444444"
 MODULE_COLORS = {4: "#c2762b", 6: "#5b8c3a", 8: "#1f5f8b"}
+STEADY = ", armature 0.004 kg m²"
 CREEP_BAR, DEPTH_BAR = 0.1, 1.0
 """Bars [mm/s] and [mm]."""
 LEAST_CREEP = 1e-4
@@ -46,6 +47,12 @@ def draw_slopes(rows: dict[str, Any]) -> None:
                 np.array(FRICTIONS) + shift, found, MARKERS[tracks], mfc=fill, mec=COLORS[tracks], ms=6,
                 label=f"{tracks}, {contact}",
             )  # fmt: skip
+    for tracks in ("wheels", "cylinders"):
+        names = [
+            f"pyramidal, {tracks}, 8 modules, friction {mu}, 5 ms{STEADY}, heading 0°" for mu in FRICTIONS
+        ]
+        found = [rows[name]["simulated"] for name in names]
+        axes[0].plot(FRICTIONS, found, "x", color=COLORS[tracks], ms=7, label=f"{tracks}, heavier motors")
     axes[0].set(xlabel="friction", ylabel="steepest slope climbed [°]", title="8 modules, straight up")
     axes[0].legend(fontsize=8)
     marks = {"pyramidal": "o", "elliptic": "D"}
@@ -147,7 +154,7 @@ def draw_turns(rows: dict[str, Any]) -> None:
                 [row["theory"] for row in picked],
                 style,
                 color=THEORY,
-                label=f"theory, equal loads, {'radius 20 mm' if tracks == 'spheres' else 'radius 11 mm'}",
+                label=f"theory, {'radius 20 mm' if tracks == 'spheres' else 'radius 11 mm'}",
             )
             if tracks == "spheres":
                 axis.plot(
@@ -155,7 +162,10 @@ def draw_turns(rows: dict[str, Any]) -> None:
                     [row["corners"] for row in picked],
                     ":",
                     color=THEORY,
-                    label="theory, four corners bear all",
+                    label="four corners bear all",
+                )
+                axis.plot(
+                    modules, [row["even"] for row in picked], "-.", color=THEORY, lw=0.8, label="equal loads"
                 )
         for tracks in ("spheres", "wheels", "cylinders"):
             picked = [
@@ -168,6 +178,21 @@ def draw_turns(rows: dict[str, Any]) -> None:
                 color=COLORS[tracks],
                 label=tracks,
             )
+        for tracks in ("wheels", "cylinders") if contact == "elliptic" else ():
+            picked = [
+                rows[f"{contact}, {tracks}, {n} modules, friction 0.7, 5 ms{STEADY}, 0.05 m/s"]
+                for n in modules
+            ]
+            axis.plot(
+                modules,
+                [row["simulated"] for row in picked],
+                MARKERS[tracks],
+                mfc="none",
+                mec=COLORS[tracks],
+                ms=9,
+                label=f"{tracks}, heavier motors",
+            )
+            axis.legend(fontsize=8)
         axis.set(xlabel="modules", title=f"{contact} contacts", yscale="log", xticks=modules)
     axes[0].set_ylabel("rate of turning [rad/s]")
     axes[0].legend(fontsize=8)
@@ -235,6 +260,18 @@ def draw_rests(rows: dict[str, Any], touches: dict[str, Any]) -> None:
             color="k",
             ms=14,
             label="worst while closing" if shift < 0 else None,
+        )
+        firm = [
+            touches[f"{contact}, spheres, {n} modules, friction 0.7, 2 ms, contact 0.004 s"]
+            for n in (5, 6, 8)
+        ]
+        axes[2].plot(
+            np.arange(3) + shift,
+            [1000 * each["worst_between_modules"] for each in firm],
+            "x" if shift < 0 else "+",
+            color="k",
+            ms=7,
+            label=f"worst, firm, {contact}",
         )
     axes[0].axhline(CREEP_BAR, color=THEORY, ls="--", label="bar")
     axes[0].set(

@@ -35,7 +35,7 @@ _REAL_SCANS = (
     "snake_steps",
     "tracked_robot",
 )
-_PHYSICS = ("worlds", "theory", "wheels", "laws", "energy", "bars")
+_PHYSICS = ("worlds", "theory", "wheels", "laws", "energy", "bars", "published")
 _RECORDS = ("evolution/search/record.py", "evolution/search/run.py")
 _TRIAL = ("evolution/controllers", "evolution/backends", "evolution/search/evaluation.py")
 _SEARCH = (

@@ -19,8 +19,8 @@ _EDGE = 0.15
 """Distance of an edge from the head's center at the start [m]."""
 _FALLEN = -0.15
 """Height of a module's center that says that it fell [m]."""
-SLOPE_TOLERANCE, LENGTH_TOLERANCE = 0.1, 2e-4
-"""To which limits are found [°] and [m]."""
+SLOPE_TOLERANCE, LENGTH_TOLERANCE, STEP_TOLERANCE = 0.1, 2e-4, 4e-5
+"""To which limits are found [°], and gaps (ten times as much) and steps [m]."""
 
 
 def climbs_slope(world: World, slope_deg: float, heading_deg: float = 0.0) -> bool:
@@ -83,7 +83,7 @@ def climbs_step(world: World, height: float) -> bool:
 
 def measure_step_limit(world: World) -> float:
     """Return the highest step that a lone module climbs [m]."""
-    return find_largest(lambda height: climbs_step(world, height), 0.0, 0.05, LENGTH_TOLERANCE)
+    return find_largest(lambda height: climbs_step(world, height), 0.0, 0.05, STEP_TOLERANCE)
 
 
 def measure_turning_rate(world: World, speed: float = TURN_SPEED, seconds: float = 4.0) -> float:

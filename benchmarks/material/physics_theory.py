@@ -159,13 +159,14 @@ def find_gap_limits(organism: Organism, torques: Sequence[float], is_round: bool
     Args:
         organism: a snake.
         torques: of its hinges [N m].
-        is_round: whether wheels hold on to the edges. One that hangs over the near edge slips off when the edge presses
-            at the angle of friction: it stands until r sin(atan friction) beyond. One whose center is less than r
-            before the far edge meets a corner that lifts it, as long as it has sunk by less than r.
+        is_round: whether wheels roll around the edges: one whose center is less than its radius r beyond the near edge
+            still rests on the edge, as the belts behind hold the chain back; one less than r before the far edge
+            meets a corner that lifts it, as long as it has sunk by less than r or friction lifts it up the wall (see
+            `find_climbing_friction`).
     """
     scout, chain = organism.scout, make_chain(organism)
     radius = find_wheel_radius(scout) if is_round else 0.0
-    near, far = radius * np.sin(np.arctan(scout.friction)), radius
+    near, far = radius, radius
     needed: dict[bytes, float] = {}
 
     def crosses(gap: float, torque: float) -> bool:
@@ -182,6 +183,15 @@ def find_gap_limits(organism: Organism, torques: Sequence[float], is_round: bool
 
     widest = organism.num_modules * scout.pitch
     return [find_largest(lambda gap, t=torque: crosses(gap, t), 1e-3, widest) for torque in torques]
+
+
+def find_climbing_friction(scout: ScoutConfig) -> float:
+    """Return the friction above which the head, hanging too low, drives up the far wall of a gap.
+
+    Pressed against the wall by N, its front wheel is lifted by friction N at the arm from the hinge behind it, while N
+    itself, at the arm of the hinge's height above the edge, folds it down.
+    """
+    return scout.size[2] / 2 / (scout.pitch + float(find_feet(scout)[0]))
 
 
 def find_beam_gap_limit(organism: Organism) -> float:

@@ -6,9 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linprog, minimize
 
-from benchmarks.material.physics_theory import find_feet, find_largest, find_masses
+from benchmarks.material.physics_theory import find_feet, find_largest, find_masses, find_standing
 from benchmarks.material.physics_worlds import GRAVITY
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym.robot.sliding_loads import Contacts
 from symbrion_gym.robot.tracks import find_wheel_radius
 
 _STILL = 1e-6
@@ -51,6 +53,25 @@ def _is_balanced(scout: ScoutConfig, feet: Float[np.ndarray, " feet"], climbing:
     total = GRAVITY * np.array([0.0, body.mass.sum(), moment])
     found = linprog(np.zeros(len(columns)), A_eq=np.array(columns).T, b_eq=total, bounds=(0, None))
     return found.status == 0
+
+
+def make_contacts(organism: Organism, speed: float) -> Contacts:
+    """Return where a straight snake stands that turns on the spot, its belts at a speed against each other [m/s].
+
+    Each link bears its own weight: hinges are softer than contacts.
+    """
+    scout, count = organism.scout, organism.num_modules
+    feet = find_standing(scout)
+    centers = np.zeros((count, 2))
+    centers[:, 0] = scout.pitch * ((count - 1) / 2 - np.arange(count))
+    points = np.concatenate([feet + center for center in centers])
+    weights = np.full(count, scout.chassis_mass + scout.arm_mass)
+    weights[0] += (
+        scout.arm_mass if count > 1 else 0.0
+    )  # its own arm, folded up, and that of the module behind
+    weights[-1] -= scout.arm_mass if count > 1 else 0.0
+    belts = np.where(points[:, 1] > 0, -speed, speed)
+    return Contacts(points, belts, np.repeat(np.arange(count), len(feet)), centers, weights)
 
 
 def find_turning_rate(

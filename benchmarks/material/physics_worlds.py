@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symbrion_gym.robot.organism import Organism, snake
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym.robot.scout_constants import CYLINDER_TRACKS, ScoutConfig
 from symbrion_gym.robot.tracks import find_wheel_radius
 
 GRAVITY = 9.81
@@ -21,6 +21,8 @@ _DEPTH = 0.5
 _ABOVE = 0.001
 """Height above the ground at which a robot is put down [m]."""
 
+IMPRATIOS = {"pyramidal": 1.0, "elliptic": 10.0}
+"""How much stiffer friction is than the contact, by its model."""
 _START_STEPS = 20
 
 
@@ -30,12 +32,11 @@ class World:
 
     Attributes:
         modules: length of the snake.
-        tracks: track model, "spheres", "wheels" or "cylinders".
+        tracks: track model, of `TRACK_MODELS`.
         friction: sliding friction.
         timestep: physics step [s].
         scout: other constants of the modules, by name.
         contact: model of contacts, as in `EnvironmentConfig`.
-        has_capsules: whether capsules of the same radius and width touch in place of cylinders.
     """
 
     modules: int = 1
@@ -44,7 +45,6 @@ class World:
     timestep: float = 0.005
     scout: dict[str, Any] = field(default_factory=dict)
     contact: str = "pyramidal"
-    has_capsules: bool = False
 
     @property
     def organism(self) -> Organism:
@@ -89,9 +89,6 @@ class Bench:
         self.organism.add_to(spec, spec.worldbody)
         _set_options(spec, world.timestep, world.contact)
         self.model = spec.compile()
-        if world.has_capsules:
-            is_cylinder = self.model.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER
-            self.model.geom_type[is_cylinder] = mujoco.mjtGeom.mjGEOM_CAPSULE
         self.model.opt.gravity[:] = GRAVITY * np.array(
             [-np.sin(slope) * np.cos(heading), -np.sin(slope) * np.sin(heading), -np.cos(slope)]
         )
@@ -108,7 +105,7 @@ class Bench:
 
     @property
     def _per_module(self) -> int:
-        return 12 if self.world.tracks == "cylinders" else 10
+        return 12 if self.world.tracks in CYLINDER_TRACKS else 10
 
     def drive(self, left: float, right: float | None = None) -> None:
         """Set the surface speed of the tracks [m/s], both alike unless the right is given."""
@@ -157,4 +154,4 @@ def _set_options(spec: mujoco.MjSpec, timestep: float, contact: str) -> None:
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     is_elliptic = contact == "elliptic"
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC if is_elliptic else mujoco.mjtCone.mjCONE_PYRAMIDAL
-    option.impratio = 10.0 if is_elliptic else 1.0
+    option.impratio = IMPRATIOS[contact]

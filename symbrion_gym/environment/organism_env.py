@@ -110,7 +110,7 @@ class OrganismEnv(gym.Env[np.ndarray, np.ndarray]):
     | `sensors`             | see above | parts of the observation                                        |
     | `noise`               | 0.0       | 1: sensor noise as estimated for the real robot                 |
     | `track_control`       | "constant"| "body", "modules", "skid": track speeds are part of the action  |
-    | `tracks`              | "spheres" | "wheels", "cylinders": with joints, slower, for comparison      |
+    | `tracks`              | "spheres" | "wheels", "cylinders", "capsules": with joints, slower, for comparison |
     | `contact`             | "pyramidal"| model of friction; "elliptic": alike in all directions, slower |
     | `timestep`            | 0.005     | physics step [s]                                                |
     | `frame_skip`          | 4         | physics steps per tick                                          |

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any
@@ -14,6 +15,7 @@ from reconstruction.geometry.pose import make_quarter_turn
 from reconstruction.range_checks import check_counts, check_positive
 from symbrion_gym.errors import OrganismError
 from symbrion_gym.robot.skid_steering import find_turning_rate
+from symbrion_gym.robot.sliding_loads import Contacts, find_load_gain, find_sliding_rate
 
 BELT_MODELS = ("belts", "wheels")
 SIDES = ("left", "right")
@@ -89,6 +91,13 @@ class TracksConfig:
         reach = (self.length - self.height) / 2
         return np.linspace(-reach, reach, self.num_wheels if self.model == "wheels" else 2)
 
+    @property
+    def places(self) -> Float[np.ndarray, "P 2"]:
+        """Where the ground carries both belts: their edges at the stations, (x, y) in the frame of the body [m]."""
+        edges = np.array([self.gauge - self.width, self.gauge + self.width]) / 2
+        grid = np.meshgrid(self.stations, [*edges, *-edges], indexing="ij")
+        return np.stack([axis.ravel() for axis in grid], axis=1) + self.position[:2]
+
 
 @dataclass(frozen=True)
 class Tracks:
@@ -133,13 +142,27 @@ class Tracks:
                 geom = self._find(model, mujoco.mjtObj.mjOBJ_GEOM, f"{self._name(side)}_{i}")
                 model.geom_surfacevel[geom] = find_belt_velocity(self.config, speed, is_end=i < 2)
 
-    def turning_rate(self, left: float, right: float) -> float:
-        """Return how fast the robot turns to the left on level ground [rad/s]; see `find_turning_rate`.
+    def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
+        """Return how fast the robot turns to the left on level ground [rad/s].
 
-        It knows these two tracks alone: with two more before or behind, the robot turns several times slower.
+        Two tracks alone: `find_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
+        behind, loads are as MuJoCo's contacts share the weight (`find_sliding_rate`): nearly all of it at the outermost
+        ends, where belts slide fastest, so that the robot turns several times slower than on two of them.
+
+        Args:
+            left: speed of the left belts [m/s].
+            right: speed of the right belts [m/s].
+            others: further tracks of the same robot, at the same speeds, its center of mass in the middle of them all.
         """
         config = self.config
-        return find_turning_rate(left, right, config.stations, config.gauge, config.width)
+        if not others:
+            return find_turning_rate(left, right, config.stations, config.gauge, config.width)
+        points = np.concatenate([tracks.config.places for tracks in (self, *others)])
+        points -= (points.max(axis=0) + points.min(axis=0)) / 2
+        belts = np.where(points[:, 1] > 0, left, right)
+        owner = np.zeros(len(points), int)
+        contacts = Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1))
+        return find_sliding_rate(contacts, find_load_gain(config.friction))
 
     def _name(self, side: str) -> str:
         return f"{self.prefix}belt_{side}"

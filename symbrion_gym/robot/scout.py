@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
-from symbrion_gym.robot.scout_constants import ARM_RADIUS, SIDES, TRACK_MODELS, ScoutConfig
+from symbrion_gym.robot.scout_constants import ARM_RADIUS, CYLINDER_TRACKS, SIDES, TRACK_MODELS, ScoutConfig
 from symbrion_gym.robot.scout_look import add_arm_visual, add_chassis_visual
 from symbrion_gym.robot.scout_sensors import add_sensor_sites
 from symbrion_gym.robot.tracks import add_contact, add_tracks
@@ -55,7 +55,7 @@ def add_chassis(
         body,
         f"{prefix}chassis",
         mujoco.mjtGeom.mjGEOM_BOX,
-        _CYLINDER_CHASSIS if config.tracks == "cylinders" else np.array(config.size) / 2 - _BODY_RECESS,
+        _CYLINDER_CHASSIS if config.tracks in CYLINDER_TRACKS else np.array(config.size) / 2 - _BODY_RECESS,
         config,
         mass=config.chassis_mass,
     ).rgba[3] = 1.0  # rays see the chassis

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from reconstruction.geometry.pose import PlanarPose, make_quarter_turn
-from symbrion_gym.robot.scout_constants import CONTACT_GROUP, ScoutConfig
+from symbrion_gym.robot.scout_constants import CONTACT_GROUP, CYLINDER_TRACKS, ScoutConfig
 
 _CYLINDER_RADIUS = 0.011
 """Of the authors' cylinders [m] (danfis/sim)."""
@@ -18,6 +18,11 @@ _CYLINDER_PLACES = [(25, 42), (-16, 42), (25, -42), (-16, -42), (-42.5, 16), (-4
 """(x, z) of the authors' cylinders of a side [mm] (danfis/sim)."""
 _CYLINDER_LATERAL = 0.0458
 """Distance of their centers from the middle of the module [m] (danfis/sim)."""
+_WHEEL_SHAPES = {
+    "wheels": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "cylinders": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsules": mujoco.mjtGeom.mjGEOM_CAPSULE,
+}
 _OTHER_FRICTION = (0.005, 0.0001)
 """Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
 _CONTACT_COLOR = (0.9, 0.4, 0.1, 0.0)
@@ -47,9 +52,9 @@ def find_surface_velocity(config: ScoutConfig, speed: float) -> tuple[float, ...
 def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
     """Return the centers of what drives, in the frame of the module, the left side before the right [m].
 
-    "spheres" and "wheels" have the same places; "cylinders" are the authors' six a side [S].
+    "spheres" and "wheels" have the same places; "cylinders" and "capsules" are the authors' six a side [S].
     """
-    if config.tracks != "cylinders":
+    if config.tracks not in CYLINDER_TRACKS:
         return find_road_wheels(config)
     places = [(x / 1000.0, z / 1000.0) for x, z in _CYLINDER_PLACES]
     return [(x, y, z) for y in (_CYLINDER_LATERAL, -_CYLINDER_LATERAL) for x, z in places]
@@ -57,7 +62,7 @@ def find_driven_wheels(config: ScoutConfig) -> list[tuple[float, float, float]]:
 
 def find_wheel_radius(config: ScoutConfig) -> float:
     """Return the radius of what drives [m]."""
-    return _CYLINDER_RADIUS if config.tracks == "cylinders" else config.track_radius
+    return _CYLINDER_RADIUS if config.tracks in CYLINDER_TRACKS else config.track_radius
 
 
 def add_tracks(
@@ -105,13 +110,11 @@ def _add_wheels(
             armature=config.wheel_armature,
             limited=mujoco.mjtLimited.mjLIMITED_FALSE,
         )
-        is_sphere = config.tracks == "wheels"
-        kind = mujoco.mjtGeom.mjGEOM_SPHERE if is_sphere else mujoco.mjtGeom.mjGEOM_CYLINDER
         geom = add_contact(
             wheel.add_frame(),
             wheel,
             f"{prefix}track_{i}",
-            kind,
+            _WHEEL_SHAPES[config.tracks],
             [radius, _CYLINDER_HALF_WIDTH],
             config,
             mass=config.wheel_mass,
@@ -154,6 +157,7 @@ def add_contact(
         priority=1,
         friction=[config.friction, *_OTHER_FRICTION],
         rgba=_CONTACT_COLOR,
+        solref=[config.contact_time, 1.0],
     )
     geom.set_frame(frame)
     return geom

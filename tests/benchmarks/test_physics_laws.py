@@ -5,17 +5,20 @@ import pytest
 
 from benchmarks.material.physics_energy import measure_creep, measure_energy
 from benchmarks.material.physics_laws import climbs_slope, climbs_step, crosses_gap, measure_turning_rate
+from benchmarks.material.physics_published import DRIVES, find_misses, make_robot, measure_drive
 from benchmarks.material.physics_theory import (
     find_beam_gap_limit,
+    find_climbing_friction,
     find_gap_limit,
     find_slope_limit,
     find_tipping_limit,
     make_chain,
 )
-from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate
+from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
 from symbrion_gym.environment.snake_pit import SnakePitEnv
 from symbrion_gym.errors import OptionError
+from symbrion_gym.robot.sliding_loads import find_load_gain, find_sliding_rate
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 
@@ -48,6 +51,10 @@ def test_wider_gaps_need_more_torque() -> None:
     assert limits == sorted(limits)
 
 
+def test_a_wheel_drives_up_the_far_wall_if_friction_beats_the_levers() -> None:
+    assert find_climbing_friction(World().organism.scout) == pytest.approx(0.0525 / (0.1254 + 0.0325))
+
+
 def test_even_beam_is_the_formula() -> None:
     organism = World(modules=8, scout={"hinge_torque": 4.5}).organism
     expected = 0.1254 * np.sqrt(2 * 4.5 / (0.95 * GRAVITY * 0.1254))
@@ -76,6 +83,31 @@ def test_turning_rate_follows_the_speed_and_no_load() -> None:
     belts = np.where(FEET[:, 1] > 0, -0.05, 0.05)
     rate = find_turning_rate(FEET, np.ones(6), belts)
     assert find_turning_rate(FEET, np.full(6, 7.0), 2 * belts) == pytest.approx(2 * rate, rel=1e-4)
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.01])
+def test_a_lone_module_turns_as_the_law_of_the_contacts_says(speed: float) -> None:
+    world = World(contact="elliptic")
+    theory = find_sliding_rate(make_contacts(world.organism, speed), find_load_gain(0.7, impratio=10.0))
+    assert measure_turning_rate(world, speed, seconds=2.0) == pytest.approx(theory, rel=0.02)
+
+
+def test_heavier_motors_keep_wheels_from_trembling() -> None:
+    for armature, climbs in ((1e-4, False), (0.004, True)):
+        world = World(modules=8, tracks="wheels", friction=0.9, scout={"wheel_armature": armature})
+        assert climbs_slope(world, 41.0) == climbs
+
+
+def test_capsules_climb_less_with_less_friction_and_cylinders_do_not() -> None:
+    for tracks, climbs in (("capsules", False), ("cylinders", True)):
+        assert climbs_step(World(tracks=tracks, friction=0.3), 0.0020) == climbs
+
+
+def test_a_published_robot_drives_straight_as_published() -> None:
+    assert make_robot(0.7, 0.001)[0].body_mass.sum() == pytest.approx(13.14 + 2 * 6.06 + 4 * 0.75)
+    found = measure_drive(DRIVES["straight"], timestep=0.004)
+    assert not find_misses(DRIVES["straight"], found)
+    assert find_misses(DRIVES["curve"], found) == ["yaw"]
 
 
 def test_higher_steps_need_more_friction_and_larger_wheels() -> None:

@@ -101,6 +101,21 @@ def test_four_tracks_are_driven_by_two_handles() -> None:
     assert data.qvel[0] == pytest.approx(0.2, rel=0.02)
 
 
+@pytest.mark.parametrize(("distance", "speed"), [(0.2, 0.2), (0.13, 0.2), (0.3, 0.2), (0.2, 0.05)])
+def test_four_tracks_turn_as_stated(distance: float, speed: float) -> None:
+    spec, front = make_rover(length=0.25, position=(distance, 0.0, 0.0))
+    rear = sg.add_tracks(spec, "rover", length=0.25, position=(-distance, 0.0, 0.0), prefix="rear_")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for tracks in (front, rear):
+        tracks.drive(model, data, -speed, speed)
+    mujoco.mj_step(model, data, STEPS)
+    stated = front.turning_rate(-speed, speed, others=[rear])
+    assert stated == pytest.approx(rear.turning_rate(-speed, speed, others=[front]), rel=1e-3)
+    assert data.qvel[5] == pytest.approx(stated, rel=0.1)
+    assert stated < 0.5 * front.turning_rate(-speed, speed)
+
+
 @pytest.mark.parametrize("model", BELT_MODELS)
 def test_it_survives_xml_and_attaching(model: str) -> None:
     spec, tracks = make_rover(model=model)

@@ -56,6 +56,22 @@ def test_compiled_module_has_the_constants(tracks):
     assert (model.geom_friction[touching, 0] == config.friction).all()
 
 
+def test_capsules_are_the_cylinders_with_rounded_ends_and_contacts_can_be_firmer():
+    cylinders, capsules = (
+        make_scout(ScoutConfig(tracks=tracks)).compile() for tracks in ("cylinders", "capsules")
+    )
+    wheels = np.flatnonzero(cylinders.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
+    assert (capsules.geom_type[wheels] == mujoco.mjtGeom.mjGEOM_CAPSULE).all()
+    np.testing.assert_array_equal(capsules.geom_size[wheels, :2], cylinders.geom_size[wheels, :2])
+    np.testing.assert_array_equal(capsules.body_pos, cylinders.body_pos)
+    firm = make_scout(ScoutConfig(contact_time=0.004)).compile()
+    touching = np.flatnonzero(firm.geom_contype)
+    assert (firm.geom_solref[touching, 0] == 0.004).all()
+    assert (cylinders.geom_solref[np.flatnonzero(cylinders.geom_contype)] == [0.02, 1.0]).all()
+    with pytest.raises(OrganismError, match="contact_time"):
+        ScoutConfig(contact_time=0.0)
+
+
 def test_docks_and_sensors_lie_where_the_sources_say():
     model = make_scout().compile()
     data = mujoco.MjData(model)
