@@ -12,6 +12,8 @@ from symbrion_gym.warp.making import make_vector_env
 ARENAS = ("truth", "simple", "gsrm", "gg")
 CLOSE = 1e-4
 """Differences of qpos below this count as none [m], [rad]."""
+PIT = 0.40
+"""Random controllers cross a pit of this width at times [m]."""
 STUCK_TIME = 3.0
 """A controller that makes no progress for so long does not cross [s]."""
 TICKS_PER_ACTION = 25
@@ -108,7 +110,7 @@ def compare_crossings(arena: str, controllers: int, device: str, seed: int = 0) 
     """Let random controllers cross the pit on both engines; return in how many the outcome agrees."""
     genotypes = draw_controllers(seed, controllers)
     conditions = draw_conditions(np.random.default_rng(seed), controllers)
-    options = {"sensors": ("pitch",), "start": "pit", "stuck_time": STUCK_TIME}
+    options = {"sensors": ("pitch",), "start": "pit", "pit": PIT, "stuck_time": STUCK_TIME}
     one, two = (
         cross(envs, genotypes, conditions) for envs in make_both(arena, controllers, device, **options)
     )
