@@ -12,8 +12,8 @@ from symbrion_gym.warp.making import make_vector_env
 ARENAS = ("truth", "simple", "gsrm", "gg")
 CLOSE = 1e-4
 """Differences of qpos below this count as none [m], [rad]."""
-PIT = 0.40
-"""Random controllers cross a pit of this width at times [m]."""
+PIT = 0.30
+"""Width of the pit [m]; at 0.40 none of 30 random controllers crossed, so that agreement said little."""
 STUCK_TIME = 3.0
 """A controller that makes no progress for so long does not cross [s]."""
 TICKS_PER_ACTION = 25
