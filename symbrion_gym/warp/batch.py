@@ -75,7 +75,6 @@ class WarpBatch:
         for name in _INPUTS:
             self.bind(name)
         self._host["qpos"][:] = model.qpos0
-        self._history = np.tile(self._probe.history, (nsim, 1))
         self._is_stale = np.ones(nsim, dtype=bool)
         self._graphs: dict[int, Any] = {}
         self._has_overflowed = False
@@ -92,6 +91,7 @@ class WarpBatch:
             self._model.opt.warn_overflow = 0
             self._model.opt.deterministic = is_deterministic
             self._data = mjw.make_data(model, nworld=self.nsim, nconmax=self.max_contacts, njmax=rows)
+            self._history = self._wp.clone(self._data.history) if model.nhistory else None
         lost = mjw.OverflowType.NEFC | mjw.OverflowType.BROADPHASE | mjw.OverflowType.NARROWPHASE
         self._lost = int(lost | mjw.OverflowType.CCD)
 
@@ -171,13 +171,15 @@ class WarpBatch:
             for name in _INPUTS:
                 getattr(data, name)[:] = self._host[name][row]
             mujoco.mj_forward(model, data)
-            self._history[row] = data.history
             for name, values in self._host.items():
                 if name not in _INPUTS:
                     values[row] = getattr(data, name)
 
     def step(self, active: Bool[np.ndarray, " nsim"] | None = None, nstep: int = 1) -> None:
         """Step the simulations; those that are not active end in the state that they had.
+
+        Sensors with an interval are read once, in the first physics step: a clock of single precision that adds up the
+        steps of an episode would miss the intervals.
 
         Args:
             active: which simulations; None for all.
@@ -187,6 +189,9 @@ class WarpBatch:
             self._is_stale |= ~active
         self._upload()
         with self._wp.ScopedDevice(self._device):
+            if self._history is not None:
+                self._wp.copy(self._data.history, self._history)
+                self._data.time.zero_()
             self._launch(nstep)
         self._download(active)
         if active is not None:
@@ -199,8 +204,6 @@ class WarpBatch:
             self._write_rows(data.qpos, rows, host["qpos"][rows])
             self._write_rows(data.qvel, rows, host["qvel"][rows])
             self._write_rows(data.qacc_warmstart, rows, np.zeros((len(rows), self._host_model.nv)))
-            self._write_rows(data.time, rows, np.zeros((len(rows), 1)))
-            self._write_rows(data.history, rows, self._history[rows])
             self._is_stale[:] = False
         self._write_rows(data.ctrl, np.arange(self.nsim), host["ctrl"])
 
@@ -237,6 +240,12 @@ class WarpBatch:
                 "Warp has dropped contacts: space for %d per simulation does not suffice; raise max_contacts",
                 self.max_contacts,
             )
+
+    def count_contacts(self) -> Int[np.ndarray, " nsim"]:
+        """Return the number of contacts of every simulation in the last physics step."""
+        count = int(self._data.nacon.numpy()[0])
+        worlds = self._data.contact.worldid.numpy()[:count]
+        return np.bincount(worlds, minlength=self.nsim)
 
     @property
     def has_overflowed(self) -> bool:
