@@ -109,7 +109,7 @@ def register() -> None:
             gym.register(
                 name,
                 entry_point="symbrion_gym.environment.organism_env:OrganismEnv",
-                vector_entry_point="symbrion_gym.environment.organism_vector_env:OrganismVectorEnv",
+                vector_entry_point="symbrion_gym.warp.making:make_vector_env",
                 reward_threshold=THRESHOLDS[name],
                 kwargs=dict(options),
             )

@@ -74,13 +74,13 @@ def test_extras_bring_what_the_code_asks_for(extra: str) -> None:
     assert {_normalize(known.get(module, [module])[0]) for module in EXTRAS[extra]} == brought
     assert not brought & {_normalize(line) for line in project["dependencies"]}
     is_in_all = extra in project["optional-dependencies"]["all"][0]
-    assert is_in_all == (extra not in ("rl", "ribs")), (
-        "these bring PyTorch and Numba, larger than all the rest"
+    assert is_in_all == (extra not in ("rl", "ribs", "gpu")), (
+        "these bring PyTorch, Numba and CUDA, larger than all the rest"
     )
 
 
 def test_nothing_is_said_where_all_is_there() -> None:
-    require_extras("all", *(extra for extra in EXTRAS if extra not in ("rl", "ribs")))
+    require_extras("all", *(extra for extra in EXTRAS if extra not in ("rl", "ribs", "gpu")))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from reconstruction.lazy import export_lazily
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("reconstruction", "symbrion_gym", "evolution")
 OPTIONAL = {"matplotlib", "plotly", "imageio", "jinja2", "markupsafe", "PIL", "small_gicp", "pypcd4", "pxr"}
-OPTIONAL |= {"collada", "laspy", "lazrs", "pye57"}
+OPTIONAL |= {"collada", "laspy", "lazrs", "pye57", "mujoco_warp", "torch", "warp"}
 LIBRARIES = {"coacd", "cma", "fast_simplification", "igl", "jax", "manifold3d"}
 BASE = {"mujoco", "scipy", "trimesh"}
 COMMAND_LINE = {"rich", "tyro"}
@@ -68,6 +68,13 @@ def test_environment_with_a_ready_made_arena_loads_no_network_and_no_plots() -> 
         (OPTIONAL | LIBRARIES | COMMAND_LINE) - {"manifold3d", "PIL"}
     )  # trimesh looks for these two
     assert loaded >= BASE
+
+
+def test_many_environments_on_the_processor_load_nothing_of_the_gpu() -> None:
+    program = ARENA.replace("make(", "make_vec(").replace(
+        "modules=3", "vectorization_mode='vector_entry_point'"
+    )
+    assert not find_loaded(program) & {"mujoco_warp", "torch", "warp"}
 
 
 @pytest.mark.parametrize("package", [*PACKAGES, "evolution.report"])

@@ -8,9 +8,15 @@ from evolution.backends.pool import PoolConfig
 from evolution.backends.simulation import Simulate, find_simulate
 from evolution.backends.trials import Job, Outcome
 from evolution.errors import RunError
+from reconstruction.extras import require_extras
 from reconstruction.range_checks import check_choice
 
-BACKENDS = ("batch", "processes", "ray")
+EXACT_BACKENDS = ("batch", "processes", "ray")
+"""Their results are equal to the bit."""
+BACKENDS = (*EXACT_BACKENDS, "warp")
+"""The last one is a GPU in single precision, whose results are equal in distribution only."""
+LOCAL_BACKENDS = ("batch", "warp")
+"""They run in this process."""
 
 
 class Backend(Protocol):
@@ -35,7 +41,7 @@ def make_backend(
     """Make a backend.
 
     Args:
-        name: "batch", "processes" or "ray".
+        name: "batch", "processes", "ray" or "warp".
         workers: threads, processes or actors.
         address: address of an existing Ray cluster; None starts a local one.
         simulate: the function that tries jobs; None means physics.
@@ -43,12 +49,16 @@ def make_backend(
 
     Raises:
         RunError: unknown name, workers below 1, or Ray is not installed.
+        MissingExtraError: the extra `gpu` is not installed, which "warp" needs.
     """
     if workers < 1:
         raise RunError(f"workers is {workers}; at least 1 is needed")
     check_choice("backend", name, BACKENDS, RunError)
-    simulate = simulate or find_simulate("evolution.backends.rollout:simulate")
-    if name == "batch":
+    if name == "warp":
+        require_extras("backend 'warp'", "gpu")
+    function = "simulate_on_device" if name == "warp" else "simulate"
+    simulate = simulate or find_simulate(f"evolution.backends.rollout:{function}")
+    if name in LOCAL_BACKENDS:
         return BatchBackend(simulate, workers)
     if name == "processes":
         from evolution.backends.processes import ProcessBackend

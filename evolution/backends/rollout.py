@@ -6,6 +6,7 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.warp.making import make_vector_env
 
 
 class Trial(NamedTuple):
@@ -59,13 +61,25 @@ _separate: set[Hashable] = set()
 """Arenas whose stretched versions do not fit into one vector environment."""
 
 
-def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None = None) -> list[Outcome]:
+def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
+    """Try jobs on a GPU in single precision, all trials of a stretch of the arena at once; see `simulate`.
+
+    Raises:
+        RunError: the environment cannot be made.
+    """
+    return simulate(jobs, threads, engine="warp")
+
+
+def simulate(
+    jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None = None, engine: str = "mujoco"
+) -> list[Outcome]:
     """Try jobs in the environment.
 
     Args:
         jobs: genotypes and their trials.
         threads: number of threads of `mujoco.batch`; they change nothing but the time.
         config: parameters of the simulation of trials; None for those of the jobs.
+        engine: of the physics: "mujoco" or "warp".
 
     Raises:
         RunError: the environment cannot be made.
@@ -78,7 +92,9 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     for trials in groups.values():
         first = jobs[trials[0].job].trials
         controller = find_trial_controller(first)
-        for environment, own_trials in _group_by_environment(first, trials, threads, config or first.rollout):
+        for environment, own_trials in _group_by_environment(
+            first, trials, threads, config or first.rollout, engine
+        ):
             results |= _run_trials(environment, controller, own_trials)
     return [
         _summarize([results[index, number] for number in range(job.trials.count)])
@@ -86,20 +102,21 @@ def simulate(jobs: Sequence[Job], threads: int = 1, config: RolloutConfig | None
     ]
 
 
-def warm_up(trials: Trials, num_jobs: int, threads: int) -> None:
+def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco") -> None:
     """Compile the environment in which jobs will be tried, which also checks arena, body, start and goal.
 
     Args:
         trials: of each job.
         num_jobs: number of jobs.
         threads: number of threads of `mujoco.batch`.
+        engine: of the physics: "mujoco" or "warp".
 
     Raises:
         RunError: the environment cannot be made.
     """
     job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
     expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
-    for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout):
+    for environment, _ in _group_by_environment(trials, expected, threads, trials.rollout, engine):
         first = np.arange(environment.num_envs) == 0  # the first trial begins there anyway
         try:
             environment.reset(options={"reset_mask": first})
@@ -149,25 +166,31 @@ def split_job(index: int, job: Job) -> list[Trial]:
 
 
 def _group_by_environment(
-    conditions: Trials, trials: Sequence[Trial], threads: int, config: RolloutConfig
+    conditions: Trials, trials: Sequence[Trial], threads: int, config: RolloutConfig, engine: str
 ) -> Iterator[tuple[SnakePitVectorEnv, list[Trial]]]:
     """Yield environments and their trials: one for all stretches, or one each where they are too different."""
-    key = find_environment_key(conditions)
+    key = find_environment_key(conditions), engine
     stretches = tuple(sorted(set(conditions.randomization.stretch)))
     if (key, stretches) not in _separate:
         try:
-            yield _find_environment(conditions, stretches, len(trials), threads, config), list(trials)
+            yield _find_environment(conditions, stretches, len(trials), threads, config, engine), list(trials)
             return
         except LayoutError:
             _separate.add((key, stretches))
     for stretch in stretches:
         own_trials = [trial for trial in trials if trial.stretch == stretch]
         if own_trials:
-            yield _find_environment(conditions, (stretch,), len(own_trials), threads, config), own_trials
+            count = len(own_trials)
+            yield _find_environment(conditions, (stretch,), count, threads, config, engine), own_trials
 
 
 def _find_environment(
-    conditions: Trials, stretches: tuple[float, ...], num_trials: int, threads: int, config: RolloutConfig
+    conditions: Trials,
+    stretches: tuple[float, ...],
+    num_trials: int,
+    threads: int,
+    config: RolloutConfig,
+    engine: str,
 ) -> SnakePitVectorEnv:
     """Return a large enough environment, a new one or one that was used before.
 
@@ -175,18 +198,20 @@ def _find_environment(
         LayoutError: the stretched arenas do not fit into one vector environment.
         RunError: it cannot be made.
     """
-    sizes = config.batch_sizes
+    is_on_device = engine != "mujoco"
+    sizes = _list_device_sizes(num_trials) if is_on_device else config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
-    same = (find_environment_key(conditions), config.stuck_time, stretches, threads)
+    same = (find_environment_key(conditions), config.stuck_time, stretches, threads, engine)
     larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
     key = larger[0] if larger else (same, size)
     if key not in _environments:
         while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
         try:
-            _environments[key] = SnakePitVectorEnv(
+            make = partial(make_vector_env, backend=engine) if is_on_device else SnakePitVectorEnv
+            _environments[key] = make(
                 num_envs=size,
-                num_threads=threads,
+                num_threads=None if is_on_device else threads,
                 autoreset_mode=AutoresetMode.DISABLED,
                 stretches=stretches,
                 **make_environment_options(conditions, config.stuck_time),
@@ -197,6 +222,11 @@ def _find_environment(
             raise RunError(f"the environment cannot be made: {error}") from error
     _environments.move_to_end(key)
     return _environments[key]
+
+
+def _list_device_sizes(num_trials: int) -> list[int]:
+    """Return the sizes of environments on a device that take all trials: this one, and those made for more before."""
+    return sorted({num_trials, *(size for _, size in _environments if size > num_trials)})  # pyright: ignore[reportGeneralTypeIssues]
 
 
 def _run_trials(

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
-from evolution.backends.making import BACKENDS
+from evolution.backends.making import EXACT_BACKENDS
 from evolution.backends.nested import Nested
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution.backends.scoring import Scoring, find_scoring
@@ -136,7 +136,7 @@ class BodyExecutionConfig:
         if isinstance(self.folder, Path):
             object.__setattr__(self, "folder", str(self.folder))
         coerce_integers(self, {"iterations": (0, MAX_GENERATIONS), "workers": (1, MAX_WORKERS)}, RunError)
-        check_choice("backend", self.backend, BACKENDS, RunError)
+        check_choice("backend", self.backend, EXACT_BACKENDS, RunError)
 
 
 KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in _BODY_FIELDS} | {

@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
 
+from evolution.backends.making import LOCAL_BACKENDS
 from evolution.backends.nested import Nested
 from evolution.backends.parts import (
     BodyConfig,
@@ -161,7 +162,7 @@ class EvolutionConfig(Nested):
     @property
     def must_be_restorable(self) -> bool:
         """Whether a file or other processes must find again what a user wrote."""
-        return self.execution.folder is not None or self.execution.backend != "batch"
+        return self.execution.folder is not None or self.execution.backend not in LOCAL_BACKENDS
 
     @property
     def all_stages(self) -> tuple[Stage, ...]:

@@ -57,7 +57,8 @@ class Evaluator:
         trials: number of trials of each genotype.
         scoring: a `Scoring`, a function of (outcome, body), or "module:name" of one; None means a `Scoring` without
             a penalty for modules.
-        backend: "batch", "processes" or "ray"; the results are equal.
+        backend: "batch", "processes" or "ray"; the results are equal. "warp" is a GPU in single precision, with results
+            that are equal in distribution only.
         workers: threads, processes or actors.
         address: address of an existing Ray cluster; None starts a local one.
         simulate: the function that tries jobs; None means physics.

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from evolution.backends.making import Backend, make_backend
+from evolution.backends.making import LOCAL_BACKENDS, Backend, make_backend
 from evolution.backends.outcome import check_tried
 from evolution.backends.parts import BodyConfig
 from evolution.backends.prepared_arenas import prepare_arena
@@ -31,6 +31,7 @@ from evolution.search.restarting_search import RestartingSearch
 from evolution.search.run import Run, RunFolder
 from evolution.search.stages import Stage
 from evolution.search.validation import Champion
+from reconstruction.extras import require_extras
 from reconstruction.progress import Progress, silent
 
 OnGeneration = Callable[[Run], None]
@@ -113,6 +114,8 @@ def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
         RunError: the environment cannot be made.
         ArenaError: there is no such arena, or it cannot be built.
     """
+    if config.backend == "warp":
+        require_extras("backend 'warp'", "gpu")
     for stage in config.all_stages:
         prepare_arena(stage.arena, progress)
     first = config.all_stages[0]
@@ -124,9 +127,9 @@ def prepare(config: EvolutionConfig, progress: Progress = silent) -> None:
         trial=config.trial,
         count=first.trials or config.trials,
     )
-    is_here = config.backend == "batch"
+    is_here, engine = config.backend in LOCAL_BACKENDS, "warp" if config.backend == "warp" else "mujoco"
     progress("compiling the environment", 0.0)
-    warm_up(trials, config.population_size if is_here else 1, config.workers if is_here else 1)
+    warm_up(trials, config.population_size if is_here else 1, config.workers if is_here else 1, engine)
 
 
 def load_run(folder: str | Path) -> Run:
@@ -155,8 +158,9 @@ def _run(
     progress: Progress,
 ) -> Run:
     backend = make_backend(config.backend, config.workers, config.address, simulate)
+    judge = make_backend("batch", config.workers, None, simulate) if config.backend == "warp" else None
     try:
-        evolution = _Evolution(config, record, backend)
+        evolution = _Evolution(config, record, backend, judge)
         evolution.replay()
         path = folder.path if folder else None
         run = evolution.make_run(path)
@@ -176,12 +180,15 @@ def _run(
 
 
 class _Evolution:
-    """One run in progress."""
+    """One run in progress; `judge` tries candidates for the champion, where `backend` is not exact."""
 
-    def __init__(self, config: EvolutionConfig, past: Record, backend: Backend | None) -> None:
+    def __init__(
+        self, config: EvolutionConfig, past: Record, backend: Backend | None, judge: Backend | None = None
+    ) -> None:
         self._search = RestartingSearch(config)
         self._strategy = self._search.strategy
         self._config, self._past, self._backend = config, past, backend
+        self._judge = judge or backend
         self._record = Record()
         self._stage_starts = [0]
         self._replayed: list[Entry] | None = None
@@ -277,10 +284,11 @@ class _Evolution:
         """Try genotypes, or take their outcomes from the record."""
         if self._replayed is not None:
             return self._take_recorded(kind, numbered)
-        if self._backend is None:
+        backend = self._judge if kind == VALIDATION else self._backend
+        if backend is None:
             raise RuntimeError("a run that is only read has no backend")
         jobs = [self._make_job(kind, index, genotype, count, block) for index, genotype in numbered]
-        outcomes = self._backend.run(jobs)
+        outcomes = backend.run(jobs)
         if kind == SAMPLE and not self._record.num_generations:  # later on, the genotypes may be to blame
             check_tried(outcomes)
         return [

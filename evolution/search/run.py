@@ -38,6 +38,10 @@ CONFIG, RECORD, HISTORY_FILE, CHAMPION = "config.json", "record.npz", "history.c
 LOCK = ".lock"
 BODIES = "bodies"
 """The kind of a folder of a search for bodies, which `evolution.body_search.run` reads."""
+IN_DISTRIBUTION = (
+    "equal in distribution only: samples were tried on a GPU in single precision (backend 'warp')"
+)
+"""What `config.json` says of a run of which no other process repeats the same bits."""
 PACKAGES = ("symbrion-gym", "numpy", "cma", "mujoco", "gymnasium", "coacd")
 
 
@@ -127,8 +131,10 @@ class RunFolder:
     def write_config(self, config: EvolutionConfig) -> None:
         """Write `config.json`; the versions are those that the run began with."""
         began = self._read_json(CONFIG) if (self.path / CONFIG).exists() else describe_origin()
-        has_record = {"record": RECORD} if (self.path / RECORD).exists() else {}
-        self._replace(CONFIG, _to_json(began | has_record | {"config": config.to_json()}))
+        more = {"record": RECORD} if (self.path / RECORD).exists() else {}
+        if config.backend == "warp":
+            more["resumes"] = IN_DISTRIBUTION  # stays when the run goes on elsewhere
+        self._replace(CONFIG, _to_json(began | more | {"config": config.to_json()}))
 
     def remove(self) -> None:
         """Remove the files of a run, and nothing else. Call it only with the lock."""

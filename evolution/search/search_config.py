@@ -49,12 +49,14 @@ class SearchConfig:
 
 @dataclass(frozen=True)
 class ExecutionConfig:
-    """How long a run lasts, where it runs and where it is kept; nothing here changes its results.
+    """How long a run lasts, where it runs and where it is kept; only the backend "warp" changes its results.
 
     Attributes:
         generations: largest number of generations; the run stops earlier when a champion is confirmed.
         workers: number of threads, processes or actors.
-        backend: "batch" (threads), "processes" or "ray"; the results are equal.
+        backend: "batch" (threads), "processes" or "ray"; the results are equal. "warp" tries the samples of a
+            generation on a GPU in single precision, with results that are equal in distribution only; candidates for
+            the champion are tried on threads by MuJoCo's C engine as always.
         address: address of an existing Ray cluster; None starts a local one.
         folder: run folder; None keeps the run in memory only.
         stop_when_solved: whether the run ends when a champion is confirmed.

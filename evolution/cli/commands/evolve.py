@@ -185,8 +185,8 @@ class Resume(Command):
     """New limit on the generations. Default: as recorded."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
-    backend: Literal["batch", "processes", "ray"] | None = None
-    """Where simulations run: threads (batch), processes, or a Ray cluster. Default: as recorded."""
+    backend: Literal["batch", "processes", "ray", "warp"] | None = None
+    """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp). Default: as recorded."""
     address: str | None = None
     """Address of an existing Ray cluster. Default: as recorded."""
     tensorboard: bool = False

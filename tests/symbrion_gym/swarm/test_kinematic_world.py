@@ -11,7 +11,7 @@ from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.swarm.docks import find_dock_poses
 from symbrion_gym.swarm.kinematic.config import KinematicConfig
 from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.world import DECISION, SwarmCommands
+from symbrion_gym.swarm.world import SwarmCommands
 
 EXACT = KinematicConfig(slip=0.0)
 SCOUT = ScoutConfig()
