@@ -80,7 +80,7 @@ def test_criteria_of_success_have_the_documented_numbers() -> None:
 
 
 def test_ready_made_arenas_are_documented() -> None:
-    folders = {path.parent.name for path in (ROOT / "assets").rglob("arena.json")}
+    folders = {path.parent.name for path in (ROOT / "assets" / "arenas").rglob("arena.json")}
     assert read_names("assets/README.md", "arena") == folders
 
 

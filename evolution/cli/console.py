@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
@@ -51,7 +52,7 @@ class Console:
         """Print a line of results."""
         self._out.print(make_printable(text))
 
-    def show_table(self, title: str, columns: list[str], rows: list[list[object]]) -> None:
+    def show_table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
         """Print a table of results."""
         table = Table(*columns, title=title, title_justify="left")
         for row in rows:

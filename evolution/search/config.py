@@ -18,7 +18,7 @@ from evolution.backends.parts import (
     take_environment,
 )
 from evolution.backends.scoring import Scoring, find_scoring
-from evolution.backends.trials import RolloutConfig, TrialConfig
+from evolution.backends.trials import Randomization, RolloutConfig, TrialConfig
 from evolution.controllers.controller import ControllerConfig
 from evolution.controllers.drive import count_tracks
 from evolution.controllers.finding import refer_to_controller
@@ -74,6 +74,7 @@ _ADDED = {
     "controller_config": asdict(ControllerConfig(), dict_factory=drop_none),
     "rollout": asdict(RolloutConfig(), dict_factory=drop_none),
     "descriptors": [],
+    "patch_friction": Randomization.patch_friction,
 }
 """Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
 
