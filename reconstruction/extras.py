@@ -14,7 +14,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "rl": ("stable_baselines3",),
     "ribs": ("ribs",),
     "swarm": ("pettingzoo",),
-    "gpu": ("mujoco_warp",),
+    "gpu": ("mujoco_warp", "warp"),
 }
 """Extra -> the modules that it brings; `pyproject.toml` lists the same as distributions."""
 
