@@ -22,7 +22,7 @@ from evolution.experiments.live.matching import DrivenPoints, MatchConfig, find_
 from evolution.experiments.live.route import plan_round
 from evolution.experiments.live.scene import SceneConfig, find_regions, make_truth
 from evolution.experiments.output_folder import refuse_foreign_files
-from evolution.search.run import RunFolder
+from evolution.experiments.run_champion import find_run_champion
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
 from reconstruction.files.typed_json import JsonError, read_json
@@ -296,26 +296,16 @@ def _without_time(arena: sg.Arena) -> sg.Arena:
 
 def _find_champion(config: LiveConfig, progress: rc.Progress) -> ev.Champion:
     """Return the champion of the model before; an unfinished evolution goes on."""
-    folder = config.folder / "run"
-    if RunFolder(folder).has_run():
-        run = ev.resume(str(folder), progress=progress, workers=config.workers)
-    else:
-        run = ev.evolve(
-            ev.EvolutionConfig(
-                arena=str(config.folder / "arenas" / "before"),
-                modules=config.modules,
-                seed=config.seed,
-                generations=config.generations,
-                workers=config.workers,
-                folder=str(folder),
-            ),
-            progress=progress,
-        )
-    if run.champion is None:
-        raise ev.RunError(
-            f"no champion after {config.generations} generations; allow more, in another folder"
-        )
-    return run.champion
+    arena = str(config.folder / "arenas" / "before")
+    return find_run_champion(
+        config.folder / "run",
+        arena,
+        config.modules,
+        config.seed,
+        config.generations,
+        config.workers,
+        progress,
+    )
 
 
 def _judge(

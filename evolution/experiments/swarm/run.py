@@ -12,9 +12,10 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track as Steps
 from evolution.experiments.output_folder import refuse_foreign_files
+from evolution.experiments.run_champion import find_run_champion
 from evolution.experiments.swarm.config import StoryConfig, SwarmRunConfig
 from evolution.experiments.swarm.story import Story, tell_story
-from evolution.search.run import RunFolder, load_champion
+from evolution.search.run import load_champion
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
 from reconstruction.files.typed_json import JsonError, read_json
@@ -122,26 +123,10 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
                 "another champion"
             )
         return champion
-    folder = config.folder / "run"
-    if RunFolder(folder).has_run():
-        run = ev.resume(str(folder), progress=progress, workers=config.workers)
-    else:
-        run = ev.evolve(
-            ev.EvolutionConfig(
-                arena=config.story.arena,
-                modules=count,
-                seed=config.story.seed,
-                generations=config.generations,
-                workers=config.workers,
-                folder=str(folder),
-            ),
-            progress=progress,
-        )
-    if run.champion is None:
-        raise ev.RunError(
-            f"no champion after {config.generations} generations; allow more, in another folder"
-        )
-    return run.champion
+    story = config.story
+    return find_run_champion(
+        config.folder / "run", story.arena, count, story.seed, config.generations, config.workers, progress
+    )
 
 
 def save_track(config: SwarmRunConfig, story: Story) -> None:
