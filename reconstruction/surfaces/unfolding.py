@@ -1,6 +1,7 @@
 """Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -61,6 +62,20 @@ def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"
     return sum_rows(at_vertex[faces].sum(axis=1) * cross) < 0
 
 
+class Tangles(NamedTuple):
+    """Which faces of a surface are tangled.
+
+    Attributes:
+        is_tangled: faces that are folded, or intersect another.
+        is_searched: faces whose intersections have all been looked for.
+        pairs: faces that intersect, with at least one that was looked at.
+    """
+
+    is_tangled: Bool[np.ndarray, " F"]
+    is_searched: Bool[np.ndarray, " F"]
+    pairs: Int[np.ndarray, "P 2"]
+
+
 def find_tangled(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
@@ -68,7 +83,8 @@ def find_tangled(
     is_suspect: Bool[np.ndarray, " F"],
     sharp_angle: float = UnfoldConfig.sharp_angle,
     is_tested: Bool[np.ndarray, " F"] | None = None,
-) -> Bool[np.ndarray, " F"]:
+    before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
+) -> Tangles:
     """Return which faces are folded, or intersect another.
 
     Args:
@@ -78,6 +94,8 @@ def find_tangled(
         is_suspect: these, and those at sharp edges, are tested for intersections with others.
         sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
         is_tested: only these are looked for; all if absent.
+        before: what was found before some vertices moved, and which faces have moved since: two faces of which neither
+            has moved meet as before.
     """
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
@@ -86,9 +104,17 @@ def find_tangled(
     is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
     if is_tested is not None:
         is_suspect &= is_tested
-    if is_suspect.any():
-        is_tangled[find_intersections(vertices, faces, is_suspect)] = True
-    return is_tangled if is_tested is None else is_tangled & is_tested
+    pairs, is_open = np.empty((0, 2), dtype=np.int64), is_suspect
+    if before is not None:
+        (_, was_searched, known), has_moved = before
+        is_open = is_suspect & (has_moved | ~was_searched)
+        pairs = known[~any_corner(has_moved, known) & any_corner(is_suspect, known)]
+    if is_open.any():
+        pairs = np.unique(np.concatenate([pairs, find_intersections(vertices, faces, is_open)]), axis=0)
+    is_tangled[pairs] = True
+    if is_tested is not None:
+        is_tangled &= is_tested
+    return Tangles(is_tangled, is_suspect, pairs)
 
 
 def unfold_part(
@@ -158,7 +184,9 @@ def _find_first(
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
-    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
+    return find_tangled(
+        vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested
+    ).is_tangled
 
 
 def unfold_faces(
@@ -185,32 +213,35 @@ def unfold_faces(
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
     is_suspect = any_corner(is_turn, faces)
-    is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
-    if not is_tangled.any():
+    best = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+    if not best.is_tangled.any():
         return vertices
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
-    best, best_tangled, fewest = vertices, is_tangled, is_tangled.sum()
     for rings, moves_boundary in config.stages:
-        if fewest == 0:
-            break
-        current, left = best, config.rounds
-        is_tangled = best_tangled
-        while left > 0 and fewest > 0:
-            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_boundary | moves_boundary)
-            is_moved &= ~is_fixed
+        current, tangles, left = vertices, best, config.rounds
+        while left > 0 and best.is_tangled.any():
+            is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
+            is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += config.step * (around @ current / share - current[moved])
-            # Two faces of which neither has moved meet as before.
-            is_suspect = is_tangled | any_corner(is_moved, faces)
-            is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+            has_moved = any_corner(is_moved, faces)
+            tangles = find_tangled(
+                current,
+                faces,
+                hinges,
+                tangles.is_tangled | has_moved,
+                config.sharp_angle,
+                is_tested,
+                (tangles, has_moved),
+            )
             left -= 1
-            if is_tangled.sum() < fewest:
-                best, best_tangled, fewest, left = current, is_tangled, is_tangled.sum(), config.rounds
-    return best
+            if tangles.is_tangled.sum() < best.is_tangled.sum():
+                vertices, best, left = current, tangles, config.rounds
+    return vertices
 
 
 def _widen(
