@@ -1,6 +1,6 @@
 """Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -135,26 +135,30 @@ def unfold_part(
     part = _cut_out(vertices, faces, is_movable)
     if part is None:
         return vertices
-    used, faces = part
-    is_movable = is_movable[used]
-    is_tangled = _find_first(vertices[used], faces, any_corner(is_movable, faces), config)
+    used, faces, _ = part
+    is_movable, moved = is_movable[used], vertices[used]
+    is_tangled = _find_first(moved, faces, any_corner(is_movable, faces), config)
     if not is_tangled.any():
         return vertices
-    is_movable = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
-    part = _cut_out(vertices[used], faces, is_movable)
-    if part is None:
-        return vertices
-    inner, faces = part
-    used = used[inner]
-    moved = vertices.copy()
-    moved[used] = unfold_faces(vertices[used], faces, config, is_movable[inner])
-    return moved
+    for stage in config.stages:
+        is_about = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
+        part = _cut_out(moved, faces, is_about) if is_tangled.any() else None
+        if part is None:
+            break
+        inner, part_faces, rows = part
+        moved[inner], is_left = _unfold(
+            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner]
+        )
+        is_tangled[rows] = is_left
+    mended = vertices.copy()
+    mended[used] = moved
+    return mended
 
 
 def _cut_out(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
-) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"]] | None:
-    """Return the vertices of the faces that movable ones may meet, and these faces; None where nothing may move.
+) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"], Int[np.ndarray, " G"]] | None:
+    """Return the vertices of the faces that movable ones may meet, these faces, and their rows; None where nothing moves.
 
     Faces farther away than the longest side of the movable ones cannot meet these while they move between their
     neighbors.
@@ -169,8 +173,9 @@ def _cut_out(
     near = near[~is_own[near]]
     distance, _ = cKDTree(vertices[is_own]).query(vertices[near], distance_upper_bound=longest)
     is_own[near[np.isfinite(distance)]] = True
-    used, flat = np.unique(faces[any_corner(is_own, faces)], return_inverse=True)
-    return used, flat.reshape(-1, 3)
+    rows = np.flatnonzero(any_corner(is_own, faces))
+    used, flat = np.unique(faces[rows], return_inverse=True)
+    return used, flat.reshape(-1, 3), rows
 
 
 def _find_first(
@@ -206,7 +211,16 @@ def unfold_faces(
         config: how vertices are moved.
         is_movable: the other vertices stay; all may move if absent.
     """
-    config = config or UnfoldConfig()
+    return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
+
+
+def _unfold(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: UnfoldConfig,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
+) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
+    """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
@@ -215,7 +229,7 @@ def unfold_faces(
     is_suspect = any_corner(is_turn, faces)
     best = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
     if not best.is_tangled.any():
-        return vertices
+        return vertices, best.is_tangled
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
     for rings, moves_boundary in config.stages:
@@ -241,7 +255,7 @@ def unfold_faces(
             left -= 1
             if tangles.is_tangled.sum() < best.is_tangled.sum():
                 vertices, best, left = current, tangles, config.rounds
-    return vertices
+    return vertices, best.is_tangled
 
 
 def _widen(
