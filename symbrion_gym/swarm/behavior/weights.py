@@ -66,7 +66,7 @@ class BehaviorWeights:
     dock_time: float = _weight(8.0, 2.0, 20.0)
     recover_speed: float = _weight(0.05, 0.01, 0.10)
     recover_time: float = _weight(4.0, 0.5, 10.0)
-    lost_time: float = _weight(3.0, 0.3, 15.0)
+    lost_time: float = _weight(8.0, 0.3, 15.0)
     accept_time: float = _weight(60.0, 10.0, 200.0)
     guide_offset: float = _weight(0.35, 0.2, 0.8)
     patience: float = _weight(600.0, 60.0, 900.0)
