@@ -142,7 +142,7 @@ class Machine:
         locates = memory.mode == Mode.LOCATE_BEACON
         begins = locates & (memory.since <= DECISION)
         nearest = np.where(begins, np.inf, memory.nearest)
-        comes_nearer = locates & (beacon.distance < nearest - NEARER)
+        comes_nearer = locates & beacon.is_heard & (beacon.distance < nearest - NEARER)
         waits = memory.mode == Mode.WAIT
         is_free = ~beacon.is_heard | (beacon.accepts == NOBODY)
         answers = asker.is_heard & (asker.asker == read_ticket(memory.ticket)[1])

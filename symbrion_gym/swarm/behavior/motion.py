@@ -70,7 +70,7 @@ def wait(here: Situation) -> Tracks:
     aside = _find_aside(here)
     leaves = is_taken & (np.hypot(*aside) > 0.0)
     comes = ~is_taken & (memory.asking > IN_VAIN) & (beacon.distance > HEARD_WELL)
-    point = find_approach_point(beacon, 1.0, REACH)
+    point = find_approach_point(beacon, weights.lookahead, REACH)
     goal = (np.where(leaves, aside[0], point[0]), np.where(leaves, aside[1], point[1]))
     tracks = steer_to(*goal, weights.locate_speed, weights.turn_gain, weights.turn_speed)
     tracks = np.where(_is_free_ahead(here)[:, None], tracks, tracks - tracks.mean(axis=-1, keepdims=True))
