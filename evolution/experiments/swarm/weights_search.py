@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +50,7 @@ class WeightsConfig:
     population_size: int = 8
     generations: int = 6
     sigma: float = 0.15
-    base: BehaviorWeights = BehaviorWeights()
+    base: BehaviorWeights = field(default_factory=BehaviorWeights)
 
     def __post_init__(self) -> None:
         check_counts(self, ("pairs", "population_size", "generations"), RunError)
