@@ -67,11 +67,11 @@ class WeightsResult(NamedTuple):
 
     Attributes:
         weights: at the mean of the last distribution.
-        fitness: of all candidates: the mean time to lock, negated [s].
+        fitness: of all candidates in turn: the mean time to lock, negated [s].
     """
 
     weights: BehaviorWeights
-    fitness: Float[np.ndarray, "G P"]
+    fitness: Float[np.ndarray, " C"]
 
 
 def evolve_weights(config: WeightsConfig, progress: Progress = silent) -> WeightsResult:
@@ -98,7 +98,7 @@ def evolve_weights(config: WeightsConfig, progress: Progress = silent) -> Weight
         rows.append(fitness)
         progress("weights", (generation + 1) / config.generations)
     best = BehaviorWeights.from_genotype(np.clip(strategy.mean, 0.0, 1.0), names, config.base)
-    return WeightsResult(best, np.array(rows))
+    return WeightsResult(best, np.concatenate(rows))
 
 
 def find_docking_times(

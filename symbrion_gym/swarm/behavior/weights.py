@@ -86,7 +86,7 @@ class BehaviorWeights:
             weights: of the swarms, each of so many robots in turn.
             num_robots: of each swarm.
         """
-        values = {
+        values: dict[str, Any] = {
             each.name: np.repeat([getattr(one, each.name) for one in weights], num_robots)
             for each in fields(cls)
         }
