@@ -30,6 +30,9 @@ _CONVERGED = 1e-9
 _RIDGE = 1e-12
 """Added to the Hessian, so that it can always be solved."""
 
+_CORNERS = np.array(list(np.ndindex(2, 2, 2)))
+"""Of a cell of the table."""
+
 
 class Skids(NamedTuple):
     """Motion of a Scout whose right belt runs at 1 m/s and its left one at -1 m/s, found once for each kind of Scout.
@@ -170,16 +173,14 @@ def interpolate(
     size = np.hypot(pulls[:, 0], pulls[:, 1])
     angle = np.arctan2(side * pulls[:, 1], pulls[:, 0]) / (2.0 * np.pi) + 0.5
     places = np.stack([np.clip(reach, 0.0, 1.0), np.minimum(size / skids.most, 1.0), angle])
-    cells = np.array(skids.motion.shape[:3])[:, None] - 1
-    low = np.minimum((places * cells).astype(np.int64), cells - 1)
-    part = places * cells - low
-    i, j, k = low
-    motion = np.zeros((len(reach), 3))
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.ones(len(reach))
-        for each, share in zip(corner, part, strict=True):
-            weight = weight * (share if each else 1.0 - share)
-        motion += weight[:, None] * skids.motion[i + corner[0], j + corner[1], k + corner[2]]
+    shape = np.array(skids.motion.shape[:3])
+    scaled = places * (shape - 1)[:, None]
+    low = np.minimum(scaled.astype(np.int64), (shape - 2)[:, None])
+    part = scaled - low
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    index = strides @ low + (_CORNERS @ strides)[:, None]
+    weights = np.where(_CORNERS[:, :, None], part, 1.0 - part).prod(axis=1)
+    motion = (weights[..., None] * skids.motion.reshape(-1, 3)[index]).sum(axis=0)
     motion *= np.abs(difference)[:, None] / 2
     motion[:, 1:] *= side[:, None]
     return motion
