@@ -115,7 +115,9 @@ def _find_pairs(
     squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
     outside = (1.0 - config.side_share) * _NARROW**config.lobe + config.side_share
     side_reach, reach = (_find_reach(config, lobe) + radius for lobe in (outside, 1.0))
-    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * np.maximum(np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0) ** 2
+    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * np.maximum(
+        np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0
+    ) ** 2
     is_near = (ahead > -radius) & (squared < np.where(is_narrow, reach, side_reach) ** 2)
     is_near[np.arange(len(sender)), sender] = False
     pair, receiver = np.nonzero(is_near)
