@@ -41,7 +41,7 @@ from evolution.search.stored_config import (
 )
 from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
 
-ALGORITHMS = ("halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 _BODY_FIELDS = ("modules", "organism", "body_lengths")
@@ -52,7 +52,8 @@ class BodiesConfig:
     """Which bodies are searched, and how.
 
     Attributes:
-        algorithm: "halving" (a genetic algorithm whose bodies learn in rungs, each against those of its rung),
+        algorithm: "surrogate" (as "halving", and a prediction from the shapes of bodies chooses who learns), "halving"
+            (a genetic algorithm whose bodies learn in rungs, each against those of its rung),
             "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
             or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
@@ -62,7 +63,7 @@ class BodiesConfig:
         crossover_share: share of children by crossover rather than mutation.
         random_share: share of children that are new random bodies.
         tournament_size: bodies of which the fittest becomes a parent.
-        promoted_share: share of the bodies of a rung that learn on, in "halving".
+        promoted_share: share of the bodies of a rung that learn on, in "halving" and "surrogate".
         axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
             used) and "energy".
         operators: mutations, see `evolution.bodies.variation`.

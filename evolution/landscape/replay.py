@@ -1,7 +1,7 @@
 """Searches for bodies replayed on the landscape: what a body learns is looked up, so that a run takes a moment.
 
-A search proposes bodies of the sizes of the table alone, asks for the last rung of each, and pays what learning cost. A
-body that was asked for before costs nothing, as in a real run.
+A search proposes bodies of the sizes of the table alone and pays what learning cost, a share of it where a body learns
+only the first generations. A body that was asked for before costs nothing, as in a real run.
 
 What a lookup leaves out: every body of the table has learned once, with one seed, so that the noise of an exam is the
 same in all replays of a task; and a child never inherits what its parent has learned.
@@ -99,12 +99,20 @@ class Table:
         return float(self._table.truth_fitness[self._task, self.find_place(pupil)])
 
     def _pay(self, place: int, generations: int) -> None:
-        """Count the share of the body's cost that these generations are; the exam counts as a part of the last."""
+        """Count the share of the body's cost that these generations are, by their trials."""
         paid = self._paid.get(place, 0)
         if generations > paid:
-            share = (generations - paid) / self.rungs[-1]
-            self.seconds += share * float(self._table.seconds[self._task, place])
+            share = self._count_trials(generations) - self._count_trials(paid)
+            whole = self._count_trials(self.rungs[-1])
+            self.seconds += share / whole * float(self._table.seconds[self._task, place])
             self._paid[place] = generations
+
+    def _count_trials(self, generations: int) -> int:
+        """Return the trials of so many generations: the first is one genotype, and the last has the exam."""
+        config = self._table.config
+        sizes = (1,) + (config.population_size,) * (config.generations[-1] - 1)
+        is_last = generations == config.generations[-1]
+        return sum(sizes[:generations]) + is_last * config.exam_trials
 
 
 def replay(
@@ -132,7 +140,7 @@ def replay(
     """
     config = replace(bodies or BodiesConfig(), algorithm=algorithm, largest=landscape.config.largest)
     table = Table(landscape, task, rungs)
-    searcher = make_searcher(config, LearningConfig(rungs=table.rungs), seed)
+    searcher = make_searcher(config, LearningConfig(rungs=table.rungs, is_examined_early=False), seed)
     seconds, best, truth = [0.0], [-np.inf], [-np.inf]
     champion: Lesson | None = None
     for _ in range(MAX_ITERATIONS):

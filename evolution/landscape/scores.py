@@ -13,7 +13,8 @@ from evolution.landscape.replay import Replay, measure_area, replay, summarize
 from evolution.landscape.table import Landscape
 from reconstruction.extras import find_missing
 
-SEARCHES = ("halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+SEARCHES = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+IN_RUNGS = ("surrogate", "halving")
 NEED_RIBS = ("map_elites", "cma_mae")
 BUDGET = 0.1
 """Share of the exhaustive search's simulated time."""
@@ -61,9 +62,9 @@ def score_searches(
 def run_search(
     table: Landscape, task: str, name: str, seed: int, limit: float, bodies: BodiesConfig
 ) -> Replay:
-    """Replay one search; successive halving alone learns in rungs."""
+    """Replay one search; in `IN_RUNGS` bodies learn in two rungs, the first of which is the start genotype alone."""
     last = table.config.generations[-1]
-    rungs = tuple(sorted({1, last})) if name == "halving" else (last,)
+    rungs = tuple(sorted({1, last})) if name in IN_RUNGS else (last,)
     return replay(table, task, name, seed, limit, bodies, rungs)
 
 
