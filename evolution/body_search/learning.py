@@ -77,6 +77,19 @@ class LearningConfig:
                 f"rungs is {self.rungs}; 1 to {MAX_RUNGS} rising numbers of generations are needed, such as (2, 6, 18)"
             )
 
+    def count_trials(self, rung: int) -> int:
+        """Return the trials of a body in a rung, those of the rungs before left out."""
+        begin, end = ((0, *self.rungs)[rung + each] for each in (0, 1))
+        sizes = [self.population_size] * (end - begin)
+        if self.is_start_tried and not begin:
+            sizes[0] = 1
+        is_examined = self.is_examined_early or rung == len(self.rungs) - 1
+        return sum(sizes) * self.trials + is_examined * self.exam_trials
+
+    def find_promoted_share(self, rung: int) -> float:
+        """Return which share of the bodies of a rung may learn on, so that the next rung costs as much in all."""
+        return min(self.count_trials(rung) / self.count_trials(rung + 1), 1.0)
+
 
 class Pupil(NamedTuple):
     """A body and where its learning begins.

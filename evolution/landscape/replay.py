@@ -19,7 +19,7 @@ from jaxtyping import Float
 from evolution.body_search.algorithms.making import make_searcher
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
-from evolution.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution.body_search.learning import Lesson, Pupil
 from evolution.errors import RunError
 from evolution.landscape.table import Landscape
 
@@ -108,11 +108,13 @@ class Table:
             self._paid[place] = generations
 
     def _count_trials(self, generations: int) -> int:
-        """Return the trials of so many generations: the first is one genotype, and the last has the exam."""
-        config = self._table.config
-        sizes = (1,) + (config.population_size,) * (config.generations[-1] - 1)
-        is_last = generations == config.generations[-1]
-        return sum(sizes[:generations]) + is_last * config.exam_trials
+        """Return the trials of so many generations; the last one has the exam."""
+        if not generations:
+            return 0
+        learning = self._table.config.learning
+        if generations < learning.rungs[-1]:
+            learning = replace(learning, rungs=(generations, learning.rungs[-1]), is_examined_early=False)
+        return learning.count_trials(0)
 
 
 def replay(
@@ -140,7 +142,8 @@ def replay(
     """
     config = replace(bodies or BodiesConfig(), algorithm=algorithm, largest=landscape.config.largest)
     table = Table(landscape, task, rungs)
-    searcher = make_searcher(config, LearningConfig(rungs=table.rungs, is_examined_early=False), seed)
+    learning = replace(landscape.config.learning, rungs=table.rungs, is_examined_early=False)
+    searcher = make_searcher(config, learning, seed)
     seconds, best, truth = [0.0], [-np.inf], [-np.inf]
     champion: Lesson | None = None
     for _ in range(MAX_ITERATIONS):

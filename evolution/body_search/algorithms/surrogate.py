@@ -7,7 +7,7 @@ from math import ceil
 
 import numpy as np
 
-from evolution.body_search.algorithms.algorithm import Breeder, sort_by_fitness
+from evolution.body_search.algorithms.algorithm import Breeder, find_shares, sort_by_fitness
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
 from evolution.body_search.learning import LearningConfig, Lesson, Pupil
@@ -34,6 +34,7 @@ class SurrogateSearch:
         self._config, self._last = config, len(learning.rungs) - 1
         self._breeder = Breeder(config, learning, rng)
         self._layers: list[dict[str, Lesson]] = [{} for _ in learning.rungs]
+        self._shares = find_shares(config, learning)
         self._lessons: list[Lesson] = []
 
     def ask(self) -> list[Assignment]:
@@ -44,7 +45,7 @@ class SurrogateSearch:
         assignments = []
         for rung in reversed(range(self._last)):
             layer, promoted = self._layers[rung], self._layers[rung + 1]
-            count = ceil(self._config.promoted_share * len(layer)) - len(promoted)
+            count = ceil(self._shares[rung] * len(layer)) - len(promoted)
             waiting = [lesson.pupil for key, lesson in layer.items() if key not in promoted]
             assignments += [
                 Assignment(each, rung + 1) for each in _choose(prediction, waiting, max(count, 0))
