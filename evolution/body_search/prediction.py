@@ -1,6 +1,6 @@
 """Predict what a body will have learned from what others have: a Gaussian process over shapes, bodies and rungs.
 
-The covariance of what body i knows at rung r and body j at rung s, in units of the variance of their rungs:
+The covariance of what body i knows at rung r and body j at rung s, in units of the spreads of their rungs:
 
     ((1 - b) exp(-|x_i - x_j|^2 / (2 l^2)) + b [i = j]) c^|r - s| + n [i = j and r = s]
 
@@ -28,7 +28,7 @@ from evolution.body_search.learning import Lesson
 
 MAX_LESSONS = 250
 """Lessons that a prediction rests on, the last ones: its time grows with their third power."""
-_GRID = tuple(product((0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.3, 0.7, 0.95), (0.01, 0.1, 0.4)))
+_GRID = tuple(product((0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)))
 """Values of l [modules], b, c and n."""
 _ALONG = 0.7
 """A module looks along the body where the cosine of its heading is beyond this."""
@@ -87,7 +87,7 @@ class Prediction:
         self._last, self._numbers = last, {}
         self._known = self._to_numbers([each.pupil.body for each in lessons], [each.rung for each in lessons])
         fitness = np.array([each.fitness for each in lessons])
-        self._centers, self._spreads = _find_scales(fitness, self._known.rungs, last)
+        self._centers, self._spreads = _find_scales(fitness, self._known, last)
         self._values = (fitness - self._centers[self._known.rungs]) / self._spreads[self._known.rungs]
         self._parameters = max(_GRID, key=lambda each: (self._solve(each)[2], -_GRID.index(each)))
         self._root, self._weights, _ = self._solve(self._parameters)
@@ -131,12 +131,22 @@ def _find_covariance(
 
 
 def _find_scales(
-    fitness: Float[np.ndarray, " N"], rungs: Int[np.ndarray, " N"], last: int
+    fitness: Float[np.ndarray, " N"], lessons: _Lessons, last: int
 ) -> tuple[Float[np.ndarray, " R"], Float[np.ndarray, " R"]]:
-    """Return mean and standard deviation of each rung; those of all where a rung has fewer than two lessons."""
-    centers, spreads = np.full(last + 1, fitness.mean()), np.full(last + 1, fitness.std())
+    """Return the center of each rung, and the spread around it.
+
+    Those that learn on are the better ones, and alike, so that their mean and spread are not those of their rung: a
+    center is that of the rung before and what its bodies have gained since, a spread at least that of the rung before.
+    """
+    centers, spreads = np.zeros(last + 1), np.full(last + 1, _SMALLEST_SPREAD)
     for rung in range(last + 1):
-        own = fitness[rungs == rung]
-        if len(own) > 1 and np.ptp(own) > 0.0:
-            centers[rung], spreads[rung] = own.mean(), own.std()
-    return centers, np.maximum(spreads, _SMALLEST_SPREAD)
+        here = np.flatnonzero(lessons.rungs == rung)
+        before = {lessons.bodies[i]: fitness[i] for i in np.flatnonzero(lessons.rungs == rung - 1)}
+        gains = [fitness[i] - before[lessons.bodies[i]] for i in here if lessons.bodies[i] in before]
+        if gains:
+            centers[rung] = centers[rung - 1] + np.mean(gains)
+        elif rung or len(here):
+            centers[rung] = fitness[here].mean() if len(here) else centers[rung - 1]
+        own = fitness[here].std() if len(here) else 0.0
+        spreads[rung] = max(own, spreads[max(rung - 1, 0)])
+    return centers, spreads
