@@ -268,6 +268,12 @@ class WarpBatch:
         worlds = self._data.contact.worldid.numpy()[:count]
         return np.bincount(worlds, minlength=self.nsim)
 
+    def list_contacts(self) -> list[Int[np.ndarray, "C 2"]]:
+        """Return the geoms of the contacts of every simulation in the last physics step."""
+        count, contact = int(self._data.nacon.numpy()[0]), self._data.contact
+        geoms, worlds = contact.geom.numpy()[:count].reshape(-1, 2), contact.worldid.numpy()[:count]
+        return [geoms[worlds == row] for row in range(self.nsim)]
+
     @property
     def has_overflowed(self) -> bool:
         """Whether contacts were ever dropped for lack of space."""

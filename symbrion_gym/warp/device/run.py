@@ -87,6 +87,35 @@ class DeviceRun:
             episode = jax.tree.map(lambda each: each[numbers], starts)
             return RunState(episode, jnp.ones(self._num, dtype=bool), jax.random.key(seed % 2**32))
 
+    def check(self, starts: Episode) -> None:
+        """Trace a tick, so that terms that do not run on a device are refused before anything is compiled.
+
+        Args:
+            starts: any.
+
+        Raises:
+            TaskError: with the name of the task.
+        """
+        model, num = self._world.model, self._num
+        sizes = {
+            "qpos": model.nq,
+            "qvel": model.nv,
+            "sensordata": model.nsensordata,
+            "actuator_force": model.nu,
+        }
+        shapes: dict[str, tuple[int, ...]] = {name: (num, size) for name, size in sizes.items()}
+        for count, kind in ((model.nbody, "x"), (model.nsite, "site_x")):
+            shapes |= {f"{kind}pos": (num, count, 3), f"{kind}mat": (num, count, 3, 3)}
+        physics = {name: jax.ShapeDtypeStruct(shape, np.float32) for name, shape in shapes.items()}
+        state = jax.eval_shape(lambda each: self.make_state(each, 0, None), starts)
+        try:
+            jax.eval_shape(self._finish_tick, state, state.episode, physics, starts)
+        except (jax.errors.JAXTypeError, jax.errors.JAXIndexError, TypeError, AttributeError) as error:
+            raise TaskError(
+                f"task {self._world.task.name!r} has a term that does not run on a device: "
+                f"{str(error).splitlines()[0]} Leave out array, or write the term with state.xp, keep() and confirm()"
+            ) from error
+
     def restart(
         self, state: RunState, starts: Episode, mask: Bool[jax.Array, " N"], numbers: Int[jax.Array, " N"]
     ) -> RunState:
@@ -118,17 +147,8 @@ class DeviceRun:
             commanded: what `command` returned.
             physics: state of all simulations, by the names of `MjData`.
             starts: episodes at the starts from which automatic resets choose.
-
-        Raises:
-            TaskError: a term of the task does not run on a device.
         """
-        try:
-            return self._finish(state, commanded, physics, starts)
-        except (jax.errors.JAXTypeError, jax.errors.JAXIndexError, AttributeError) as error:
-            raise TaskError(
-                f"task {self._world.task.name!r} has a term that does not run on a device; leave out array, or write "
-                f"the term with state.xp, keep() and confirm() ({str(error).splitlines()[0]})"
-            ) from error
+        return self._finish(state, commanded, physics, starts)
 
     def _finish_tick(
         self, state: RunState, commanded: Episode, physics: dict[str, jax.Array], starts: Episode

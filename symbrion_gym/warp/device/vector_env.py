@@ -82,11 +82,12 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         self.single_observation_space = _to_single(self._host.single_observation_space)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        more = {"device": device, "max_contacts": max_contacts, "is_deterministic": is_deterministic}
-        self.batch = DeviceBatch(self.world, self.num_envs, **more)
         self._run = DeviceRun(
             self.world, self._host.episodes, self.num_envs, max_episode_steps, self.autoreset_mode
         )
+        self._run.check(self._host.draw([0], [{}]).episode)
+        more = {"device": device, "max_contacts": max_contacts, "is_deterministic": is_deterministic}
+        self.batch = DeviceBatch(self.world, self.num_envs, **more)
         self._entropy = np.random.SeedSequence()
         self._pool: tuple[Any, dict[str, Any]] | None = None
         self._own: Starts | None = None
