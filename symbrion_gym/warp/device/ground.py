@@ -23,13 +23,13 @@ class DeviceGround:
     def __init__(self, scene: Scene) -> None:
         grid = scene.arena.elevation.export_grid()
         self._has_storeys = scene.route.start_height is not None
-        self._origin, self._cell = np.float32(grid.origin), float(grid.cell)
+        self._origin, self._cell = np.asarray(grid.origin, dtype=np.float32), float(grid.cell)
         self._shape = grid.shape
         self._most = int(np.diff(grid.starts).max(initial=0))
-        self._starts = np.int32(grid.starts)
+        self._starts = np.asarray(grid.starts, dtype=np.int32)
         # One triangle more, so that a cell without one has something to look up.
-        self._triangles = np.int32(np.append(grid.triangles, 0))
-        self._table = np.float32(grid.table if len(grid.table) else np.ones((1, 10)))
+        self._triangles = np.append(grid.triangles, 0).astype(np.int32)
+        self._table = np.asarray(grid.table if len(grid.table) else np.ones((1, 10)), dtype=np.float32)
 
     def find_ground(
         self, x: Float[jax.Array, " P"], y: Float[jax.Array, " P"], z: Float[jax.Array, " P"]

@@ -75,8 +75,8 @@ class DeviceRun:
         self._tick = DeviceTick(world, episodes, num, max_ticks)
         self._names = episodes.number_names, episodes.flag_names
         observer = episodes.observer
-        self._noise = np.float32(observer.noise)
-        self._bounds = np.float32(observer.low), np.float32(observer.high)
+        self._noise = np.asarray(observer.noise, dtype=np.float32)
+        self._bounds = np.asarray(observer.low, dtype=np.float32), np.asarray(observer.high, dtype=np.float32)
         self._command, self._finish = jax.jit(self._tick.command), jax.jit(self._finish_tick)
         self._restart = jax.jit(self._begin_some)
 
@@ -154,7 +154,7 @@ class DeviceRun:
         self, state: RunState, commanded: Episode, physics: dict[str, jax.Array], starts: Episode
     ) -> tuple[RunState, StepResult]:
         active, before = ~state.is_done, state.episode
-        views = self._world.view(partial(_read, physics))
+        views: Any = self._world.view(partial(_read, physics))  # pyright: ignore[reportArgumentType]
         ended = self._tick.finish(commanded, views)
         key, noise_key, start_key = jax.random.split(state.key, 3)
         episode = ended.episode

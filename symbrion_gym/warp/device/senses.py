@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from symbrion_gym.environment.dead_reckoning import FAR, LEAST_LEVEL, find_motion
 from symbrion_gym.environment.observation import LARGEST_DISTANCE, NOTHING_HIT, Observer
-from symbrion_gym.environment.world import Physics, World
+from symbrion_gym.environment.world import World
 from symbrion_gym.robot.organism_sensors import MEASURED
 from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.warp.device.state import DeviceState, Episode
@@ -40,9 +40,7 @@ class DeviceObserver:
         self._reach = {"ir": scout.ir_range, "laser": scout.laser_range}
         self._reckoning = Reckoning(world) if "goal_direction" in observer.structure else None
 
-    def integrate(
-        self, episode: Episode, physics: Physics, track_speed: Float[jax.Array, "N tracks"]
-    ) -> Episode:
+    def integrate(self, episode: Episode, physics: Any, track_speed: Float[jax.Array, "N tracks"]) -> Episode:
         """Add the way of a tick to what the body believes."""
         level = jnp.sqrt(jnp.maximum(1.0 - physics.rotation[:, 0, 6] ** 2, 0.0))
         head = track_speed[:, :2].mean(axis=1) if self._is_skid else track_speed[:, 0]
@@ -52,14 +50,18 @@ class DeviceObserver:
         moved = self._reckoning.integrate(episode.believed, physics, track_speed * self._dt)
         return episode._replace(believed=moved)
 
-    def read(self, state: DeviceState, episode: Episode, physics: Physics) -> Float[jax.Array, "N O"]:
+    def read(self, state: DeviceState, episode: Episode, physics: Any) -> Float[jax.Array, "N O"]:
         """Return noiseless observations, within their bounds; not a number becomes 0."""
         parts = [self._read_part(name, state, episode, physics) for name in self._observer.structure]
         raw = jnp.concatenate(parts, axis=1)
         raw = jnp.where(jnp.isnan(raw), 0.0, raw)
-        return jnp.clip(raw, np.float32(self._observer.low), np.float32(self._observer.high))
+        return jnp.clip(
+            raw,
+            np.asarray(self._observer.low, dtype=np.float32),
+            np.asarray(self._observer.high, dtype=np.float32),
+        )
 
-    def _read_part(self, name: str, state: DeviceState, episode: Episode, physics: Physics) -> jax.Array:
+    def _read_part(self, name: str, state: DeviceState, episode: Episode, physics: Any) -> jax.Array:
         rotation = physics.rotation
         if name in self._measured:
             return self._read_measured(name, physics.sensordata)
@@ -106,11 +108,13 @@ class Reckoning:
     """Where bodies believe they are, on a straight way; see `DeadReckoning`."""
 
     def __init__(self, world: World) -> None:
-        self._ahead, self._left, self._turn = (np.float32(each) for each in find_motion(world.organism))
-        self._goal = np.float32(find_far_goal(world.scene))
+        self._ahead, self._left, self._turn = (
+            np.asarray(each, dtype=np.float32) for each in find_motion(world.organism)
+        )
+        self._goal = np.asarray(find_far_goal(world.scene), dtype=np.float32)
 
     def integrate(
-        self, pose: Float[jax.Array, "N 3"], physics: Physics, way: Float[jax.Array, "N tracks"]
+        self, pose: Float[jax.Array, "N 3"], physics: Any, way: Float[jax.Array, "N tracks"]
     ) -> Float[jax.Array, "N 3"]:
         """Move the believed poses by the way of a tick [m]."""
         rotation = physics.rotation

@@ -17,7 +17,8 @@ from symbrion_gym.warp.device.ground import DeviceGround
 
 
 class Episode(NamedTuple):
-    """What lasts from tick to tick of N episodes. Every field has N rows.
+    """What lasts from tick to tick of N episodes. Every field has N rows: of NumPy
+    on the host, of JAX on a device.
 
     Attributes:
         target: `[N, h]` commanded angles of the servos [rad].
@@ -40,24 +41,24 @@ class Episode(NamedTuple):
         observation: `[N, O]` the last observation.
     """
 
-    target: jax.Array
-    action: jax.Array
-    track_speed: jax.Array
-    track_odometry: jax.Array
-    believed: jax.Array
-    start_head: jax.Array
-    start_position: jax.Array
-    start_mean: jax.Array
-    start_progress: jax.Array
-    start_way: jax.Array
-    progress: jax.Array
-    tick: jax.Array
-    was_ahead: jax.Array
-    held: jax.Array
-    memory: dict[str, jax.Array]
-    numbers: jax.Array
-    flags: jax.Array
-    observation: jax.Array
+    target: Any
+    action: Any
+    track_speed: Any
+    track_odometry: Any
+    believed: Any
+    start_head: Any
+    start_position: Any
+    start_mean: Any
+    start_progress: Any
+    start_way: Any
+    progress: Any
+    tick: Any
+    was_ahead: Any
+    held: Any
+    memory: dict[str, Any]
+    numbers: Any
+    flags: Any
+    observation: Any
 
 
 class Course(NamedTuple):
@@ -110,8 +111,9 @@ class DeviceState:
         self.hinge_rate, self.torque, self.up = hinge_rate, torque, rotation[:, :, 8]
         self.num, self.dt, self.criteria = course.num, course.dt, course.criteria
         self.action, self.track_speed = episode.action, episode.track_speed
-        for name in ("start_position", "start_mean", "start_progress", "start_way", "was_ahead"):
-            setattr(self, name, getattr(episode, name))
+        self.start_position, self.start_mean = episode.start_position, episode.start_mean
+        self.start_progress, self.start_way = episode.start_progress, episode.start_way
+        self.was_ahead = episode.was_ahead
         self.previous_progress, self.tick = episode.progress, episode.tick + 1.0
         self.memory = dict(episode.memory)
         self.scenes = [course.scene] * course.num
@@ -236,7 +238,8 @@ class DeviceState:
             return find(self)
         route = self._course.scene.route
         (c, s), far = route.direction, route.finish
-        return np.tile(np.float32([c * far - s * route.lateral, s * far + c * route.lateral]), (self.num, 1))
+        place = c * far - s * route.lateral, s * far + c * route.lateral
+        return np.tile(np.asarray(place, dtype=np.float32), (self.num, 1))
 
     @property
     def arena(self) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symbrion_gym.environment.episodes import Episodes
-from symbrion_gym.environment.world import Physics, World
+from symbrion_gym.environment.world import World
 from symbrion_gym.tasks.terms import Reward, Termination
 from symbrion_gym.warp.device.ground import DeviceGround
 from symbrion_gym.warp.device.senses import DeviceObserver
@@ -95,12 +95,12 @@ class DeviceTick:
             speed = jnp.repeat(speed.reshape(-1, modules, 2), wheels // 2, axis=2)
         return jnp.broadcast_to(speed, (len(speed), modules, wheels)).reshape(len(speed), -1)
 
-    def finish(self, episode: Episode, physics: Physics) -> Ended:
+    def finish(self, episode: Episode, physics: Any) -> Ended:
         """Return how a tick ended whose physics has just been stepped.
 
         Args:
             episode: after `command`.
-            physics: state of all simulations.
+            physics: state of all simulations, a `Physics` of arrays of JAX.
         """
         world, course = self._world, self.course
         state = DeviceState(
