@@ -146,3 +146,18 @@ def test_what_no_scan_updates_is_refused(plain):
         sg.update_arena(plain, far)
     with pytest.raises(sg.ArenaError, match="tolerance"):
         UpdateConfig(tolerance=0.0)
+
+
+def test_a_closed_box_put_on_a_floor_keeps_the_piece_of_the_floor() -> None:
+    """The bottom of the box lies on the floor and looks into it: nothing can touch it."""
+    room = trimesh.creation.box((3.0, 2.0, 1.5))
+    room.invert()
+    crate = trimesh.creation.box((0.5, 0.4, 0.4)).apply_translation((0.5, 0.3, -0.55))
+    plain = room.subdivide_to_size(0.15)
+    boxed = trimesh.util.concatenate([plain, crate.subdivide_to_size(0.15)])
+    viewpoint = [[0.0, 0.0, 0.2]]
+    arena = sg.make_arena(plain, accuracy=0.005, viewpoints=viewpoint, cache=False)
+    updated = sg.update_arena(arena, boxed, viewpoints=viewpoint)
+    assert updated.provenance["update"]["built_again"] == ""
+    assert all(any(piece is old for piece in updated.pieces) for old in arena.pieces)
+    assert len(updated.pieces) > len(arena.pieces)

@@ -130,3 +130,13 @@ def test_gone_units_become_a_membrane_between_the_others():
     bumpy = np.where(is_gone[..., None], plane + np.array([0, 0, 3.0]), plane)
     np.testing.assert_allclose(span_gone(bumpy, is_gone), plane, atol=1e-12)
     np.testing.assert_array_equal(span_gone(bumpy, is_gone)[~is_gone], plane[~is_gone])
+
+
+def test_units_that_do_not_move_stay_to_the_bit_where_lines_are_inserted(ground):
+    state, points = ground
+    beyond = _ground(16_000, 5)
+    beyond = beyond[beyond[:, 0] > 0.4] + [0.9, 0.0, 0.0]
+    refined, _ = refine(state, points, beyond, CONFIG)
+    assert refined.units.size > state.units.size
+    old, new = state.units.reshape(-1, 3), {unit.tobytes() for unit in refined.units.reshape(-1, 3)}
+    assert all(unit.tobytes() in new for unit in old[old[:, 0] < 0.8])
