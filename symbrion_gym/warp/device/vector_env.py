@@ -63,7 +63,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
-        for name, value in (("num_envs", num_envs), ("num_starts", num_starts or 1)):
+        for name, value in (("num_envs", num_envs), ("num_starts", 1 if num_starts is None else num_starts)):
             if int(value) != value or value < 1:
                 raise OptionError(f"{name} must be a whole number above 0, got {value}")
         _refuse_options(options, array)
