@@ -112,7 +112,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
             raise OptionError(
                 f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
             )
-        if self._state is None and not mask.all():
+        if self._state is None and not mask.all() and self.autoreset_mode is not AutoresetMode.DISABLED:
             raise OptionError("the first reset is one of all simulations; leave out reset_mask")
         split = split_options(options, self.num_envs)
         is_alike = all(each == split[0] for each in split)
@@ -195,6 +195,12 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         found = (out.observation, out.reward, out.terminated, out.truncated)
         observation, reward, terminated, truncated = map(self._convert, found)
         return observation, reward, terminated, truncated, self._convert_all(out.info)
+
+    def find_running(self) -> Any:
+        """Return which simulations have an episode that has not ended, as an array of JAX."""
+        if self._state is None:
+            return np.zeros(self.num_envs, dtype=bool)
+        return ~self._state.is_done
 
     def _convert(self, array: jax.Array) -> Any:
         return convert(array, self.array)
