@@ -142,7 +142,10 @@ class Elevation:
         z = self._height_in(triangle, points[point])
         if limit is not None:
             z = np.where(z <= np.broadcast_to(limit, x.shape).ravel()[point], z, -np.inf)
-        np.maximum.at(heights, point, z)
+        is_covered = counts > 0
+        heights[is_covered] = (
+            np.maximum.reduceat(z, (np.cumsum(counts) - counts)[is_covered]) if len(z) else -np.inf
+        )
         is_top = z == heights[point]
         faces = np.full(len(points), -1)
         faces[point[is_top]] = self._faces[triangle[is_top]]
