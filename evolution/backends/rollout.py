@@ -302,7 +302,7 @@ def _start_trials(
     genotypes: Float[np.ndarray, "E G"],
     effort: Float[np.ndarray, " E"],
     free: Iterable[int],
-) -> Float[np.ndarray, "E O"]:
+) -> Float[Any, "E O"]:
     """Start waiting trials in free sub-environments; return the observations of all."""
     mask = np.zeros(environment.num_envs, dtype=bool)
     options: dict[str, list[float | None]] = {name: [None] * environment.num_envs for name in CONDITIONS}
