@@ -101,8 +101,15 @@ def test_level_ground_has_no_drop_a_pit_has_its_depth_a_rim_has_no_end() -> None
 
 def test_a_newcomer_does_not_move_the_group_it_docks_to() -> None:
     groups, roots = np.array([0, 0, 0, 3]), np.array([0, 1, 1, 3])
-    assert choose_roots(groups, roots).tolist() == [1, 1, 1, 3]
-    assert choose_roots(np.arange(4), np.array([1, 1, 1, 3])).tolist() == [0, 1, 2, 3]
+    still = np.zeros(4)
+    assert choose_roots(groups, roots, still).tolist() == [1, 1, 1, 3]
+    assert choose_roots(np.arange(4), np.array([1, 1, 1, 3]), still).tolist() == [0, 1, 2, 3]
+
+
+def test_of_two_robots_that_dock_the_one_that_stands_keeps_its_pose() -> None:
+    groups, roots = np.array([0, 0, 2]), np.arange(3)
+    assert choose_roots(groups, roots, np.array([0.02, 0.0, 0.0])).tolist() == [1, 1, 2]
+    assert choose_roots(groups, roots, np.array([0.0, 0.02, 0.0])).tolist() == [0, 0, 2]
 
 
 def test_bad_hearing_is_refused() -> None:
