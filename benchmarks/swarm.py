@@ -19,6 +19,7 @@ PARTS = {
     "kinematic": "benchmarks.material.swarm_kinematic:measure_kinematic",
     "docking": "benchmarks.material.swarm_behavior:measure_docking",
     "story": "benchmarks.material.swarm_behavior:measure_story",
+    "weights": "benchmarks.material.swarm_weights:measure_weights",
     "random": "benchmarks.material.swarm_random:measure_random",
 }
 """Part -> module and function, which takes `quick`."""
