@@ -29,7 +29,7 @@ RESAMPLES = 10_000
 def measure_weights(quick: bool) -> dict[str, Any]:
     """Evolve weights with 5 seeds, and compare the times of assemblies that neither search nor fits have met."""
     searches = 1 if quick else SEEDS
-    config = {"generations": 1, "population_size": 4, "pairs": 5} if quick else {}
+    config: dict[str, Any] = {"generations": 1, "population_size": 4, "pairs": 5} if quick else {}
     evolved = [evolve_weights(WeightsConfig(seed=seed, **config)).weights for seed in range(searches)]
     found: dict[str, Any] = {
         "weights": [{name: asdict(each)[name] for name in EVOLVED} for each in evolved],
