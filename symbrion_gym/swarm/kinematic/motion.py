@@ -50,8 +50,8 @@ def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) ->
         groups: number of each robot's group.
         roots: roots of the groups before.
     """
-    result = np.empty_like(roots)
-    for group in np.unique(groups):
+    result = np.arange(len(roots))
+    for group in np.flatnonzero(np.bincount(groups, minlength=len(groups)) > 1):
         members = np.flatnonzero(groups == group)
         former, sizes = np.unique(roots[members], return_counts=True)
         stays = np.isin(former, members)
@@ -100,6 +100,7 @@ def avoid_overlaps(
     groups: Int[np.ndarray, " N"],
     scout: ScoutConfig,
     grip: float,
+    num_swarms: int = 1,
 ) -> Int[np.ndarray, " N"]:
     """Return what of its motion each robot does, so that none reaches farther into another one than before.
 
@@ -114,9 +115,10 @@ def avoid_overlaps(
         groups: root of each robot's group.
         scout: constants of the robots.
         grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
     """
     way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
-    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip))
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip), num_swarms)
     is_apart = groups[first] != groups[second]
     pairs = first[is_apart], second[is_apart]
     if not len(pairs[0]):
