@@ -60,7 +60,9 @@ def run(
         table.save(out)
         results.put("map", describe_reliability(table))
     if not only or "replays" in only:
-        scores = score_searches(load_landscape(out), range(2 if quick else SEEDS))
+        table = load_landscape(out)
+        results.put("map", describe_reliability(table))
+        scores = score_searches(table, range(2 if quick else SEEDS))
         for task, rows in scores.items():
             results.put(f"replays of {task}", rows)
             for name, row in rows["searches"].items():

@@ -11,6 +11,7 @@ from benchmarks.claims.evolution import EVOLUTION
 from benchmarks.claims.folds import FOLDS
 from benchmarks.claims.friction import FRICTION
 from benchmarks.claims.imports import IMPORTS
+from benchmarks.claims.landscape import LANDSCAPE
 from benchmarks.claims.limits import LIMITS
 from benchmarks.claims.living import LIVING
 from benchmarks.claims.objects import OBJECTS
@@ -39,6 +40,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Physics against theory": PHYSICS,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
+    "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,
     "Startup time": IMPORTS,
 }

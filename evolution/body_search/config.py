@@ -41,7 +41,7 @@ from evolution.search.stored_config import (
 )
 from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
 
-ALGORITHMS = ("halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 _BODY_FIELDS = ("modules", "organism", "body_lengths")
@@ -52,7 +52,8 @@ class BodiesConfig:
     """Which bodies are searched, and how.
 
     Attributes:
-        algorithm: "halving" (a genetic algorithm whose bodies learn in rungs, each against those of its rung),
+        algorithm: "surrogate" (as "halving", and a prediction from the shapes of bodies chooses who learns), "halving"
+            (a genetic algorithm whose bodies learn in rungs, each against those of its rung),
             "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
             or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
@@ -62,7 +63,8 @@ class BodiesConfig:
         crossover_share: share of children by crossover rather than mutation.
         random_share: share of children that are new random bodies.
         tournament_size: bodies of which the fittest becomes a parent.
-        promoted_share: share of the bodies of a rung that learn on, in "halving".
+        promoted_share: share of the bodies of a rung that learn on, in "halving" and "surrogate"; None: such that all
+            rungs cost the same, as in successive halving.
         axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
             used) and "energy".
         operators: mutations, see `evolution.bodies.variation`.
@@ -80,7 +82,7 @@ class BodiesConfig:
     crossover_share: float = 0.25
     random_share: float = 0.12
     tournament_size: int = 3
-    promoted_share: float = 0.34
+    promoted_share: float | None = None
     axes: tuple[str, ...] = ("modules", "width_to_length")
     operators: tuple[str, ...] = tuple(OPERATORS)
     max_seconds: float | None = None
@@ -92,10 +94,10 @@ class BodiesConfig:
         )
         limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
         coerce_integers(self, limits, RunError)
-        shares: dict[str, tuple[float, float]] = dict.fromkeys(
-            ("crossover_share", "random_share", "promoted_share"), (0.0, 1.0)
-        )
-        coerce_floats(self, shares, RunError)
+        shares = ["crossover_share", "random_share"]
+        if self.promoted_share is not None:
+            shares.append("promoted_share")
+        coerce_floats(self, dict.fromkeys(shares, (0.0, 1.0)), RunError)
         if self.max_seconds is not None:
             coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
         object.__setattr__(self, "operators", tuple(self.operators))
@@ -151,7 +153,7 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "crossover_share": float,
     "random_share": float,
     "tournament_size": int,
-    "promoted_share": float,
+    "promoted_share": float | None,
     "axes": tuple[str, ...],
     "operators": tuple[str, ...],
     "max_seconds": float | None,

@@ -74,7 +74,10 @@ class Learner:
             seconds = dict.fromkeys((learning.pupil.key for learning in current), 0.0)
             while any(learning.generation < end for learning in current):
                 self._step([learning for learning in current if learning.generation < end], seconds)
-            self._examine(current, rung, seconds)
+            if self._config.learning.is_examined_early or rung == len(self._config.learning.rungs) - 1:
+                self._examine(current, rung, seconds)
+            else:
+                self._pass_on(current, rung, seconds)
 
     def _continue(self, pupil: Pupil) -> Learning:
         """Return the learning of a pupil as it stands after its last recorded rung."""
@@ -108,19 +111,20 @@ class Learner:
         jobs = [Job(learning.best, own) for learning, own in zip(learnings, trials, strict=True)]
         for learning, outcome in zip(learnings, self._run(jobs), strict=True):
             key = learning.pupil.key
-            lesson = Lesson(
-                pupil=learning.pupil,
-                rung=rung,
+            passed = _sum_up(learning, rung, seconds[key])
+            lesson = passed._replace(
                 fitness=self._score(learning.pupil, [outcome])[0],
                 successes=outcome.successes,
                 trials=outcome.trials,
                 effort=outcome.effort,
-                genotype=tuple(learning.best.tolist()),
-                names=learning.controller.parameters,
-                curve=tuple(learning.curve),
-                seconds=seconds[key] + outcome.seconds,
+                seconds=passed.seconds + outcome.seconds,
             )
             self._record.add_lesson(lesson)
+
+    def _pass_on(self, learnings: Sequence[Learning], rung: int, seconds: dict[str, float]) -> None:
+        """Record what each has learned, without an exam."""
+        for learning in learnings:
+            self._record.add_lesson(_sum_up(learning, rung, seconds[learning.pupil.key]))
 
     def _run(self, jobs: Sequence[Job]) -> list[Outcome]:
         assert self._backend is not None
@@ -132,6 +136,22 @@ class Learner:
     def _score(self, pupil: Pupil, outcomes: Sequence[Outcome]) -> list[float]:
         body = pupil.body.to_organism()
         return [compute_fitness(self._config.scoring, outcome, body) for outcome in outcomes]
+
+
+def _sum_up(learning: Learning, rung: int, seconds: float) -> Lesson:
+    """Return what a pupil has learned, before an exam."""
+    return Lesson(
+        pupil=learning.pupil,
+        rung=rung,
+        fitness=learning.best_fitness,
+        successes=0,
+        trials=0,
+        effort=0.0,
+        genotype=tuple(learning.best.tolist()),
+        names=learning.controller.parameters,
+        curve=tuple(learning.curve),
+        seconds=seconds,
+    )
 
 
 def _split(assignments: list[Assignment], size: int) -> Iterator[list[Assignment]]:

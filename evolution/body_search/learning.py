@@ -36,13 +36,17 @@ class LearningConfig:
 
     Attributes:
         population_size: genotypes of a generation of CMA-ES.
-        rungs: generations that a body has learned in all at the end of each rung.
+        rungs: generations that a body has learned in all at the end of each rung, the start included.
         sigma: initial step size of CMA-ES, relative to the hint or the zero genotype.
         trials: trials of each genotype.
         exam_trials: trials of the best genotype at the end of a rung, under conditions that are not those of learning;
             their fitness is that of the body. The best of many noisy samples would flatter it.
         is_inherited: whether learning begins with what the parent has learned, as far as its genes have the same names
             (Lamarckian); else where every body begins (Darwinian).
+        is_start_tried: whether the genotype at which learning begins is tried, alone, as the first generation. CMA-ES
+            samples around it only, and a row of modules may cross a pit without any control.
+        is_examined_early: whether there is an exam at the end of each rung; else at the end of the last alone, and
+            the best fitness of learning counts before: flattering, alike for the bodies of a rung, and cheap.
 
     Raises:
         RunError: a value is out of range, or the rungs do not rise.
@@ -54,6 +58,8 @@ class LearningConfig:
     trials: int = 1
     exam_trials: int = 4
     is_inherited: bool = False
+    is_start_tried: bool = True
+    is_examined_early: bool = True
 
     def __post_init__(self) -> None:
         limits = {
@@ -70,6 +76,19 @@ class LearningConfig:
             raise RunError(
                 f"rungs is {self.rungs}; 1 to {MAX_RUNGS} rising numbers of generations are needed, such as (2, 6, 18)"
             )
+
+    def count_trials(self, rung: int) -> int:
+        """Return the trials of a body in a rung, those of the rungs before left out."""
+        begin, end = ((0, *self.rungs)[rung + each] for each in (0, 1))
+        sizes = [self.population_size] * (end - begin)
+        if self.is_start_tried and not begin:
+            sizes[0] = 1
+        is_examined = self.is_examined_early or rung == len(self.rungs) - 1
+        return sum(sizes) * self.trials + is_examined * self.exam_trials
+
+    def find_promoted_share(self, rung: int) -> float:
+        """Return which share of the bodies of a rung may learn on, so that the next rung costs as much in all."""
+        return min(self.count_trials(rung) / self.count_trials(rung + 1), 1.0)
 
 
 class Pupil(NamedTuple):
@@ -96,9 +115,9 @@ class Lesson(NamedTuple):
     Attributes:
         pupil: the body and where it began.
         rung: index of the rung.
-        fitness: fitness of the best genotype in the trials of the exam.
+        fitness: fitness of the best genotype in the trials of the exam; without an exam, that of learning.
         successes: its successful trials there.
-        trials: number of these.
+        trials: number of these; 0 without an exam.
         effort: mean effort there.
         genotype: the best genotype of learning.
         names: names of its genes.
@@ -135,7 +154,8 @@ class Learning:
         self.pupil, self.controller = pupil, controller
         self.curve: list[float] = []
         self.best: Float[np.ndarray, " G"] = np.asarray(_find_start(pupil, controller, origin))
-        self._best_fitness = -np.inf
+        self.best_fitness = -np.inf
+        self._is_start_tried = config.is_start_tried
         self._strategy: Strategy | None = None
         if controller.parameters:
             self._strategy = Strategy(
@@ -152,16 +172,23 @@ class Learning:
 
     def ask(self) -> Float[np.ndarray, "P G"]:
         """Return the next generation; the one genotype of a controller without genes."""
-        return np.zeros((1, 0)) if self._strategy is None else self._strategy.ask()
+        if self._strategy is None:
+            return np.zeros((1, 0))
+        return self.best[None] if self._is_at_start else self._strategy.ask()
+
+    @property
+    def _is_at_start(self) -> bool:
+        """Whether the next generation is the start alone, of which the strategy is not told."""
+        return self._is_start_tried and not self.curve
 
     def tell(self, genotypes: Float[np.ndarray, "P G"], fitness: Float[np.ndarray, " P"]) -> None:
         """Take the fitness of a generation."""
-        if self._strategy is not None:
+        if self._strategy is not None and not self._is_at_start:
             self._strategy.tell(genotypes, fitness)
         index = int(np.argmax(fitness))
         self.curve.append(float(fitness[index]))
-        if fitness[index] > self._best_fitness:
-            self._best_fitness, self.best = float(fitness[index]), np.array(genotypes[index])
+        if fitness[index] > self.best_fitness:
+            self.best_fitness, self.best = float(fitness[index]), np.array(genotypes[index])
 
 
 def inherit(lesson: Lesson) -> tuple[tuple[str, float], ...]:

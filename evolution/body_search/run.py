@@ -79,7 +79,7 @@ class BodyRun:
         )
 
     def find_elites(self, axes: tuple[str, ...] | None = None) -> dict[tuple[int, ...], Lesson]:
-        """Return the fittest body of each cell of an archive, among those that have learned to the last rung.
+        """Return the fittest body of each cell of an archive, among those that have learned most.
 
         Args:
             axes: names of descriptors; None for those of the run.
@@ -87,8 +87,10 @@ class BodyRun:
         config = self.config.bodies
         chosen = [DESCRIPTORS[name] for name in axes or config.axes]
         elites: dict[tuple[int, ...], Lesson] = {}
-        for lesson in self.record.lessons:
-            if lesson.rung != len(self.config.learning.rungs) - 1:
+        lessons = self.record.lessons
+        most = max((lesson.rung for lesson in lessons), default=0)
+        for lesson in lessons:
+            if lesson.rung != most:
                 continue
             cell = []
             for axis in chosen:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from evolution.backends.trials import Randomization
+from evolution.backends.trials import Randomization, RolloutConfig
 from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
 from evolution.body_search.learning import LearningConfig
 from evolution.errors import RunError
@@ -38,9 +38,11 @@ class LandscapeConfig:
         largest: largest number of modules: 5 have 173 bodies, 6 have 816.
         seed: seed of learning and of the conditions of trials.
         population_size: genotypes of a generation of CMA-ES.
-        generations: generations after which a body is examined; it has learned them all at the last.
+        generations: generations after which a body is examined; it has learned them all at the last. The first is
+            the genotype at which learning begins, alone.
         exam_trials: trials of an exam.
-        duration: longest time of a trial [s]; one without progress for 5 s ends before.
+        duration: longest time of a trial [s]; the fastest bodies cross the pit in half of it.
+        stuck_time: a trial without progress for this long ends [s]: three periods of the oscillators.
 
     Raises:
         RunError: a value is out of range.
@@ -49,13 +51,14 @@ class LandscapeConfig:
     largest: int = 5
     seed: int = 0
     population_size: int = 6
-    generations: tuple[int, ...] = (3,)
+    generations: tuple[int, ...] = (4,)
     exam_trials: int = 4
-    duration: float = 15.0
+    duration: float = 12.0
+    stuck_time: float = 3.0
 
     def __post_init__(self) -> None:
         coerce_integers(self, {"largest": (1, LARGEST), "seed": (0, MAX_SEED)}, RunError)
-        coerce_floats(self, {"duration": (MIN_POSITIVE, _LONGEST)}, RunError)
+        coerce_floats(self, dict.fromkeys(("duration", "stuck_time"), (MIN_POSITIVE, _LONGEST)), RunError)
         _ = self.learning
 
     @property
@@ -89,6 +92,7 @@ def make_search(
         track_control="skid",
         duration=config.duration,
         randomization=Randomization(stretch=(1.0,)),
+        rollout=RolloutConfig(stuck_time=config.stuck_time),
         bodies=BodiesConfig(algorithm="exhaustive", largest=config.largest, children=CHILDREN),
         learning=config.learning,
         iterations=0,

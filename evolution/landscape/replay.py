@@ -1,7 +1,7 @@
 """Searches for bodies replayed on the landscape: what a body learns is looked up, so that a run takes a moment.
 
-A search proposes bodies of the sizes of the table alone, asks for the last rung of each, and pays what learning cost. A
-body that was asked for before costs nothing, as in a real run.
+A search proposes bodies of the sizes of the table alone and pays what learning cost, a share of it where a body learns
+only the first generations. A body that was asked for before costs nothing, as in a real run.
 
 What a lookup leaves out: every body of the table has learned once, with one seed, so that the noise of an exam is the
 same in all replays of a task; and a child never inherits what its parent has learned.
@@ -19,7 +19,7 @@ from jaxtyping import Float
 from evolution.body_search.algorithms.making import make_searcher
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
-from evolution.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution.body_search.learning import Lesson, Pupil
 from evolution.errors import RunError
 from evolution.landscape.table import Landscape
 
@@ -99,12 +99,22 @@ class Table:
         return float(self._table.truth_fitness[self._task, self.find_place(pupil)])
 
     def _pay(self, place: int, generations: int) -> None:
-        """Count the share of the body's cost that these generations are; the exam counts as a part of the last."""
+        """Count the share of the body's cost that these generations are, by their trials."""
         paid = self._paid.get(place, 0)
         if generations > paid:
-            share = (generations - paid) / self.rungs[-1]
-            self.seconds += share * float(self._table.seconds[self._task, place])
+            share = self._count_trials(generations) - self._count_trials(paid)
+            whole = self._count_trials(self.rungs[-1])
+            self.seconds += share / whole * float(self._table.seconds[self._task, place])
             self._paid[place] = generations
+
+    def _count_trials(self, generations: int) -> int:
+        """Return the trials of so many generations; the last one has the exam."""
+        if not generations:
+            return 0
+        learning = self._table.config.learning
+        if generations < learning.rungs[-1]:
+            learning = replace(learning, rungs=(generations, learning.rungs[-1]), is_examined_early=False)
+        return learning.count_trials(0)
 
 
 def replay(
@@ -132,7 +142,8 @@ def replay(
     """
     config = replace(bodies or BodiesConfig(), algorithm=algorithm, largest=landscape.config.largest)
     table = Table(landscape, task, rungs)
-    searcher = make_searcher(config, LearningConfig(rungs=table.rungs), seed)
+    learning = replace(landscape.config.learning, rungs=table.rungs, is_examined_early=False)
+    searcher = make_searcher(config, learning, seed)
     seconds, best, truth = [0.0], [-np.inf], [-np.inf]
     champion: Lesson | None = None
     for _ in range(MAX_ITERATIONS):

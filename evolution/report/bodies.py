@@ -36,7 +36,7 @@ def draw_bodies(bodies: Sequence[BodyGenome], labels: Sequence[str], columns: in
     for index, (body, label) in enumerate(zip(bodies, labels, strict=True)):
         axes = figure.add_subplot(rows, columns, index + 1)
         _draw_body(axes, body, span)
-        axes.set_title(label, fontsize=7, color=INK_COLOR, y=-0.12)
+        axes.set_title(label, fontsize=7, color=INK_COLOR, y=-0.02, va="top")
     return figure
 
 

@@ -27,11 +27,11 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
         progress: called with the body that is filmed and the share done.
 
     Raises:
-        RunError: no body has learned to the last rung.
+        RunError: no body has learned yet.
     """
     elites = sorted(run.find_elites().values(), key=lambda lesson: -lesson.fitness)
     if not elites:
-        raise RunError("no body has learned to the last rung yet; resume the run")
+        raise RunError("no body has learned yet; resume the run")
     axes = " and ".join(name.replace("_", " ") for name in run.config.bodies.axes)
     page = Page(
         title="Bodies that evolved",

@@ -65,6 +65,14 @@ class Breeder:
         return cross_over(first, second, self._rng, self._config.limits)
 
 
+def find_shares(config: BodiesConfig, learning: LearningConfig) -> list[float]:
+    """Return which share of the bodies of each rung but the last learn on."""
+    rungs = range(len(learning.rungs) - 1)
+    if config.promoted_share is None:
+        return [learning.find_promoted_share(rung) for rung in rungs]
+    return [config.promoted_share for _ in rungs]
+
+
 def sort_by_fitness(lessons: Sequence[Lesson]) -> list[Lesson]:
     """Return lessons, those of later rungs first and the fittest of a rung first; equals by their bodies."""
     return sorted(lessons, key=lambda each: (-each.rung, -each.fitness, each.pupil.key))

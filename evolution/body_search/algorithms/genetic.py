@@ -7,7 +7,7 @@ from math import ceil
 
 import numpy as np
 
-from evolution.body_search.algorithms.algorithm import Breeder, sort_by_fitness
+from evolution.body_search.algorithms.algorithm import Breeder, find_shares, sort_by_fitness
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
 from evolution.body_search.learning import LearningConfig, Lesson
@@ -37,8 +37,8 @@ class GeneticSearch:
 class HalvingSearch:
     """A genetic algorithm in which a body competes with those that have learned as much as it has.
 
-    Children learn the first rung. In each iteration the fittest of every rung that have not learned on do so, about a
-    third as many as have entered the rung, so that hopeless bodies cost little and young ones are never compared with
+    Children learn the first rung. In each iteration the fittest of every rung that have not learned on do so, as many
+    as make all rungs cost the same, so that hopeless bodies cost little and young ones are never compared with
     bodies that have learned longer. Parents win tournaments among the fittest of a random rung.
 
     References:
@@ -51,13 +51,14 @@ class HalvingSearch:
         self._config, self._rng = config, rng
         self._breeder = Breeder(config, learning, rng)
         self._layers: list[dict[str, Lesson]] = [{} for _ in learning.rungs]
+        self._shares = find_shares(config, learning)
 
     def ask(self) -> list[Assignment]:
         """Return promotions of each rung, the highest first, then children."""
         assignments = []
         for rung in reversed(range(len(self._layers) - 1)):
             layer, promoted = self._layers[rung], self._layers[rung + 1]
-            count = ceil(self._config.promoted_share * len(layer)) - len(promoted)
+            count = ceil(self._shares[rung] * len(layer)) - len(promoted)
             waiting = [lesson for key, lesson in layer.items() if key not in promoted]
             for lesson in sort_by_fitness(waiting)[: max(count, 0)]:
                 assignments.append(Assignment(lesson.pupil, rung + 1))

@@ -11,7 +11,7 @@ import evolution as ev
 from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena
 from evolution.cli.command import SeededCommand, UsageError, require_writable_file
-from evolution.cli.commands.evolve import require_run
+from evolution.cli.commands.evolve import find_replay_arena, require_run
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
@@ -26,8 +26,9 @@ class Replay(SeededCommand):
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder."""
-    arena: str = "truth"
-    """Arena of the trials: a ready-made arena by name, an arena folder, or a mesh file."""
+    arena: str | None = None
+    """Arena of the trials: a ready-made arena by name, an arena folder, or a mesh file. Default: the true
+    course; of a search for bodies in an arena of your own, that arena."""
     trials: int = 20
     """Number of trials, randomized in start, heading, friction and torque; 0 skips them."""
     start: Literal["floor", "pit"] | tuple[float, float] | None = None
@@ -47,7 +48,8 @@ class Replay(SeededCommand):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_run(self.folder)
-        check_arena(self.arena)
+        if self.arena is not None:
+            check_arena(self.arena)
         if self.trials < 0:
             raise UsageError(f"--trials {self.trials} is negative; give 0 or more")
         if not self.speed > 0:
@@ -74,28 +76,29 @@ class Replay(SeededCommand):
         champion = (ev.load_bodies if has_bodies(self.folder) else ev.load_run)(self.folder).champion
         if champion is None:
             raise ev.RunError(f"{self.folder} has no champion yet; `symbrion resume {self.folder}` first")
-        summary: dict[str, Any] = {"arena": self.arena, "trials": self.trials, "champion": champion.as_dict()}
+        arena = self.arena or (find_replay_arena(champion.arena) if has_bodies(self.folder) else "truth")
+        summary: dict[str, Any] = {"arena": arena, "trials": self.trials, "champion": champion.as_dict()}
         if self.trials:
-            with console.track(f"{self.trials} trials in {self.arena}"):
+            with console.track(f"{self.trials} trials in {arena}"):
                 outcome = ev.judge(
                     champion,
-                    self.arena,
+                    arena,
                     self.trials,
                     self.seed,
                     start=self.start,
                     workers=os.cpu_count() or 1,
                 )
             console.print_line(
-                f"the champion succeeds in {outcome.successes} of {outcome.trials} trials in {self.arena}"
+                f"the champion succeeds in {outcome.successes} of {outcome.trials} trials in {arena}"
             )
             summary["successes"] = outcome.successes
         if self.video is not None:
-            summary["video"] = self._film(champion, console)
+            summary["video"] = self._film(champion, arena, console)
         if self.page is not None:
             self._write_page(self.page, console)
             summary["page"] = self.page
         if self.viewer:
-            self._show(champion, console)
+            self._show(champion, arena, console)
         return summary
 
     def _write_page(self, path: Path, console: Console) -> None:
@@ -106,19 +109,17 @@ class Replay(SeededCommand):
         page.write(path)
         console.print_line(f"{path}: a click on a body shows it drive")
 
-    def _show(self, champion: "ev.Champion", console: Console) -> None:
-        recording = ev.play(champion, self.arena, self.seed, start=self.start, window=True, speed=self.speed)
+    def _show(self, champion: "ev.Champion", arena: str, console: Console) -> None:
+        recording = ev.play(champion, arena, self.seed, start=self.start, window=True, speed=self.speed)
         verdict = "succeeds" if recording.success else "does not succeed"
         console.print_line(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
 
-    def _film(self, champion: "ev.Champion", console: Console) -> Path | None:
+    def _film(self, champion: "ev.Champion", arena: str, console: Console) -> Path | None:
         assert self.video is not None
         from evolution.report.video import encode_video
 
         with console.track("Video"):
-            recording = ev.play(
-                champion, self.arena, self.seed, start=self.start, film=True, speed=self.speed
-            )
+            recording = ev.play(champion, arena, self.seed, start=self.start, film=True, speed=self.speed)
         if not recording.frames:
             console.print_line("no video: this machine has no OpenGL")
             return None

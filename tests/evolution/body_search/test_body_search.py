@@ -59,7 +59,7 @@ def find_bytes(run):
     return run.record.to_bytes(run.config.digest())
 
 
-@pytest.mark.parametrize("algorithm", ["halving", "genetic", "random", "exhaustive"])
+@pytest.mark.parametrize("algorithm", ["surrogate", "halving", "genetic", "random", "exhaustive"])
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
     first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))
@@ -68,9 +68,11 @@ def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     assert find_bytes(other) != find_bytes(first)
 
 
-def test_a_resumed_run_equals_one_that_never_stopped(tmp_path):
-    whole = evolve_bodies(make_config(folder=tmp_path / "whole"), simulate=landscape)
-    evolve_bodies(make_config(folder=tmp_path / "parts", iterations=3), simulate=landscape)
+@pytest.mark.parametrize("algorithm", ["surrogate", "halving"])
+def test_a_resumed_run_equals_one_that_never_stopped(tmp_path, algorithm):
+    bodies = replace(BODIES, algorithm=algorithm)
+    whole = evolve_bodies(make_config(folder=tmp_path / "whole", bodies=bodies), simulate=landscape)
+    evolve_bodies(make_config(folder=tmp_path / "parts", iterations=3, bodies=bodies), simulate=landscape)
     resumed = resume_bodies(tmp_path / "parts", iterations=8, simulate=landscape)
     assert resumed.history == whole.history
     for name in ("record.json", "bodies.csv", "champion.json"):
@@ -266,3 +268,34 @@ def test_a_search_for_bodies_is_no_other_run(tmp_path):
     evolve_bodies(make_config(iterations=1, folder=str(tmp_path / "run")), simulate=landscape)
     with pytest.raises(RunError, match="contains a search for bodies; read it by"):
         load_run(tmp_path / "run")
+
+
+def test_the_start_is_tried_first_and_alone():
+    config = make_config(learning=replace(LEARNING, rungs=(1, 2)), iterations=1)
+    tried = []
+
+    def watch(jobs, threads):
+        tried.append([job.genotype for job in jobs])
+        return landscape(jobs, threads)
+
+    run = evolve_bodies(
+        replace(config, bodies=replace(BODIES, algorithm="genetic", children=1)), simulate=watch
+    )
+    assert len({str(genes.tolist()) for genes in tried[0] if not genes.any()}) == len(
+        {len(g) for g in tried[0]}
+    )
+    assert all(len(history[0]) == 1 and len(history[1]) == 4 for history in run.record._generations.values())
+    without = replace(config, learning=replace(config.learning, is_start_tried=False))
+    other = evolve_bodies(without, simulate=landscape)
+    assert all(len(history[0]) == 4 for history in other.record._generations.values())
+
+
+def test_without_early_exams_the_best_of_learning_counts_before_the_last_rung():
+    config = make_config(learning=replace(LEARNING, is_examined_early=False), iterations=3)
+    run = evolve_bodies(config, simulate=landscape)
+    early = [lesson for lesson in run.record.lessons if lesson.rung < 2]
+    late = [lesson for lesson in run.record.lessons if lesson.rung == 2]
+    assert early
+    assert late
+    assert all((each.fitness, each.trials) == (max(each.curve), 0) for each in early)
+    assert all(each.trials == 2 for each in late)

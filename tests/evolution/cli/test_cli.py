@@ -183,10 +183,13 @@ def test_a_search_for_bodies_is_replayed_and_has_no_curve(
     bodies = ev.BodiesConfig(largest=2, children=2)
     learning = ev.LearningConfig(population_size=4, rungs=(1,), exam_trials=1)
     folder = str(tmp_path / "bodies")
-    options = {"arena": "truth", "track_control": "body", "duration": 0.5, "folder": folder, "iterations": 1}
+    arena = str(tmp_path / "mine")
+    sg.load_arena("truth").save(arena)
+    options = {"arena": arena, "track_control": "body", "duration": 0.5, "folder": folder, "iterations": 1}
     ev.evolve_bodies(ev.BodyEvolutionConfig(task="cross_gap", bodies=bodies, learning=learning, **options))
     assert run(["replay", folder, "--trials", "1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["trials"] == 1
+    told = json.loads(capsys.readouterr().out)
+    assert (told["trials"], told["arena"]) == (1, arena)
     assert "see" in refuse(["compare", folder], 2, capsys)
     assert "give --bodies" in refuse(["evolve", "--algorithm", "random", "--folder", f"{folder}2"], 2, capsys)
 

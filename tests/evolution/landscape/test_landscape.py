@@ -18,7 +18,7 @@ from evolution.landscape.making import count_rounds, let_bodies_learn, list_bodi
 from evolution.landscape.places import PLACES, find_published_arena, make_hills, make_true_arena
 from evolution.landscape.reliability import correlate_ranks, describe_reliability, find_goal
 from evolution.landscape.replay import Replay, Table, measure_area, replay, summarize
-from evolution.landscape.scores import score_searches
+from evolution.landscape.scores import IN_RUNGS, score_searches
 from evolution.landscape.table import ARRAYS, load_landscape
 
 CONFIG = LandscapeConfig(largest=4, population_size=4, generations=(2,), exam_trials=2)
@@ -152,10 +152,10 @@ def test_exhaustive_replay_pays_for_all_and_finds_the_optimum(table):
     assert max(lesson.fitness for lesson in lessons) == table.fitness[0].max()
 
 
-@pytest.mark.parametrize("name", ["halving", "genetic", "random"])
+@pytest.mark.parametrize("name", ["surrogate", "halving", "genetic", "random"])
 def test_replays_are_equal_for_equal_seeds_and_keep_their_budget(table, name):
     budget = 0.4 * float(table.seconds[0].sum())
-    rungs = (1, 2) if name == "halving" else None
+    rungs = (1, 2) if name in IN_RUNGS else None
     first, second, other = (replay(table, "pit", name, seed, budget, rungs=rungs) for seed in (3, 3, 4))
     np.testing.assert_equal(first, second)
     assert first.seconds[-1] <= budget

@@ -1,0 +1,45 @@
+"""The landscape of bodies: the scan against the truth, and searches replayed on it."""
+
+from benchmarks.figures import Claim, Value
+
+_TASKS = {"pit": "a pit of 0.18 m", "stairs": "two steps of 0.05 m", "rough": "2 m of low hills"}
+_RIVALS = "random search, a plain genetic algorithm and plain MAP-Elites"
+
+
+def _trust(task: str, place: str) -> Claim:
+    return Claim(
+        f"What all small bodies learned on a scan of {place}, tried in the exact place: rank correlation of fitness "
+        "(bodies, mean difference)",
+        "{0:.3f} ({1}, {2:.3f} m)",
+        tuple(
+            Value("landscape", f"map/{task}/{name}") for name in ("truth_rank", "bodies", "truth_difference")
+        ),
+        bar=">= 0.9",
+        is_headline=task == "pit",
+    )
+
+
+def _reach(task: str, place: str) -> Claim:
+    return Claim(
+        f"Search for a body for {place}, looked up in the map of all small bodies: seeds of 10 that come within 5 % of "
+        "the known optimum with a tenth of the exhaustive search's time (successive halving alone; random search)",
+        "{0} ({1}; {2})",
+        tuple(
+            Value("landscape", f"replays of {task}/searches/{name}/reached")
+            for name in ("surrogate", "halving", "random")
+        ),
+        bar=">= 10",
+    )
+
+
+def _beat(task: str, place: str) -> Claim:
+    return Claim(
+        f"The same for {place}: of {_RIVALS}, those whose area under the curve is smaller, with "
+        "a 95 % interval of its own",
+        "{0} of {1}",
+        tuple(Value("landscape", f"replays of {task}/{name}") for name in ("beaten", "rivals")),
+        bar=">= 3",
+    )
+
+
+LANDSCAPE = tuple(make(task, place) for task, place in _TASKS.items() for make in (_trust, _reach, _beat))
