@@ -27,6 +27,7 @@ from symbrion_gym.swarm.kinematic.motion import (
     avoid_overlaps,
     choose_roots,
     find_layout,
+    hold_arms,
     outline,
     place_members,
     select,
@@ -181,7 +182,9 @@ class KinematicWorld:
             )
         )
         self.time += DECISION
-        self._finish(select(level, full, turned, old), old, tracks)
+        new = select(level, full, turned, old)
+        new = hold_arms(new, old.hinge, self.groups, self.scout, self.config.grip, self._num_swarms)
+        self._finish(new, old, tracks)
 
     def _draw_slip(self) -> Float[np.ndarray, "N 2"]:
         return self._rng.standard_normal((self.num_robots, 2))

@@ -139,6 +139,44 @@ def avoid_overlaps(
         level = _give_way(level, causes, groups, is_member)
 
 
+def hold_arms(
+    new: Poses,
+    hinge: Float[np.ndarray, " N"],
+    groups: Int[np.ndarray, " N"],
+    scout: ScoutConfig,
+    grip: float,
+    num_swarms: int = 1,
+) -> Poses:
+    """Return poses in which no arm has moved farther into a robot of its own group than it was.
+
+    Args:
+        new: where robots would be.
+        hinge: angles of the arms before [rad].
+        groups: root of each robot's group.
+        scout: constants of the robots.
+        grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
+    """
+    is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
+    if not (is_member & (new.hinge != hinge)).any():
+        return new
+    first, second = find_pairs(new.position, 2 * scout.arm_reach, num_swarms)
+    is_own = groups[first] == groups[second]
+    pairs = first[is_own], second[is_own]
+    before = outline(new._replace(hinge=hinge), scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
+    held = np.zeros(len(groups), bool)
+    while True:
+        new = new._replace(hinge=np.where(held, hinge, new.hinge))
+        now = outline(new, scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
+        more = np.zeros_like(held)
+        more[pairs[0][is_bad]] = more[pairs[1][is_bad]] = True
+        if not (more & ~held).any():
+            return new
+        held |= more
+
+
 def _give_way(
     level: Int[np.ndarray, " N"],
     causes: Int[np.ndarray, " C"],
