@@ -42,7 +42,7 @@ def measure_ticks(results: Results, device: str) -> None:
 def measure_crossings(results: Results, device: str, quick: bool) -> None:
     """Compare how random controllers cross the pit."""
     rows = {}
-    for arena in ("truth",) if quick else ("truth", "gsrm"):
+    for arena in ("truth",):
         rows[arena] = compare_crossings(arena, CROSSINGS, device)
         print(f"{arena:8s} {rows[arena]}", flush=True)
     results.put("crossings", {"device": device, **rows})

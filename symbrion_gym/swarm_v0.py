@@ -14,8 +14,8 @@ def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
     """Return a PettingZoo `ParallelEnv` of Scouts that sense, dock and part; see `SwarmEnv` for all options.
 
     Args:
-        render_mode: only None, as the swarm has no window.
-        options: of the environment, such as `arena="gsrm"` and `num_robots=8`.
+        render_mode: "rgb_array" for images by `render()`, or None.
+        options: of the environment, such as `arena="gsrm"`, `num_robots=8` and `fidelity="mixed"`.
 
     Raises:
         MissingExtraError: pettingzoo is not installed.

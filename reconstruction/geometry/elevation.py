@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
@@ -15,6 +17,27 @@ _MOST_CELLS = 2000.0
 """Cells of the grid along the longer side: bounds its memory where triangles lie far apart."""
 _LEAST_EXTENT = 1e-9
 """Extent of a grid whose triangles are one point in plan [m]."""
+
+
+class ElevationGrid(NamedTuple):
+    """Triangles sorted into cells of a plan; a cell is `row * shape[1] + column`.
+
+    Attributes:
+        origin: its lowest x and y [m].
+        cell: edge of a cell [m].
+        shape: number of cells along x and y.
+        starts: where the triangles of each cell begin in `triangles`.
+        triangles: rows of `table`, cell by cell.
+        table: of each triangle corner (x, y, z), two sides from there (x, y), heights of their ends, and twice its
+            area in plan.
+    """
+
+    origin: Float[np.ndarray, " 2"]
+    cell: float
+    shape: tuple[int, int]
+    starts: Int[np.ndarray, " C1"]
+    triangles: Int[np.ndarray, " S"]
+    table: Float[np.ndarray, "T 10"]
 
 
 class Elevation:
@@ -62,6 +85,13 @@ class Elevation:
         order = np.argsort(cell, kind="stable")
         self._triangles = triangle[order]
         self._starts = np.searchsorted(cell[order], np.arange(self._shape.prod() + 1))
+
+    def export_grid(self) -> ElevationGrid:
+        """Return the grid, for code that looks up heights elsewhere, such as on a GPU."""
+        rows, columns = map(int, self._shape)
+        return ElevationGrid(
+            self._origin, self._cell, (rows, columns), self._starts, self._triangles, self._table
+        )
 
     def _find_cells(self, points: Float[np.ndarray, "N 2"]) -> Int[np.ndarray, "N 2"]:
         cells = np.floor((points - self._origin) / self._cell).astype(np.int64)
@@ -112,7 +142,10 @@ class Elevation:
         z = self._height_in(triangle, points[point])
         if limit is not None:
             z = np.where(z <= np.broadcast_to(limit, x.shape).ravel()[point], z, -np.inf)
-        np.maximum.at(heights, point, z)
+        is_covered = counts > 0
+        heights[is_covered] = (
+            np.maximum.reduceat(z, (np.cumsum(counts) - counts)[is_covered]) if len(z) else -np.inf
+        )
         is_top = z == heights[point]
         faces = np.full(len(points), -1)
         faces[point[is_top]] = self._faces[triangle[is_top]]

@@ -130,16 +130,18 @@ def _test(
     is_far = np.zeros(len(tested), dtype=bool)
     if len(near):
         limit = config.seen_reach * spacing
-        rows = np.flatnonzero(
-            find_beside_none(find_samples(vertices, faces[tested]), near, limit).any(axis=1)
-        )
+        samples = find_samples(vertices, faces[tested])
+        is_unsure = find_beside_none(samples, near, limit).any(axis=1)
+        rows = np.flatnonzero(is_unsure)
         if not len(rows):
             return is_far
-        tree = cKDTree(near, balanced_tree=False, compact_nodes=False)
+        around = near[find_around(near, samples[rows].reshape(-1, 3), 2 * limit)]
+        tree = cKDTree(around, balanced_tree=False, compact_nodes=False)
         samples, is_open = find_open(vertices, faces[tested[rows]], tree, spacing, config)
         samples, rows = samples[is_open], rows[is_open.any(axis=1)]
         if not len(rows):
             return is_far
+        near = near[find_around(near, samples, reach)]
         distance, _ = cKDTree(samples).query(near, distance_upper_bound=reach)
         near = near[np.isfinite(distance)]
         if len(near) > config.neighbors:
@@ -175,6 +177,36 @@ def find_beside_none(
     is_open = np.ones(len(cells), dtype=bool)
     is_open[is_inside] = ~has_point[tuple(cells[is_inside].T)]
     return is_open.reshape(samples.shape[:-1])
+
+
+def find_around(
+    points: Float[np.ndarray, "N 3"], places: Float[np.ndarray, "M 3"], reach: float
+) -> Int[np.ndarray, " K"]:
+    """Return the points that may lie within reach of a place: in its cell or the next; ascending indices.
+
+    All points in the box around the places are returned where there would be too many cells.
+
+    Args:
+        points: [m].
+        places: at least one [m].
+        reach: length of a cell's side [m].
+    """
+    inside = find_near_box(points, places, reach)
+    low, high = find_extent(places)
+    low = low - 2 * reach
+    shape = np.floor((high - low) / reach).astype(np.int64) + 3
+    if shape.astype(np.float64).prod() > _MOST_CELLS:
+        return inside
+    has_place = np.zeros(shape, dtype=bool)
+    has_place[tuple(np.floor((places - low) / reach).astype(np.int64).T)] = True
+    for axis in range(3):
+        along = has_place.swapaxes(0, axis)
+        wide = along.copy()
+        wide[1:] |= along[:-1]
+        wide[:-1] |= along[1:]
+        has_place = wide.swapaxes(0, axis)
+    cells = np.floor((points[inside] - low) / reach).astype(np.int64)
+    return inside[has_place[tuple(cells.T)]]
 
 
 def _test_part(

@@ -1,6 +1,7 @@
 """Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -61,6 +62,20 @@ def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"
     return sum_rows(at_vertex[faces].sum(axis=1) * cross) < 0
 
 
+class Tangles(NamedTuple):
+    """Which faces of a surface are tangled.
+
+    Attributes:
+        is_tangled: faces that are folded, or intersect another.
+        is_searched: faces whose intersections have all been looked for.
+        pairs: faces that intersect, with at least one that was looked at.
+    """
+
+    is_tangled: Bool[np.ndarray, " F"]
+    is_searched: Bool[np.ndarray, " F"]
+    pairs: Int[np.ndarray, "P 2"]
+
+
 def find_tangled(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
@@ -68,7 +83,8 @@ def find_tangled(
     is_suspect: Bool[np.ndarray, " F"],
     sharp_angle: float = UnfoldConfig.sharp_angle,
     is_tested: Bool[np.ndarray, " F"] | None = None,
-) -> Bool[np.ndarray, " F"]:
+    before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
+) -> Tangles:
     """Return which faces are folded, or intersect another.
 
     Args:
@@ -78,6 +94,8 @@ def find_tangled(
         is_suspect: these, and those at sharp edges, are tested for intersections with others.
         sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
         is_tested: only these are looked for; all if absent.
+        before: what was found before some vertices moved, and which faces have moved since: two faces of which neither
+            has moved meet as before.
     """
     is_tangled = find_folded(vertices, faces)
     cosine = measure_bends(vertices, faces, hinges)
@@ -86,9 +104,17 @@ def find_tangled(
     is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
     if is_tested is not None:
         is_suspect &= is_tested
-    if is_suspect.any():
-        is_tangled[find_intersections(vertices, faces, is_suspect)] = True
-    return is_tangled if is_tested is None else is_tangled & is_tested
+    pairs, is_open = np.empty((0, 2), dtype=np.int64), is_suspect
+    if before is not None:
+        (_, was_searched, known), has_moved = before
+        is_open = is_suspect & (has_moved | ~was_searched)
+        pairs = known[~any_corner(has_moved, known) & any_corner(is_suspect, known)]
+    if is_open.any():
+        pairs = np.unique(np.concatenate([pairs, find_intersections(vertices, faces, is_open)]), axis=0)
+    is_tangled[pairs] = True
+    if is_tested is not None:
+        is_tangled &= is_tested
+    return Tangles(is_tangled, is_suspect, pairs)
 
 
 def unfold_part(
@@ -109,26 +135,30 @@ def unfold_part(
     part = _cut_out(vertices, faces, is_movable)
     if part is None:
         return vertices
-    used, faces = part
-    is_movable = is_movable[used]
-    is_tangled = _find_first(vertices[used], faces, any_corner(is_movable, faces), config)
+    used, faces, _ = part
+    is_movable, moved = is_movable[used], vertices[used]
+    is_tangled = _find_first(moved, faces, any_corner(is_movable, faces), config)
     if not is_tangled.any():
         return vertices
-    is_movable = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
-    part = _cut_out(vertices[used], faces, is_movable)
-    if part is None:
-        return vertices
-    inner, faces = part
-    used = used[inner]
-    moved = vertices.copy()
-    moved[used] = unfold_faces(vertices[used], faces, config, is_movable[inner])
-    return moved
+    for stage in config.stages:
+        is_about = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
+        part = _cut_out(moved, faces, is_about) if is_tangled.any() else None
+        if part is None:
+            break
+        inner, part_faces, rows = part
+        moved[inner], is_left = _unfold(
+            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner]
+        )
+        is_tangled[rows] = is_left
+    mended = vertices.copy()
+    mended[used] = moved
+    return mended
 
 
 def _cut_out(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
-) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"]] | None:
-    """Return the vertices of the faces that movable ones may meet, and these faces; None where nothing may move.
+) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"], Int[np.ndarray, " G"]] | None:
+    """Return the vertices of the faces that movable ones may meet, these faces, and their rows; None where nothing moves.
 
     Faces farther away than the longest side of the movable ones cannot meet these while they move between their
     neighbors.
@@ -143,8 +173,9 @@ def _cut_out(
     near = near[~is_own[near]]
     distance, _ = cKDTree(vertices[is_own]).query(vertices[near], distance_upper_bound=longest)
     is_own[near[np.isfinite(distance)]] = True
-    used, flat = np.unique(faces[any_corner(is_own, faces)], return_inverse=True)
-    return used, flat.reshape(-1, 3)
+    rows = np.flatnonzero(any_corner(is_own, faces))
+    used, flat = np.unique(faces[rows], return_inverse=True)
+    return used, flat.reshape(-1, 3), rows
 
 
 def _find_first(
@@ -158,7 +189,9 @@ def _find_first(
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
-    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
+    return find_tangled(
+        vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested
+    ).is_tangled
 
 
 def unfold_faces(
@@ -178,39 +211,51 @@ def unfold_faces(
         config: how vertices are moved.
         is_movable: the other vertices stay; all may move if absent.
     """
-    config = config or UnfoldConfig()
+    return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
+
+
+def _unfold(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: UnfoldConfig,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
+) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
+    """Do what `unfold_faces` does; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
     is_suspect = any_corner(is_turn, faces)
-    is_tangled = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
-    if not is_tangled.any():
-        return vertices
+    best = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+    if not best.is_tangled.any():
+        return vertices, best.is_tangled
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
     is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
-    best, best_tangled, fewest = vertices, is_tangled, is_tangled.sum()
     for rings, moves_boundary in config.stages:
-        if fewest == 0:
-            break
-        current, left = best, config.rounds
-        is_tangled = best_tangled
-        while left > 0 and fewest > 0:
-            is_moved = _widen(is_tangled, faces, len(vertices), rings) & (~is_boundary | moves_boundary)
-            is_moved &= ~is_fixed
+        current, tangles, left = vertices, best, config.rounds
+        while left > 0 and best.is_tangled.any():
+            is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
+            is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
             moved = np.flatnonzero(is_moved)
             around = neighbors[moved]
             share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
             current = current.copy()
             current[moved] += config.step * (around @ current / share - current[moved])
-            # Two faces of which neither has moved meet as before.
-            is_suspect = is_tangled | any_corner(is_moved, faces)
-            is_tangled = find_tangled(current, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+            has_moved = any_corner(is_moved, faces)
+            tangles = find_tangled(
+                current,
+                faces,
+                hinges,
+                tangles.is_tangled | has_moved,
+                config.sharp_angle,
+                is_tested,
+                (tangles, has_moved),
+            )
             left -= 1
-            if is_tangled.sum() < fewest:
-                best, best_tangled, fewest, left = current, is_tangled, is_tangled.sum(), config.rounds
-    return best
+            if tangles.is_tangled.sum() < best.is_tangled.sum():
+                vertices, best, left = current, tangles, config.rounds
+    return vertices, best.is_tangled
 
 
 def _widen(

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from symbrion_gym.robot.organism import Organism
     from symbrion_gym.tasks.scene import Scene
 
-_LEAST_LEVEL = 0.2
+LEAST_LEVEL = 0.2
 """Cosine of the pitch that is assumed of steeper modules: near the vertical a heading would turn at any rate."""
-_FAR = 100.0
+FAR = 100.0
 """Goals that are at no place lie straight ahead, this far away [m]."""
 
 
@@ -89,7 +89,7 @@ class DeadReckoning:
         if isinstance(self._goal, ReachPlaces):
             return self._goal.list_places(scene.map_route, self._tolerance)
         route = scene.map_route
-        return np.array([route.place(min(route.finish, route.start + _FAR))]), np.zeros(1)
+        return np.array([route.place(min(route.finish, route.start + FAR))]), np.zeros(1)
 
     def _head_for(self, row: int, number: int) -> None:
         self._number[row] = number
@@ -121,7 +121,7 @@ class DeadReckoning:
     def _integrate(self, physics: Physics, rows: Int[np.ndarray, " R"]) -> None:
         """Move the estimated poses by the way of a tick."""
         rotation = physics.rotation[rows]
-        level = np.sqrt(np.maximum(1.0 - rotation[:, :, 6] ** 2, _LEAST_LEVEL**2))
+        level = np.sqrt(np.maximum(1.0 - rotation[:, :, 6] ** 2, LEAST_LEVEL**2))
         speed = self._commands.find_track_speed()[rows]
         run = np.repeat(speed * self._dt, len(self._ahead) // speed.shape[1], axis=1)
         way = run * np.repeat(level, 2, axis=1)

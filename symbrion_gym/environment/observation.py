@@ -13,13 +13,13 @@ from symbrion_gym.robot.sensor_noise import SensorNoise
 
 _LARGEST_RATE = 20.0
 """Bound of the hinges' rates [rad/s], beyond what their servos reach."""
-_LARGEST_DISTANCE = 100.0
+LARGEST_DISTANCE = 100.0
 """Bound of distances along the route [m], beyond any arena."""
 _ANGLE_MARGIN = 1.1
 """Hinges give a little beyond their range under load: factor on its bounds."""
 _FORCE_MARGIN = 5
 """Docks never tear: factor on the force that they hold, for the bounds of what they may read."""
-_NOTHING_HIT = 1.0
+NOTHING_HIT = 1.0
 """A ray that hits nothing reads -1, which as a distance is beyond a shorter range than this [m]."""
 
 
@@ -56,11 +56,11 @@ def _find_bounds(
         "previous_action": (num_actions, -1.0, 1.0),
         "hinge_target": (h, -angle, angle),
         "dock_force": (3 * docks, -_FORCE_MARGIN * scout.dock_force, _FORCE_MARGIN * scout.dock_force),
-        "odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-        "track_odometry": (1, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
+        "odometry": (1, -LARGEST_DISTANCE, LARGEST_DISTANCE),
+        "track_odometry": (1, -LARGEST_DISTANCE, LARGEST_DISTANCE),
         "laser": (scout.laser_beams, 0.0, scout.laser_range),
-        "goal": (2, -_LARGEST_DISTANCE, _LARGEST_DISTANCE),
-        "goal_direction": (2, np.array([-pi, 0.0]), np.array([pi, _LARGEST_DISTANCE])),
+        "goal": (2, -LARGEST_DISTANCE, LARGEST_DISTANCE),
+        "goal_direction": (2, np.array([-pi, 0.0]), np.array([pi, LARGEST_DISTANCE])),
     }
 
 
@@ -125,7 +125,7 @@ class Observer:
         self.has_track_odometry = "track_odometry" in self.structure
         self.has_goal = "goal" in self.structure
         self._rays = [
-            (self.structure[name], reach < _NOTHING_HIT)
+            (self.structure[name], reach < NOTHING_HIT)
             for name, reach in (("ir", scout.ir_range), ("laser", scout.laser_range))
             if name in self.structure
         ]
@@ -149,7 +149,7 @@ class Observer:
             if is_short:
                 np.abs(ranges, ranges)
             else:
-                np.copyto(ranges, _LARGEST_DISTANCE, where=ranges < 0.0)
+                np.copyto(ranges, LARGEST_DISTANCE, where=ranges < 0.0)
         np.maximum(raw, self._low, out=raw)
         np.minimum(raw, self._high, out=raw)
         for pitch in self._pitches:

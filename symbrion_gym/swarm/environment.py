@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
@@ -13,13 +13,17 @@ from symbrion_gym.arenas.loading import load_arena
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.scout_constants import SIDES
 from symbrion_gym.robot.sensor_noise import SensorNoise
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym.swarm.docks import find_groups
+from symbrion_gym.swarm.fidelity import make_world
 from symbrion_gym.swarm.options import SwarmOptions
 from symbrion_gym.swarm.senses import Senses
 from symbrion_gym.swarm.signals.config import SignalConfig
 from symbrion_gym.swarm.signals.signals import Receptions, Signals, Transmissions
 from symbrion_gym.swarm.starts import find_across, find_field, scatter
 from symbrion_gym.swarm.world import DECISION, SwarmCommands
+
+if TYPE_CHECKING:
+    from symbrion_gym.swarm.film import SwarmCamera
 
 NUM_MESSAGES = 16
 """Messages that a dock can send: numbers from 0 on."""
@@ -30,13 +34,14 @@ _LARGEST_SEED = 2**31
 class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """Scouts scattered before a pit have to get beyond it; none of them can cross it alone.
 
-    Motion is that of `KinematicWorld`, sensors and signals those of `Senses` and `Signals`. A decision lasts 0.1 s.
+    Motion is that of the level of physics, `fidelity`; sensors and signals are those of `Senses` and `Signals`. A
+    decision lasts 0.1 s.
     This text is the specification.
 
     ## Agents
 
     `robot_0` ... `robot_N-1`, the same from the reset to the end: a robot that docks stays an agent, as a part of an
-    organism that moves as one body with straight hinges; its tracks go on driving it. So robots come and go as bodies,
+    organism that moves as one body; its tracks go on driving it. So robots come and go as bodies,
     not as agents: `docked` in its observation and `organism` in its info, the smallest number of a robot of its body,
     say what it belongs to.
 
@@ -48,7 +53,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     | index | meaning | -1 ... 1 |
     |---|---|---|
     | 0, 1 | speed of the left and the right track | ± `track_speed` |
-    | 2 | target angle of the hinge, positive lifts the arm; it is straight where the front dock holds | ±90° |
+    | 2 | target angle of the hinge, positive lifts the arm; kinematic: straight where the front dock holds | ±90° |
     | 3 - 6 | docks front, back, left, right: above 0 latches, else releases | |
     | 7 - 10 | beacon of each dock: above 0 shines | |
     | 11 - 14 | message of each dock by infrared and wire: below 0 none, else one of 16 in equal steps | |
@@ -83,6 +88,13 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     | `duration` | 900.0 | of an episode [s] |
     | `success_bonus` | 1.0 | reward of each robot at a success |
     | `noise` | 1.0 | factor on the noise of sensors and signals |
+    | `fidelity` | "kinematic" | level of physics, "kinematic", "dynamic" or "mixed" |
+
+    "kinematic" moves all robots simply and fast, "dynamic" all in full contact; at "mixed", docked robots and those
+    near them are dynamic, the others kinematic.
+
+    With `render_mode="rgb_array"`, `render()` returns an image [400, 640, 3] from the right of the way across.
+    Kinematic robots stop where they would fall; dynamic ones fall.
 
     `reset` takes a `seed`: equal seeds and actions give equal bits. It knows no options and leaves them out.
 
@@ -91,18 +103,23 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         ArenaError: there is no such arena, or it has no pit or no room for so many robots.
     """
 
-    metadata = {"name": "swarm_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {  # noqa: RUF012
+        "name": "swarm_v0",
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / DECISION),
+        "is_parallelizable": True,
+    }
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        if render_mode is not None:
-            raise OptionError(f"no render mode {render_mode!r}; a swarm has none, leave it out")
+        if render_mode not in (None, "rgb_array"):
+            raise OptionError(f"no render mode {render_mode!r}; there is 'rgb_array', or leave it out")
         self.options = SwarmOptions.from_options(options)
-        self.render_mode = None
+        self.render_mode = render_mode
         count = int(self.options.num_robots)
         source = self.options.arena
         self.arena = source if isinstance(source, Arena) else load_arena(source)
         self.field = find_field(self.arena)
-        self.world = KinematicWorld(self.arena, count)
+        self.world = make_world(self.arena, count, self.options.fidelity)
         noise = self.options.noise
         default = SensorNoise()
         scaled = SensorNoise(
@@ -122,6 +139,8 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         low, high = _find_bounds(self.world.scout.ir_range, light.saturation, self.world.scout.laser_range)
         self._observation = {agent: spaces.Box(low, high, dtype=np.float32) for agent in self.possible_agents}
         self._rng = np.random.default_rng()
+        self._camera: SwarmCamera | None = None
+        self._is_placed = False
 
     def action_space(self, agent: str) -> spaces.Box:
         """Return the action space of an agent, always the same object."""
@@ -147,7 +166,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.world.reset(scatter(self.field, self.world.num_robots, self.arena, rng), world)
         self._senses.reset(senses)
         self._signals.reset(signals)
-        self.agents = list(self.possible_agents)
+        self._is_placed, self.agents = True, list(self.possible_agents)
         self._sent = Transmissions.make_silent(self.world.num_robots)
         self._progress = self._measure_progress()
         return self._observe(), self._describe(False)
@@ -192,11 +211,28 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             self.agents = []
         return results
 
-    def render(self) -> None:
-        """Do nothing: there are no render modes."""
+    def render(self) -> np.ndarray | None:
+        """Return an image of the robots now, `[400, 640, 3]`; None without a render mode.
+
+        Raises:
+            OptionError: before the first reset.
+        """
+        if self.render_mode is None:
+            return None
+        if not self._is_placed:
+            raise OptionError("nothing to draw yet; call reset() first")
+        if self._camera is None:
+            from symbrion_gym.swarm.film import SwarmCamera
+
+            self._camera = SwarmCamera(self.arena, self.world.num_robots, self.field.route.heading)
+        state = self.world.state
+        return self._camera.draw(state.position, state.rotation, state.hinge, self.world.time)
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Free what draws."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
 
     def _read_actions(self, actions: dict[str, np.ndarray]) -> np.ndarray:
         """Return `[N, 15]`, robots without an action idle."""
@@ -242,7 +278,7 @@ class SwarmEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _describe(self, success: bool) -> dict[str, dict[str, Any]]:
         across = find_across(self.world.state, self.field, self.world.scout).tolist()
-        organism = self.world.groups.tolist()
+        organism = find_groups(self.world.state.links, self.world.num_robots).tolist()
         return {
             agent: {"success": success, "organism": organism[index], "across": across[index]}
             for index, agent in enumerate(self.agents)

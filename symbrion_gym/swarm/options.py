@@ -10,6 +10,7 @@ import numpy as np
 
 from reconstruction.range_checks import check_not_negative, check_positive
 from symbrion_gym.errors import OptionError
+from symbrion_gym.swarm.fidelity import check_fidelity
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.arena import Arena
@@ -27,6 +28,7 @@ class SwarmOptions:
         duration: of an episode [s].
         success_bonus: reward of every robot once all are beyond the pit, undocked and upright.
         noise: factor on the noise of the sensors; 0 for none.
+        fidelity: level of physics, one of `FIDELITIES`.
 
     Raises:
         OptionError: a value is out of range.
@@ -37,6 +39,7 @@ class SwarmOptions:
     duration: float = 900.0
     success_bonus: float = 1.0
     noise: float = 1.0
+    fidelity: str = "kinematic"
 
     def __post_init__(self) -> None:
         count = self.num_robots
@@ -52,6 +55,7 @@ class SwarmOptions:
                 raise OptionError(f"{name} must be a number, got {value!r}")
         check_positive(self, ("duration",), OptionError)
         check_not_negative(self, ("success_bonus", "noise"), OptionError)
+        check_fidelity(self.fidelity)
 
     @classmethod
     def from_options(cls, options: dict[str, Any]) -> SwarmOptions:

@@ -58,7 +58,7 @@ class Sight:
         """
         distances = np.full(len(origins), np.inf)
         rays = np.flatnonzero(self.may_hit(origins, directions, max_ranges))
-        distances[rays] = self._mesh.cast(origins[rays], directions[rays])
+        distances[rays] = self._mesh.cast_fans(origins[rays], directions[rays], np.ones(len(rays), np.int64))
         distances[distances > max_ranges] = np.inf
         return distances
 

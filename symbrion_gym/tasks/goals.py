@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -51,7 +51,7 @@ class PassFinish:
             refuse_start_beyond_gap(arena, organism, start.place, self.pit_search)
         return route
 
-    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the mean position of the modules along the way, each counted up to the finish [m]."""
         return state.mean_to_finish
 
@@ -59,7 +59,7 @@ class PassFinish:
         """Return the limits within which no body has arrived."""
         return {"rear": state.finish}
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether every module is wholly beyond the finish, upright and on the ground."""
         return pass_strictly(state)
 
@@ -79,23 +79,19 @@ def _refuse_near_goal(route: Route, organism: Organism, place: Point) -> None:
         )
 
 
-def pass_strictly(state: TaskState) -> Bool[np.ndarray, " N"]:
+def pass_strictly(state: TaskState) -> Bool[Any, " N"]:
     """Return whether every module is past the finish with every corner, upright, on the ground and no faster than its
     tracks."""
     has_arrived = (state.rear > state.finish) & find_honest_along(state)
-    rows = np.flatnonzero(has_arrived)
-    if len(rows):
-        has_arrived[rows] = find_across(state)[rows]
-        rows = np.flatnonzero(has_arrived)
-        has_arrived[rows] = find_standing(state, rows)
-    return has_arrived
+    has_arrived = state.confirm(has_arrived, lambda rows: find_across(state)[rows])
+    return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
-def find_across(state: TaskState) -> Bool[np.ndarray, " N"]:
+def find_across(state: TaskState) -> Bool[Any, " N"]:
     """Return whether the corners of all modules are beyond the edge, half a module before the finish."""
     c, s = np.array([scene.route.direction for scene in state.scenes]).T[:, :, None, None]
     rotation, criteria = state.rotation, state.criteria
-    reach = criteria.corner * np.abs(c * rotation[:, :, :3] + s * rotation[:, :, 3:6]).sum(axis=2)
+    reach = criteria.corner * state.xp.abs(c * rotation[:, :, :3] + s * rotation[:, :, 3:6]).sum(axis=2)
     edge = state.finish - state.organism.scout.pitch / 2
     beyond = state.along - reach > edge[:, None]
     return beyond.all(axis=1)

@@ -32,11 +32,11 @@ class StandUp:
         """Find a place on the map with room around it, unless the start is a place."""
         return find_path(arena, organism, start, ())
 
-    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the mean z of the modules' up axes, from -1 to 1."""
         return add_up(state.up) * (1.0 / state.up.shape[1])
 
-    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
         """Return by how much the modules lean, from 0 to 2."""
         return 1.0 - state.progress
 
@@ -44,13 +44,10 @@ class StandUp:
         """Return the limits within which no body stands."""
         return {"progress": state.criteria.upright}
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether every module is upright and on the ground."""
         has_arrived = (state.least_up > state.criteria.upright) & find_honest(state)
-        rows = np.flatnonzero(has_arrived)
-        if len(rows):
-            has_arrived[rows] = find_standing(state, rows)
-        return has_arrived
+        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
 def make_recover(

@@ -2,41 +2,42 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 from jaxtyping import Float
 
 from symbrion_gym.tasks.state import TaskState
 from symbrion_gym.tasks.terms import Reward
 
 
-def gain_progress(state: TaskState) -> Float[np.ndarray, " N"]:
+def gain_progress(state: TaskState) -> Float[Any, " N"]:
     """Return the progress of this tick; falling forwards counts."""
     return state.progress - state.previous_progress
 
 
-def gain_potential(state: TaskState) -> Float[np.ndarray, " N"]:
+def gain_potential(state: TaskState) -> Float[Any, " N"]:
     """Return the change of a potential that is the progress, and that of the start once the task has failed.
 
     So the terms of a failed episode add up to nothing, and a fall gains nothing (Ng, Harada and Russell 1999, with
     no discount and the potential of the start in every failed state).
     """
     now = state.progress
-    if np.count_nonzero(state.failed):
-        now = np.where(state.failed, state.start_progress, now)
+    if state.may_hold(state.failed):
+        now = state.xp.where(state.failed, state.start_progress, now)
     return now - state.previous_progress
 
 
-def has_succeeded(state: TaskState) -> Float[np.ndarray, " N"]:
+def has_succeeded(state: TaskState) -> Float[Any, " N"]:
     """Return 1 for a success."""
-    return state.success.astype(np.float64)
+    return state.success.astype(state.progress.dtype)
 
 
-def has_failed(state: TaskState) -> Float[np.ndarray, " N"]:
+def has_failed(state: TaskState) -> Float[Any, " N"]:
     """Return 1 for a failure: rolled over, fell, diverged and what else the task counts as one."""
-    return state.failed.astype(np.float64)
+    return state.failed.astype(state.progress.dtype)
 
 
-def spend_power(state: TaskState) -> Float[np.ndarray, " N"]:
+def spend_power(state: TaskState) -> Float[Any, " N"]:
     """Return the absolute power of the hinges [W]."""
     return state.power
 

@@ -12,6 +12,7 @@ from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.tasks.checked_terms import check_function
 from symbrion_gym.tasks.criteria import SuccessCriteria
+from symbrion_gym.tasks.host_arrays import HostArrays
 from symbrion_gym.tasks.route import Route
 from symbrion_gym.tasks.scene import Scene
 
@@ -54,7 +55,7 @@ class Views(NamedTuple):
     torque: Float[np.ndarray, "N h"]
 
 
-class TaskState:
+class TaskState(HostArrays):
     """What the terms of a task see. Rows are simulations; one is a row like any other.
 
     Attributes:
@@ -360,6 +361,8 @@ class TaskState:
         return heights
 
 
-def add_up(values: Float[np.ndarray, "N n"]) -> Float[np.ndarray, " N"]:
+def add_up(values: Float[Any, "N n"]) -> Float[Any, " N"]:
     """Return the sums of rows, added one value after the other: the same bits whatever N is."""
+    if not isinstance(values, np.ndarray):
+        return values.sum(axis=1)  # of a device
     return np.add.accumulate(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -36,7 +37,7 @@ class RolledOver:
         """Return the limits within which nothing has happened."""
         return {"least_up": self._find_least(state)}
 
-    def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether a module leans by more."""
         return state.least_up < self._find_least(state)
 
@@ -49,9 +50,9 @@ class FellOff:
         """Return the limits within which nothing has happened."""
         return {"least_left": -state.half_width, "least_right": -state.half_width, "lowest": state.deepest}
 
-    def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether a module is off the arena."""
-        is_beside = np.minimum(state.least_left, state.least_right) < -state.half_width
+        is_beside = state.xp.minimum(state.least_left, state.least_right) < -state.half_width
         return is_beside | (state.lowest < state.deepest)
 
 
@@ -73,12 +74,12 @@ class TouchedPit:
             else -np.inf
         }
 
-    def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether a module touches the floor."""
         if not self.is_bottomless:
             return np.zeros(state.num, dtype=bool)
         near, far, touched = _find_pits(state)[:, :, None]
-        reach = _find_half(state) * np.abs(state.rotation[:, :, 6:9:2]).sum(axis=2)
+        reach = _find_half(state) * state.xp.abs(state.rotation[:, :, 6:9:2]).sum(axis=2)
         is_down = state.position[:, :, 2] - reach < touched
         return (is_down & (state.along > near) & (state.along < far)).any(axis=1)
 
@@ -125,7 +126,7 @@ class Stuck:
     def _wait(self, state: TaskState) -> float:
         return round(self.after / state.dt) - 0.5
 
-    def _start(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def _start(self, state: TaskState) -> Float[Any, " N"]:
         return state.start_progress + self._find_least(state)
 
     def limits(self, state: TaskState) -> Limits:
@@ -133,17 +134,14 @@ class Stuck:
         progress, tick = self._recall(state)
         return {"progress": progress, "tick": tick}
 
-    def __call__(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def __call__(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the time is up; remember those that moved on."""
         progress, tick = self._recall(state)
         has_moved = state.progress > progress
-        count = np.count_nonzero(has_moved)
-        if count == state.num:
-            np.add(state.progress, self._find_least(state), progress)
-            np.add(state.tick, self._wait(state), tick)
-        elif count:
-            np.copyto(progress, state.progress + self._find_least(state), where=has_moved)
-            np.copyto(tick, state.tick + self._wait(state), where=has_moved)
+        if state.may_hold(has_moved):
+            state.keep("stuck_progress", state.progress + self._find_least(state), has_moved)
+            state.keep("stuck_tick", state.tick + self._wait(state), has_moved)
+            _, tick = self._recall(state)
         return state.tick > tick
 
 

@@ -189,13 +189,17 @@ class WarpBatch:
             self._is_stale |= ~active
         self._upload()
         with self._wp.ScopedDevice(self._device):
-            if self._history is not None:
-                self._wp.copy(self._data.history, self._history)
-                self._data.time.zero_()
+            self._rewind()
             self._launch(nstep)
         self._download(active)
         if active is not None:
             self._is_stale |= ~active
+
+    def _rewind(self) -> None:
+        """Set back the clock of sensors with an interval."""
+        if self._history is not None:
+            self._wp.copy(self._data.history, self._history)
+            self._data.time.zero_()
 
     def _upload(self) -> None:
         """Write controls to the device, and the states of simulations that began or stood still."""
@@ -214,14 +218,28 @@ class WarpBatch:
                 self._mjw.step(self._model, self._data)
             return
         if nstep not in self._graphs:
-            self._mjw.step(self._model, self._data)  # compiles; the states are written again below
-            self._is_stale[:] = True
-            self._upload()
+            self._compile()
             with self._wp.ScopedCapture() as capture:
                 for _ in range(nstep):
                     self._mjw.step(self._model, self._data)
             self._graphs[nstep] = capture.graph
         self._wp.capture_launch(self._graphs[nstep])
+
+    def _compile(self) -> None:
+        """Compile the kernels by a step from which the simulations return."""
+        data, wp = self._data, self._wp
+        names = (
+            "qpos",
+            "qvel",
+            "qacc_warmstart",
+            "ctrl",
+            "time",
+            *(("history",) if self._history is not None else ()),
+        )
+        kept = {name: wp.clone(getattr(data, name)) for name in names}
+        self._mjw.step(self._model, data)
+        for name, values in kept.items():
+            wp.copy(getattr(data, name), values)
 
     def _download(self, active: Bool[np.ndarray, " nsim"] | None) -> None:
         """Copy what environments read to the host, of the active simulations."""
@@ -233,8 +251,11 @@ class WarpBatch:
                 values[...] = found
             else:
                 values[active] = found[active]
-        overflow = self._data.overflow.numpy()
-        if not self._has_overflowed and (overflow & self._lost).any():
+        self._look_for_overflow()
+
+    def _look_for_overflow(self) -> None:
+        """Warn once if contacts were dropped."""
+        if not self._has_overflowed and (self._data.overflow.numpy() & self._lost).any():
             self._has_overflowed = True
             logger.warning(
                 "Warp has dropped contacts: space for %d per simulation does not suffice; raise max_contacts",
@@ -246,6 +267,12 @@ class WarpBatch:
         count = int(self._data.nacon.numpy()[0])
         worlds = self._data.contact.worldid.numpy()[:count]
         return np.bincount(worlds, minlength=self.nsim)
+
+    def list_contacts(self) -> list[Int[np.ndarray, "C 2"]]:
+        """Return the geoms of the contacts of every simulation in the last physics step."""
+        count, contact = int(self._data.nacon.numpy()[0]), self._data.contact
+        geoms, worlds = contact.geom.numpy()[:count].reshape(-1, 2), contact.worldid.numpy()[:count]
+        return [geoms[worlds == row] for row in range(self.nsim)]
 
     @property
     def has_overflowed(self) -> bool:

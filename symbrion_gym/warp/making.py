@@ -2,31 +2,50 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reconstruction.range_checks import check_choice
 from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym.errors import OptionError
 
+if TYPE_CHECKING:
+    from symbrion_gym.warp.device.vector_env import DeviceVectorEnv
+
 ENGINES = ("mujoco", "warp")
 """Engines that step the simulations of a vector environment."""
+ARRAYS = ("numpy", "jax", "torch")
+"""What environments take and return; only "warp" knows others than the first."""
 
 
-def make_vector_env(num_envs: int = 1, backend: str = "mujoco", **options: Any) -> OrganismVectorEnv:
+def make_vector_env(
+    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
+) -> OrganismVectorEnv | DeviceVectorEnv:
     """Make a vector environment.
 
     Args:
         num_envs: number of simulations.
         backend: "mujoco": MuJoCo's C engine, on threads; "warp": MuJoCo Warp, on a GPU.
-        options: those of `OrganismVectorEnv`, or of `WarpVectorEnv`.
+        array: "numpy"; with "warp" also "jax" or "torch": observations, rewards, endings and automatic resets then
+            stay on the device.
+        options: those of `OrganismVectorEnv`, of `WarpVectorEnv`, or of `DeviceVectorEnv`.
 
     Raises:
         OptionError: there is no such engine, or an option is unknown or out of range.
         MissingExtraError: the engine needs an extra that is not installed.
     """
     check_choice("backend", backend, ENGINES, OptionError)
+    check_choice("array", array, ARRAYS, OptionError)
+    if backend == "mujoco" and array != "numpy":
+        raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
     if backend == "mujoco":
         return OrganismVectorEnv(num_envs, **options)
+    if array != "numpy":
+        from symbrion_gym.warp.requirements import import_warp
+
+        import_warp()
+        from symbrion_gym.warp.device.vector_env import DeviceVectorEnv
+
+        return DeviceVectorEnv(num_envs, array, **options)
     from symbrion_gym.warp.warp_vector_env import WarpVectorEnv
 
     return WarpVectorEnv(num_envs, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from symbrion_gym.environment.models import FieldViews
 from symbrion_gym.environment.randomization import ModelFields
@@ -12,6 +12,23 @@ from symbrion_gym.warp.batch import VARIED, WarpBatch
 
 _TURN = 4
 """Entry of a geom's surface velocity that drives: its rate about the lateral axis."""
+
+
+def list_columns(world: World) -> dict[str, Int[np.ndarray, " C"]]:
+    """Return which entries of the flattened fields of the model differ between simulations, name -> columns."""
+    geoms = np.concatenate([world.robot_geoms, world.patch_geoms])
+    varied = {"geom_friction": geoms, "actuator_forcerange": world.hinge_servos}
+    if not len(world.wheel_servos):
+        varied["geom_surfacevel"] = world.track_geoms.ravel()
+    widths = {name: getattr(world.model, name).shape[1] for name in varied}
+    return {
+        name: (ids[:, None] * widths[name] + np.arange(widths[name])).ravel() for name, ids in varied.items()
+    }
+
+
+def list_driven(world: World) -> Int[np.ndarray, " T"]:
+    """Return the entries of the flattened surface velocities that drive, module by module."""
+    return world.track_geoms.ravel() * world.model.geom_surfacevel.shape[1] + _TURN
 
 
 class WarpModel:
@@ -25,18 +42,9 @@ class WarpModel:
     def __init__(self, batch: WarpBatch, world: World) -> None:
         self._batch, self._world = batch, world
         self._fields = {name: batch.expand(name) for name in VARIED}
-        geoms = np.concatenate([world.robot_geoms, world.patch_geoms])
-        varied = {"geom_friction": geoms, "actuator_forcerange": world.hinge_servos}
-        if not len(world.wheel_servos):
-            varied["geom_surfacevel"] = world.track_geoms.ravel()
-        self._columns = {name: self._list_columns(name, ids) for name, ids in varied.items()}
-        self._driven = world.track_geoms.ravel() * self._fields["geom_surfacevel"].shape[2] + _TURN
+        self._columns = list_columns(world)
+        self._driven = list_driven(world)
         self._begun: list[int] = []
-
-    def _list_columns(self, name: str, ids: np.ndarray) -> np.ndarray:
-        """Return the entries of some geoms or actuators in the flattened field."""
-        width = self._fields[name].shape[2]
-        return (ids[:, None] * width + np.arange(width)).ravel()
 
     def select(self, row: int, index: int) -> ModelFields:
         """Return the fields of a simulation's own that begins; there is one world."""

@@ -96,10 +96,9 @@ class Swarm(SeededCommand):
     def _show(self, track: Any, row: dict[str, Any], console: Console) -> None:
         """Write timeline and film of the first story."""
         import symbrion_gym as sg
-        from evolution.experiments.swarm.film import FPS, film_story
+        from evolution.experiments.swarm.film import encode_film
         from evolution.experiments.swarm.pictures import draw_timeline
         from evolution.report.pictures import to_png
-        from evolution.report.video import encode_video
         from symbrion_gym.swarm.starts import find_field
 
         arena = sg.load_arena(self.arena)
@@ -109,6 +108,9 @@ class Swarm(SeededCommand):
             beside.write_bytes(to_png(draw_timeline(track, field, crossing)))
         if self.film and not (self.out / "film.mp4").exists():
             with console.track("film") as step:
-                frames = film_story(track, arena, field, crossing, step.progress)
-                with write_atomically(self.out / "film.mp4") as beside:
-                    beside.write_bytes(encode_video(frames, FPS))
+                film = encode_film(track, arena, field, crossing, step.progress)
+            if film is None:
+                console.print_line("no film: this machine has no OpenGL")
+                return
+            with write_atomically(self.out / "film.mp4") as beside:
+                beside.write_bytes(film)

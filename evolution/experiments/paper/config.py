@@ -41,6 +41,7 @@ class PaperConfig:
         widened_generations: limit of the evolutions before and after the pit is widened.
         model_generations: limit of one evolution in the arena of every network of `gsrm_units` and `gg_triangles`;
             0 skips them.
+        swarm_stories: stories of a swarm that gathers, crosses and parts, with seeds from `seed` on; 0 skips them.
         film_rate: frame rate of the videos [1/s].
         seed: seed of all random numbers.
     """
@@ -58,6 +59,7 @@ class PaperConfig:
     widened: float = 0.05
     widened_generations: int = 40
     model_generations: int = 30
+    swarm_stories: int = 1
     film_rate: int = 20
     seed: int = 0
 
@@ -107,6 +109,7 @@ QUICK = PaperConfig(
     brute_scans=3,
     widened_generations=3,
     model_generations=0,
+    swarm_stories=0,
     film_rate=8,
 )
 """A reduced version, which takes three minutes on two cores."""

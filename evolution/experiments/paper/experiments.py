@@ -18,6 +18,7 @@ from evolution.experiments.paper.models import measure_resolutions
 from evolution.experiments.paper.networks import measure_networks
 from evolution.experiments.paper.physics import measure_physics
 from evolution.experiments.paper.robots import describe_run, evolve_champion, film_robots, judge_champion
+from evolution.experiments.paper.swarm import tell_stories
 from evolution.experiments.paper.widened import measure_widened
 
 Record = dict[str, Any]
@@ -86,6 +87,11 @@ def list_experiments(path: Path, config: PaperConfig, workers: int) -> dict[str,
         listed["resolutions"] = (
             "one champion per resolution",
             lambda progress: measure_resolutions(path, config, workers, progress),
+        )
+    if config.swarm_stories:
+        listed["swarm"] = (
+            "a swarm gathers, crosses and parts",
+            lambda progress: tell_stories(path, champion(), config, progress),
         )
     return listed
 

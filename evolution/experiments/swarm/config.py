@@ -13,6 +13,8 @@ from reconstruction.range_checks import check_counts, check_positive
 from symbrion_gym.swarm.behavior.weights import BehaviorWeights
 
 LEAST_ROBOTS = 2
+BASELINE_TIME = 300.0
+"""A swarm that may not dock explores for so long [s]."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 from jaxtyping import UInt8
 
@@ -11,6 +13,7 @@ from symbrion_gym.swarm.behavior.swarm import Track
 from symbrion_gym.swarm.film import SwarmCamera
 from symbrion_gym.swarm.starts import Field
 
+logger = logging.getLogger(__name__)
 FPS = 20
 """Frames a second."""
 SPEEDS = (20.0, 5.0)
@@ -44,6 +47,32 @@ def film_story(
             progress("film", number / len(moments))
     camera.close()
     return frames
+
+
+def encode_film(
+    track: Track,
+    arena: Arena,
+    field: Field,
+    crossing: tuple[float, float] | None,
+    progress: Progress = silent,
+) -> bytes | None:
+    """Return the film of a story as MP4; None, and a warning, where OpenGL cannot be used.
+
+    Args:
+        track: of the story.
+        arena: of the story.
+        field: the way across the pit.
+        crossing: when the organism set out and was across [s]; None for never.
+        progress: called with the share of the frames.
+    """
+    from evolution.report.video import encode_video
+
+    try:
+        frames = film_story(track, arena, field, crossing, progress)
+    except Exception as error:  # whatever a graphics driver raises
+        logger.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
+        return None
+    return encode_video(frames, FPS)
 
 
 def choose_moments(track: Track, crossing: tuple[float, float] | None) -> list[int]:

@@ -13,7 +13,7 @@ import symbrion_gym as sg
 from evolution.experiments.demo.demo import Track as Steps
 from evolution.experiments.output_folder import refuse_foreign_files
 from evolution.experiments.run_champion import find_run_champion
-from evolution.experiments.swarm.config import StoryConfig, SwarmRunConfig
+from evolution.experiments.swarm.config import BASELINE_TIME, StoryConfig, SwarmRunConfig
 from evolution.experiments.swarm.story import Story, tell_story
 from evolution.search.run import load_champion
 from reconstruction.files.atomic_write import write_atomically
@@ -25,8 +25,6 @@ from symbrion_gym.swarm.behavior.swarm import Track
 MARKER = "swarm.json"
 """The file that the command writes first; it holds what the other files were made with."""
 OUTPUTS = ("run", "stories.json", "track.npz", "timeline.png", "film.mp4", "results.json")
-BASELINE_TIME = 300.0
-"""A swarm that may not dock explores for so long [s]."""
 
 
 @dataclass

@@ -86,7 +86,8 @@ class Learner(NetworkLearner[State, GrowingGridConfig, GridSelection]):
         center = vertices[selection.is_active].mean(axis=0)
         is_kept = ~selection.is_active.reshape(units.shape[:2])
         start = ((spanned - center) / spacing).astype(np.float32)
-        sheet = Sheet(start, selection.is_movable, self.state.has_face, is_kept)
+        number = np.arange(len(vertices)).reshape(units.shape[:2])
+        sheet = Sheet(start, selection.is_movable, self.state.has_face, is_kept, number)
         per_unit = samples.num_known / len(vertices)
         sigmas = config.fit_sigmas or choose_sigmas(per_unit)[: config.refinement.max_fit_iterations]
         scaled = ((samples.points - center) / spacing).astype(np.float32)
@@ -95,8 +96,8 @@ class Learner(NetworkLearner[State, GrowingGridConfig, GridSelection]):
             drawn = draw_samples(scaled, config.refinement.samples_per_unit * num_units, rng)
             sheet = relearn(sheet, make_tiles(drawn), sigmas, config.fit_config, config.refinement)
         moved = sheet.units.astype(np.float64) * spacing + center
-        if moved.shape == units.shape:
-            moved = np.where(selection.is_movable[..., None], moved, units)
+        is_still = (sheet.number >= 0) & ~sheet.is_movable
+        moved[is_still] = vertices[sheet.number[is_still]]
         has_face = find_supported(sheet, scaled, config.refinement)
         is_movable = dilate(~sheet.is_kept | sheet.is_movable, config.refinement.unfold_rings)
         return State(untangle_sheet(moved, has_face, is_movable), has_face), np.zeros(

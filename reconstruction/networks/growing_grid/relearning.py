@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
@@ -30,12 +30,14 @@ class Sheet(NamedTuple):
         is_movable: which units may move.
         has_face: which cells belong to the surface.
         is_kept: units whose old points are still valid.
+        number: which unit of the grid before each is, row after row; -1 where it has been inserted.
     """
 
     units: Float[np.ndarray, "R C 3"]
     is_movable: Bool[np.ndarray, "R C"]
     has_face: Bool[np.ndarray, "R-1 C-1"]
     is_kept: Bool[np.ndarray, "R C"]
+    number: Int[np.ndarray, "R C"]
 
 
 class Window(NamedTuple):
@@ -174,7 +176,7 @@ def _insert_where_stretched(
         return sheet
     parts = np.clip(np.round(stretch[axis]), 1, config.max_lines).astype(np.int64)
     parts[stretch[axis] < max(config.stretch, longest / 2)] = 1
-    units, is_movable, has_face, is_kept = (array.swapaxes(0, axis) for array in sheet)
+    units, is_movable, has_face, is_kept, number = (array.swapaxes(0, axis) for array in sheet)
     gap = np.repeat(np.arange(len(parts)), parts)
     is_old = np.r_[True, gap[1:] != gap[:-1]][:, None]
 
@@ -187,6 +189,7 @@ def _insert_where_stretched(
         insert(is_movable, is_movable[:-1] | is_movable[1:]),
         has_face[gap],
         insert(is_kept, is_kept[:-1] & is_kept[1:]),
+        np.concatenate([np.where(is_old, number[gap], -1), number[-1:]]),
     )
     return Sheet(*(array.swapaxes(0, axis) for array in grown))
 

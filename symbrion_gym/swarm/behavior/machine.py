@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symbrion_gym.swarm.behavior import transitions
+from symbrion_gym.swarm.behavior.dead_reckoning import carry, locate, recall
 from symbrion_gym.swarm.behavior.memory import DISSOLVE, STAY, Memory, Mode, make_ticket, read_ticket
 from symbrion_gym.swarm.behavior.motion import find_tracks
 from symbrion_gym.swarm.behavior.percepts import FRONT, NOBODY, Percepts, Wired, Words
@@ -29,7 +30,12 @@ from symbrion_gym.swarm.world import DECISION, SwarmCommands
 FOLDED = np.pi / 2
 """Angle of an arm that nothing is docked to [rad]."""
 ASKING = 0.3
-"""Chance that a robot that waits asks in a decision: two that ask at once are not understood."""
+"""Chance that a robot that waits asks in a decision: two that ask at once are not understood. One that was accepted
+goes on asking, as a sign that it comes."""
+SILENCE = 15.0
+"""An organism that has not heard of the robot that it has accepted for so long accepts another [s]."""
+NEARER = 0.03
+"""A robot that locates a beacon has come nearer where its distance is less by this [m]."""
 _ALONE = 4.0
 """A robot that met something follows no calls for this many times its `avoid_time`."""
 _PAUSE = 10.0
@@ -88,6 +94,8 @@ class Machine:
         """
         chance = rng.random((3, self.num_robots))
         memory = self._listen(percepts, memory)
+        percepts = percepts._replace(beacon=recall(percepts.beacon, memory.dock))
+        memory = self._time_approach(percepts, memory)
         here = Situation(percepts, memory, self.plan, self.weights, self._numbers)
         following = transitions.find_next(here) if self.docks else memory.mode
         memory = self._enter(here, following, chance[0], chance[2])
@@ -109,6 +117,7 @@ class Machine:
         heard = np.where(percepts.docked, wired.ticket, 0).max(axis=-1)
         leader = np.where(percepts.docked, wired.leader, 0).max(axis=-1) - 1
         is_heard = percepts.beacon.is_heard | percepts.guide.is_heard
+        dock = carry(memory.dock, percepts.odometry - memory.ran)
         return memory._replace(
             since=memory.since + DECISION,
             roles=roles,
@@ -123,6 +132,25 @@ class Machine:
             unseen=np.where(percepts.beacon.is_heard, 0.0, memory.unseen + DECISION),
             alone=np.maximum(memory.alone - DECISION, 0.0),
             growth=np.where(roles != memory.roles, 0.0, memory.growth + DECISION),
+            dock=np.where(percepts.beacon.is_heard[:, None], locate(percepts.beacon), dock),
+            ran=percepts.odometry,
+        )
+
+    def _time_approach(self, percepts: Percepts, memory: Memory) -> Memory:
+        """Note how long robots have come no nearer, have asked, and were accepted without a word."""
+        beacon, asker = percepts.beacon, percepts.asker
+        locates = memory.mode == Mode.LOCATE_BEACON
+        begins = locates & (memory.since <= DECISION)
+        nearest = np.where(begins, np.inf, memory.nearest)
+        comes_nearer = locates & beacon.is_heard & (beacon.distance < nearest - NEARER)
+        waits = memory.mode == Mode.WAIT
+        is_free = ~beacon.is_heard | (beacon.accepts == NOBODY)
+        answers = asker.is_heard & (asker.asker == read_ticket(memory.ticket)[1])
+        return memory._replace(
+            nearest=np.where(comes_nearer, beacon.distance, nearest),
+            stalled=np.where(comes_nearer, 0.0, memory.stalled + locates * DECISION),
+            asking=np.where(waits & is_free, memory.asking + DECISION, 0.0),
+            unanswered=np.where(answers, 0.0, memory.unanswered + DECISION),
         )
 
     def _enter(self, here: Situation, following: np.ndarray, chance: np.ndarray, coin: np.ndarray) -> Memory:
@@ -180,7 +208,8 @@ class Machine:
         version, accepted = read_ticket(memory.ticket)
         recruits = (memory.mode == Mode.RECRUIT) & here.open_docks.any(axis=-1)
         takes = recruits & (accepted < 0) & asker.is_heard
-        is_slow = recruits & (accepted >= 0) & (memory.accepted_since > self.weights.accept_time)
+        is_late = (memory.accepted_since > self.weights.accept_time) | (memory.unanswered > SILENCE)
+        is_slow = recruits & (accepted >= 0) & is_late
         is_done = np.isin(memory.mode, _ORGANIC) & (accepted == here.numbers)
         drops = is_slow | is_done
         robot = np.where(takes, asker.asker, NOBODY)
@@ -188,6 +217,7 @@ class Machine:
         return memory._replace(
             ticket=np.where(changes, make_ticket(version + 1, robot), memory.ticket),
             accepted_since=np.where(changes, 0.0, memory.accepted_since),
+            unanswered=np.where(changes, 0.0, memory.unanswered),
         )
 
     def _bend(self, here: Situation) -> np.ndarray:
@@ -214,7 +244,9 @@ class Machine:
         calls &= ~is_full & (memory.goes == STAY)
         is_beacon = (calls & (memory.mode == Mode.RECRUIT))[:, None] & here.open_docks
         is_guide = calls[:, None] & ~here.percepts.docked & ~is_beacon
-        asks = (memory.mode == Mode.WAIT) & (chance < ASKING) & here.percepts.beacon.is_heard
+        beacon = here.percepts.beacon
+        asks = (memory.mode == Mode.WAIT) & beacon.is_heard & (beacon.accepts == NOBODY)
+        asks = (asks | np.isin(memory.mode, _DOCKING)) & (chance < ASKING)
         size = transitions.count_robots(memory)
         return Words(
             is_beacon=is_beacon,

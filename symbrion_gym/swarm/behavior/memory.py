@@ -52,6 +52,12 @@ class Memory(NamedTuple):
         has_climbed: whether it has been on a slope since it began to retreat.
         recoveries: how often it has recovered.
         growth: time since its organism has grown [s].
+        dock: pose of the beacon as it was last heard and since carried on by odometry: ahead [m], left [m], axis [rad].
+        ran: odometry at the last decision [m].
+        nearest: least distance to the beacon since the robot began to locate it [m].
+        stalled: time for which it has come no nearer [s].
+        asking: time for which it has asked, and nobody was accepted [s].
+        unanswered: time since the organism heard of the robot that it has accepted [s].
     """
 
     mode: Int[np.ndarray, " N"]
@@ -73,6 +79,12 @@ class Memory(NamedTuple):
     has_climbed: Bool[np.ndarray, " N"]
     recoveries: Int[np.ndarray, " N"]
     growth: Float[np.ndarray, " N"]
+    dock: Float[np.ndarray, "N 3"]
+    ran: Float[np.ndarray, "N 2"]
+    nearest: Float[np.ndarray, " N"]
+    stalled: Float[np.ndarray, " N"]
+    asking: Float[np.ndarray, " N"]
+    unanswered: Float[np.ndarray, " N"]
 
     @classmethod
     def begin(cls, num_robots: int) -> Memory:
@@ -99,6 +111,12 @@ class Memory(NamedTuple):
             has_climbed=no,
             recoveries=whole,
             growth=zeros,
+            dock=np.zeros((num_robots, 3)),
+            ran=np.zeros((num_robots, 2)),
+            nearest=zeros + np.inf,
+            stalled=zeros,
+            asking=zeros,
+            unanswered=zeros,
         )
 
     def start(

@@ -31,6 +31,8 @@ LEAVE_GAP = 0.06
 """... and so much farther for each that comes behind it [m]."""
 LEAVE_TIME = 60.0
 """And so long at most [s]."""
+STALL_TIME = 12.0
+"""A robot that comes no nearer to its beacon for so long backs off, turning [s]."""
 
 
 class Situation(NamedTuple):
@@ -60,6 +62,11 @@ class Situation(NamedTuple):
         """Whether a beacon is heard that wants this robot."""
         beacon = self.percepts.beacon
         return beacon.is_heard & (beacon.accepts == self.numbers)
+
+    @property
+    def is_known(self) -> Bool[np.ndarray, " N"]:
+        """Whether a beacon was heard lately, so that the robot knows about where it is."""
+        return self.memory.unseen <= self.weights.lost_time
 
     @property
     def wanted(self) -> Int[np.ndarray, "N 4"]:
@@ -126,7 +133,7 @@ def wait(here: Situation) -> Next:
 
 
 def locate_beacon(here: Situation) -> Next:
-    """Return ALIGN near the dock, WAIT where another is accepted."""
+    """Return ALIGN near the dock, WAIT where another is accepted, RECOVER where it comes no nearer."""
     beacon, weights = here.percepts.beacon, here.weights
     is_near = here.is_accepted & (beacon.distance < weights.align_distance)
     other = beacon.is_heard & (beacon.accepts != here.numbers)
@@ -134,6 +141,7 @@ def locate_beacon(here: Situation) -> Next:
         Mode.LOCATE_BEACON,
         (is_near, Mode.ALIGN),
         (other, Mode.WAIT),
+        (here.memory.stalled > STALL_TIME, Mode.RECOVER),
         (here.memory.unseen > weights.lost_time, Mode.EXPLORE),
         (here.memory.since > weights.accept_time, Mode.EXPLORE),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import radians
 from typing import Any
@@ -66,7 +67,7 @@ class BehaviorWeights:
     dock_time: float = _weight(8.0, 2.0, 20.0)
     recover_speed: float = _weight(0.05, 0.01, 0.10)
     recover_time: float = _weight(4.0, 0.5, 10.0)
-    lost_time: float = _weight(3.0, 0.3, 15.0)
+    lost_time: float = _weight(8.0, 0.3, 15.0)
     accept_time: float = _weight(60.0, 10.0, 200.0)
     guide_offset: float = _weight(0.35, 0.2, 0.8)
     patience: float = _weight(600.0, 60.0, 900.0)
@@ -74,8 +75,22 @@ class BehaviorWeights:
     def __post_init__(self) -> None:
         for name, (low, high) in list_bounds().items():
             value = getattr(self, name)
-            if not low <= value <= high:
+            if not (np.all(low <= np.asarray(value)) and np.all(np.asarray(value) <= high)):
                 raise OptionError(f"weight {name} must be from {low:.4g} to {high:.4g}, got {value!r}")
+
+    @classmethod
+    def stack(cls, weights: Sequence[BehaviorWeights], num_robots: int) -> BehaviorWeights:
+        """Return weights whose values are arrays, one value a robot: swarms with other weights in one world.
+
+        Args:
+            weights: of the swarms, each of so many robots in turn.
+            num_robots: of each swarm.
+        """
+        values: dict[str, Any] = {
+            each.name: np.repeat([getattr(one, each.name) for one in weights], num_robots)
+            for each in fields(cls)
+        }
+        return cls(**values)
 
     @classmethod
     def from_genotype(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from symbrion_gym.swarm.kinematic.rotations import make_rotations
-from symbrion_gym.swarm.kinematic.steering import find_track_points
+from symbrion_gym.swarm.kinematic.skidding import find_track_points
 
 if TYPE_CHECKING:
     from jaxtyping import Float, Int

@@ -93,7 +93,7 @@ class KinematicWorld:
         if isinstance(num_robots, bool) or not isinstance(num_robots, int | np.integer) or num_robots < 1:
             raise OptionError(f"num_robots must be a whole number of at least 1, got {num_robots!r}")
         self.arena, self.num_robots = arena, int(num_robots)
-        self.scout, self.docks = scout or ScoutConfig(), docks or DockConfig()
+        self.scout, self.docks = scout or ScoutConfig(friction=arena.friction), docks or DockConfig()
         self.config = config or KinematicConfig()
         self.sight = Sight(arena, self.scout)
         self._ground = Ground(arena, self.scout, self.config, self.sight)
@@ -229,7 +229,8 @@ class KinematicWorld:
         """Return where robots would be after their motion and after its turn alone, and the ground of the first."""
         groups = self._roots
         layout = self._mate(find_layout(old, groups))
-        twist = find_twists(tracks, groups, layout, old.hinge, self.scout)
+        pulls = -old.rotation[:, 2, :2] / old.rotation[:, 2, 2:]
+        twist = find_twists(tracks, groups, layout, old.hinge, pulls, self.scout)
         root_rotation, root_heading = old.rotation[groups], old.heading[groups]
         turn = twist[:, 2] * DECISION
         c, s = np.cos(0.5 * turn), np.sin(0.5 * turn)

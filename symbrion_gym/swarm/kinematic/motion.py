@@ -129,10 +129,11 @@ def avoid_overlaps(
         is_bad = _measure(now, now, pairs, scout) > allowed
         if not is_bad.any():
             return level
-        by_first = is_bad & (_measure(now, before, pairs, scout) > allowed) & (level[pairs[0]] < STAY)
-        by_second = is_bad & (_measure(before, now, pairs, scout) > allowed) & (level[pairs[1]] < STAY)
-        by_both = is_bad & ~by_first & ~by_second
-        causes = np.concatenate([pairs[0][by_first | by_both], pairs[1][by_second | by_both]])
+        bad = pairs[0][is_bad], pairs[1][is_bad]
+        by_first, by_second = _find_movers(now, before, bad, allowed[is_bad], scout)
+        by_first, by_second = by_first & (level[bad[0]] < STAY), by_second & (level[bad[1]] < STAY)
+        by_both = ~by_first & ~by_second
+        causes = np.concatenate([bad[0][by_first | by_both], bad[1][by_second | by_both]])
         level = _give_way(level, causes, groups, is_member)
 
 
@@ -158,6 +159,22 @@ def spread_level(level: Int[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) ->
 def outline(poses: Poses, scout: ScoutConfig) -> Outlines:
     """Return robots seen from above."""
     return find_outlines(poses.position, poses.heading, poses.hinge, scout)
+
+
+def _find_movers(
+    now: Outlines,
+    before: Outlines,
+    pairs: tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]],
+    allowed: Float[np.ndarray, " P"],
+    scout: ScoutConfig,
+) -> Bool[np.ndarray, "2 P"]:
+    """Return whether the first robot of each pair overlaps where the second one was, and the second the first."""
+    first, second = pairs
+    ones, others = (
+        Outlines(*(np.concatenate([a[i], b[i]]) for a, b in zip(*moved, strict=True)))
+        for moved, i in (((now, before), first), ((before, now), second))
+    )
+    return find_overlaps(ones, others, scout).reshape(2, -1) > allowed
 
 
 def _measure(

@@ -20,9 +20,15 @@ def make_rotations(
 ) -> Float[np.ndarray, "N 3 3"]:
     """Return attitudes with z along normals and x, seen from above, along headings [rad]."""
     c, s = np.cos(heading), np.sin(heading)
-    ahead = np.column_stack([c, s, -(normal[:, 0] * c + normal[:, 1] * s) / normal[:, 2]])
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    return np.stack([ahead, np.cross(normal, ahead), normal], axis=2)
+    x, y, z = normal[:, 0], normal[:, 1], normal[:, 2]
+    rise = -(x * c + y * s) / z
+    length = np.sqrt(c * c + s * s + rise * rise)
+    c, s, rise = c / length, s / length, rise / length
+    result = np.empty((len(normal), 3, 3))
+    result[:, 0, 0], result[:, 1, 0], result[:, 2, 0] = c, s, rise
+    result[:, 0, 1], result[:, 1, 1], result[:, 2, 1] = y * rise - z * s, z * c - x * rise, x * s - y * c
+    result[:, :, 2] = normal
+    return result
 
 
 def find_spins(

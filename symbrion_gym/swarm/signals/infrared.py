@@ -22,6 +22,8 @@ NUM_UNITS = 8
 """Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""
 _LEAST_READING = 0.5
 """Light below this reading is none [counts]: the standard deviation of the noise."""
+_NARROW = 0.92
+"""Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part."""
 _LEAST_DISTANCE = 0.01
 """Smaller distances count as this one [m]: units do not touch."""
 
@@ -107,15 +109,24 @@ def _find_pairs(
     radius: float,
     config: SignalConfig,
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
-    """Return which senders may reach which robots: they are near enough and not behind the dock."""
-    reach = (config.gain / _LEAST_READING) ** (1.0 / config.falloff) + radius
+    """Return which senders may reach which robots: near enough for that part of the light, and not behind the dock."""
     place = state.position
     ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
     squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
-    is_near = (ahead > -radius) & (squared < reach**2)
+    outside = (1.0 - config.side_share) * _NARROW**config.lobe + config.side_share
+    side_reach, reach = (_find_reach(config, lobe) + radius for lobe in (outside, 1.0))
+    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * np.maximum(
+        np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0
+    ) ** 2
+    is_near = (ahead > -radius) & (squared < np.where(is_narrow, reach, side_reach) ** 2)
     is_near[np.arange(len(sender)), sender] = False
     pair, receiver = np.nonzero(is_near)
     return pair, receiver
+
+
+def _find_reach(config: SignalConfig, lobe: float) -> float:
+    """Return how far a beacon shines with a share of its light [m]."""
+    return (config.gain * lobe / _LEAST_READING) ** (1.0 / config.falloff) if lobe > 0.0 else 0.0
 
 
 def find_readings(

@@ -111,8 +111,9 @@ def test_the_full_run_is_the_papers() -> None:
     names = list(list_experiments(Path(), config, 1))
     assert names == [
         "cloud", "networks", "arenas", "evolution", "physics", "laser", "films", "widened", "resolutions",
+        "swarm",
     ]  # fmt: skip
-    assert "resolutions" not in list_experiments(Path(), QUICK, 1)
+    assert not {"resolutions", "swarm"} & set(list_experiments(Path(), QUICK, 1))
     assert {"gg", "gsrm", "simple", "boxes", "hfield", "prisms"} <= set(RECIPES)
 
 

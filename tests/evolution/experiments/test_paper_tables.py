@@ -4,6 +4,7 @@ from pathlib import Path
 
 from evolution.experiments.paper.benchmark import load_benchmark
 from evolution.experiments.paper.page import tables
+from evolution.experiments.paper.page.swarm import tabulate_stories
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
 COST = {"mean": 50.0, "deviation": 2.0, "median": 49.0}
@@ -134,3 +135,11 @@ def test_an_absent_benchmark_is_reported() -> None:
     table = tables.tabulate_models(load_benchmark(Path("nowhere")))
     assert {row[1] for row in table.rows} == {"not measured"}
     assert "no results of the benchmark" in table.caption
+
+
+def test_stories_of_a_swarm_without_an_organism_have_no_times() -> None:
+    story = {"seed": 0, "gathered": 474.7, "crossed": 511.02, "recoveries": 18, "across": 8}
+    failed = {"seed": 1, "gathered": None, "crossed": None, "recoveries": 60, "across": 0}
+    first, second = check(tabulate_stories(record({"stories": [story, failed]})))
+    assert first == ["0", "474.7", "511.02", "18", "8"]
+    assert second == ["1", "-", "-", "60", "0"]

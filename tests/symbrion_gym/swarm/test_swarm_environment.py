@@ -1,6 +1,7 @@
 """The PettingZoo environment of a swarm: its own tests, refusals, equal seeds, what success is."""
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from symbrion_gym import swarm_v0
 from symbrion_gym.errors import ArenaError, OptionError
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.swarm.environment import SwarmEnv
+from symbrion_gym.swarm.fidelity import FIDELITIES
 
 pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
 
@@ -18,14 +20,62 @@ def env() -> SwarmEnv:
     return swarm_v0.parallel_env(arena="truth", num_robots=3, duration=2.0)
 
 
-def test_passes_the_tests_of_pettingzoo() -> None:
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_passes_the_tests_of_pettingzoo(fidelity: str) -> None:
     from pettingzoo.test import parallel_api_test
     from pettingzoo.test.seed_test import parallel_seed_test
 
+    def make(**options: Any) -> SwarmEnv:
+        return swarm_v0.parallel_env(arena="truth", num_robots=2, fidelity=fidelity, **options)
+
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(swarm_v0.parallel_env(arena="truth", num_robots=2, duration=1.0), num_cycles=20)
-        parallel_seed_test(lambda: swarm_v0.parallel_env(arena="truth", num_robots=2), num_cycles=15)
+        parallel_api_test(make(duration=1.0), num_cycles=20)
+        parallel_seed_test(make, num_cycles=15)
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES)
+def test_robots_dock_drive_and_part_at_every_fidelity(fidelity: str) -> None:
+    env = swarm_v0.parallel_env(arena="truth", num_robots=3, fidelity=fidelity)
+    env.reset(seed=0)
+    pitch = env.world.scout.pitch
+    env.world.reset(np.array([[-2.2, 0.0, 0.0], [-2.206 - pitch, 0.0, 0.0], [-2.8, 0.5, 0.0]]))
+    front, back = np.full(15, -1.0), np.full(15, -1.0)
+    front[:3] = back[:3] = [0.2, 0.2, 0.0]
+    front[3], back[4] = 1.0, 1.0
+    for _ in range(30):
+        observations, *_, info = env.step({"robot_0": back, "robot_1": front})
+    assert [info[agent]["organism"] for agent in env.agents] == [0, 0, 2]
+    assert observations["robot_1"][13] == observations["robot_0"][14] == 1.0
+    way = env.world.state.position[:, 0] - [-2.2, -2.206 - pitch, -2.8]
+    np.testing.assert_allclose(way, [0.06, 0.06, 0.0], atol=0.012)
+    *_, info = env.step({})
+    assert [info[agent]["organism"] for agent in env.agents] == [0, 1, 2]
+
+
+def test_levels_of_physics_are_those_of_the_option() -> None:
+    names = {
+        fidelity: type(swarm_v0.parallel_env(arena="truth", num_robots=1, fidelity=fidelity).world).__name__
+        for fidelity in FIDELITIES
+    }
+    assert names == {"kinematic": "KinematicWorld", "dynamic": "DynamicWorld", "mixed": "MixedWorld"}
+    assert type(swarm_v0.parallel_env(arena="truth", num_robots=1).world).__name__ == "KinematicWorld"
+
+
+def test_images_show_the_robots_where_they_are() -> None:
+    env = swarm_v0.parallel_env(arena="truth", num_robots=2, render_mode="rgb_array")
+    with pytest.raises(OptionError, match="call reset"):
+        env.render()
+    env.reset(seed=0)
+    first = env.render()
+    assert first is not None
+    assert first.shape == (400, 640, 3)
+    assert first.dtype == np.uint8
+    np.testing.assert_array_equal(first, env.render())
+    env.world.reset(np.array([[-2.0, 0.0, 0.0], [-2.0, 0.4, 0.0]]))
+    assert (env.render() != first).any(axis=-1).sum() > 500
+    env.close()
+    env.close()
 
 
 @pytest.mark.parametrize(
@@ -36,7 +86,8 @@ def test_passes_the_tests_of_pettingzoo() -> None:
         ({"duration": -1.0}, "duration"),
         ({"noise": "much"}, "noise must be a number"),
         ({"robots": 3}, "no option 'robots'; there are: arena, num_robots"),
-        ({"render_mode": "human"}, "no render mode 'human'"),
+        ({"render_mode": "human"}, "no render mode 'human'; there is 'rgb_array'"),
+        ({"fidelity": "exact"}, "no fidelity 'exact'; there are: kinematic, dynamic, mixed"),
     ],
 )
 def test_bad_options_are_refused_in_one_line(options: dict, message: str) -> None:

@@ -5,7 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from symbrion_gym.tasks.host_arrays import HostArrays
 from symbrion_gym.tasks.terminations import Stuck
+
+
+class State(HostArrays, SimpleNamespace):
+    """A state of what is given alone."""
 
 
 def make_state(num: int) -> Any:
@@ -16,8 +21,13 @@ def make_state(num: int) -> Any:
         value = initial(state) if callable(initial) else np.full(num, initial)
         return memory.setdefault(name, value)
 
-    state = SimpleNamespace(
-        num=num, dt=0.5, progress=np.zeros(num), start_progress=np.zeros(num), tick=np.zeros(num)
+    state = State(
+        num=num,
+        dt=0.5,
+        memory=memory,
+        progress=np.zeros(num),
+        start_progress=np.zeros(num),
+        tick=np.zeros(num),
     )
     state.remember = remember
     return state

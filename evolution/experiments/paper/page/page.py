@@ -15,6 +15,7 @@ from evolution.experiments.paper.page.results import (
     add_robots,
     add_widened,
 )
+from evolution.experiments.paper.page.swarm import add_swarm
 from evolution.report.page import Page
 
 MAX_PHYSICS_RATIO, MAX_LASER_RATIO = 1.3, 1.5
@@ -84,6 +85,7 @@ def write_paper_page(
     add_robots(context)
     add_models(context)
     add_widened(context)
+    add_swarm(context)
     page.add_section("What differs from the paper")
     page.add_list(DEVIATIONS)
     _add_times(context)
