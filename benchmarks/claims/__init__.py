@@ -22,6 +22,7 @@ from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
 from benchmarks.claims.staircase import STAIRCASE
+from benchmarks.claims.swarm import SWARM
 from benchmarks.claims.warp import WARP
 from benchmarks.figures import Claim
 
@@ -44,6 +45,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Evolution": EVOLUTION,
     "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,
+    "Swarms": SWARM,
     "Startup time": IMPORTS,
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)
