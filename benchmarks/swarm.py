@@ -20,6 +20,7 @@ PARTS = {
     "batch": "benchmarks.material.swarm_batch:measure_batch",
     "docking": "benchmarks.material.swarm_behavior:measure_docking",
     "story": "benchmarks.material.swarm_behavior:measure_story",
+    "weights": "benchmarks.material.swarm_weights:measure_weights",
     "random": "benchmarks.material.swarm_random:measure_random",
 }
 """Part -> module and function, which takes `quick`."""

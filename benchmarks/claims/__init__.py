@@ -23,6 +23,7 @@ from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
 from benchmarks.claims.staircase import STAIRCASE
 from benchmarks.claims.swarm import SWARM
+from benchmarks.claims.warp import WARP
 from benchmarks.figures import Claim
 
 GROUPS: dict[str, tuple[Claim, ...]] = {
@@ -39,6 +40,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Known objects": OBJECTS,
     "Environment": ENVIRONMENT,
     "Physics against theory": PHYSICS,
+    "MuJoCo Warp against C": WARP,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "The landscape of bodies": LANDSCAPE,

@@ -211,6 +211,18 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "evolution/experiments/swarm",
         "benchmarks/material/swarm_behavior.py",
     ),
+    "warp": (
+        *_ROBOT,
+        *_READY_MADE,
+        "symbrion_gym/warp/batch.py",
+        "symbrion_gym/warp/model_fields.py",
+        "symbrion_gym/warp/requirements.py",
+        "benchmarks/material/warp_parity.py",
+        "benchmarks/material/warp_steps.py",
+    ),
+    "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
     "staircase": (
         *_NETWORKS,
         *_PIECES,

@@ -43,19 +43,25 @@ class Poses(NamedTuple):
         return find_headings(self.rotation)
 
 
-def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+def choose_roots(
+    groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"], speed: Float[np.ndarray, " N"]
+) -> Int[np.ndarray, " N"]:
     """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Of equal parts it is the one that stands: tracks that already slide resist a turn less than parked ones.
 
     Args:
         groups: number of each robot's group.
         roots: roots of the groups before.
+        speed: of the robots [m/s].
     """
     result = np.arange(len(roots))
     for group in np.flatnonzero(np.bincount(groups, minlength=len(groups)) > 1):
         members = np.flatnonzero(groups == group)
         former, sizes = np.unique(roots[members], return_counts=True)
         stays = np.isin(former, members)
-        result[members] = former[stays][sizes[stays].argmax()] if stays.any() else members[0]
+        former, sizes = former[stays], sizes[stays]
+        result[members] = former[np.lexsort((speed[former], -sizes))[0]] if stays.any() else members[0]
     return result
 
 
