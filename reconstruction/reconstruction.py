@@ -72,8 +72,9 @@ class Reconstruction:
         notes: dict[str, Any] | None = None,
         slip: FrictionReadings | None = None,
         far: FarFaces | None = None,
+        sheet: Sheet | None = None,
     ):
-        """Wrap a network; `reconstruct` and `load` are the ways to get one; `far` is known after `refine`."""
+        """Wrap a network; `reconstruct` and `load` are the ways to get one; `far`, `sheet` are known after `refine`."""
         self.method = method
         self.config = config
         self.state = state
@@ -81,6 +82,8 @@ class Reconstruction:
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
         self.slip = slip
+        if sheet is not None:
+            self._sheet = sheet
         self._far = self._measure_far() if far is None else far
         self._is_updated = far is not None
         self.mesh = self._make_mesh()
@@ -243,8 +246,10 @@ class Reconstruction:
             added, note = match_colors(valid, added.replace(colors=colors))
             notes = {"colors": note} if note else {}
         cloud = join_clouds(valid, added)
-        far = self._update_far(state, self.points[~is_valid], cloud)
-        return Reconstruction(self.method, self.config, state, cloud, notes=notes, slip=felt, far=far)
+        far, sheet = self._update_far(state, self.points[~is_valid], cloud)
+        return Reconstruction(
+            self.method, self.config, state, cloud, notes=notes, slip=felt, far=far, sheet=sheet
+        )
 
     def _with_slip(
         self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None
@@ -309,16 +314,18 @@ class Reconstruction:
 
         return measure_far_faces(*self._sheet, SeenPoints(self.points, self.viewpoints, self.seen_from))
 
-    def _update_far(self, state: State, removed: Float[np.ndarray, "D 3"], cloud: Cloud) -> FarFaces:
-        """Return which faces of the network that has learned on are far from every reading."""
+    def _update_far(
+        self, state: State, removed: Float[np.ndarray, "D 3"], cloud: Cloud
+    ) -> tuple[FarFaces, Sheet]:
+        """Return which faces of the network that has learned on are far from every reading, and its faces."""
         from reconstruction.surfaces.far_faces import SeenPoints
         from reconstruction.surfaces.far_updates import Sheet, update_far_faces
 
         if state is self.state and not len(removed) and not self._far.is_far.any():
-            return self._far
+            return self._far, self._sheet
         sheet = Sheet(state.units.reshape(-1, 3), state.faces.astype(np.int64))
         seen = SeenPoints(cloud.points, cloud.viewpoints, cloud.seen_from)
-        return update_far_faces(self._far, self._sheet, sheet, removed, seen)
+        return update_far_faces(self._far, self._sheet, sheet, removed, seen), sheet
 
     def _make_mesh(self) -> trimesh.Trimesh:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from reconstruction.geometry.boxes import find_near_box
 from reconstruction.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
-from reconstruction.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction.geometry.rows import all_rows, any_corner, cross_rows, find_lengths, sum_rows
 from reconstruction.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
 
 _SHORTEST = 1e-300
@@ -75,6 +75,13 @@ class Tangles(NamedTuple):
     is_searched: Bool[np.ndarray, " F"]
     pairs: Int[np.ndarray, "P 2"]
 
+    def select(self, rows: Int[np.ndarray, " G"]) -> "Tangles":
+        """Return what is known of some of the faces; pairs with others are left out."""
+        place = np.full(len(self.is_tangled), -1)
+        place[rows] = np.arange(len(rows))
+        pairs = place[self.pairs]
+        return Tangles(self.is_tangled[rows], self.is_searched[rows], pairs[all_rows(pairs >= 0)])
+
 
 def find_tangled(
     vertices: Float[np.ndarray, "V 3"],
@@ -137,7 +144,8 @@ def unfold_part(
         return vertices
     used, faces, _ = part
     is_movable, moved = is_movable[used], vertices[used]
-    is_tangled = _find_first(moved, faces, any_corner(is_movable, faces), config)
+    found: Tangles | None = _find_first(moved, faces, any_corner(is_movable, faces), config)
+    is_tangled = found.is_tangled
     if not is_tangled.any():
         return vertices
     for stage in config.stages:
@@ -146,10 +154,11 @@ def unfold_part(
         if part is None:
             break
         inner, part_faces, rows = part
-        moved[inner], is_left = _unfold(
-            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner]
+        found = None if found is None else found.select(rows)
+        moved[inner], is_tangled[rows] = _unfold(
+            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner], found
         )
-        is_tangled[rows] = is_left
+        found = None
     mended = vertices.copy()
     mended[used] = moved
     return mended
@@ -158,7 +167,7 @@ def unfold_part(
 def _cut_out(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
 ) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"], Int[np.ndarray, " G"]] | None:
-    """Return the vertices of the faces that movable ones may meet, these faces, and their rows; None where nothing moves.
+    """Return the vertices of the faces that movable ones may meet, these faces, their rows; None where nothing moves.
 
     Faces farther away than the longest side of the movable ones cannot meet these while they move between their
     neighbors.
@@ -183,15 +192,13 @@ def _find_first(
     faces: Int[np.ndarray, "F 3"],
     is_tested: Bool[np.ndarray, " F"],
     config: UnfoldConfig,
-) -> Bool[np.ndarray, " F"]:
+) -> Tangles:
     """Return which of some faces are tangled, before anything has moved."""
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
     is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
-    return find_tangled(
-        vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested
-    ).is_tangled
+    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
 
 
 def unfold_faces(
@@ -219,15 +226,18 @@ def _unfold(
     faces: Int[np.ndarray, "F 3"],
     config: UnfoldConfig,
     is_movable: Bool[np.ndarray, " V"] | None = None,
+    found: Tangles | None = None,
 ) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
-    """Do what `unfold_faces` does; return the faces that are still tangled, too."""
+    """Do what `unfold_faces` does, from what is found already; return the faces that are still tangled, too."""
     is_tested = None if is_movable is None else any_corner(is_movable, faces)
     sides = group_sides(faces, len(vertices))
     hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
     is_boundary_edge = sides.counts == 1
-    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
-    is_suspect = any_corner(is_turn, faces)
-    best = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+    if found is None:
+        is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+        is_suspect = any_corner(is_turn, faces)
+        found = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+    best = found
     if not best.is_tangled.any():
         return vertices, best.is_tangled
     neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))

@@ -59,6 +59,10 @@ class UpdateConfig:
 
 
 UPDATE_DEFAULTS = UpdateConfig()
+_SAME_DISTANCE = 1e-6
+"""Two faces are equally far from a place where their distances differ by no more [m]."""
+_AGAINST = -0.99
+"""Cosine between the normals of two faces that look at one another: 172 degrees and more."""
 _WEIGHTS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
 """Barycentric coordinates of the places of a face that are looked at."""
 
@@ -99,6 +103,8 @@ def find_local_changes(
     if not is_changed.any() and not was_changed.any():
         return LocalChanges(is_removed, is_open, is_changed)
     limit = config.tolerance * accuracy
+    same = trimesh.Trimesh(new.vertices, np.asarray(new.faces)[~is_changed], process=False)
+    is_changed &= ~_find_covered(new, is_changed, same, 10.0**-config.digits)
     places = np.concatenate(
         [new.triangles[is_changed].reshape(-1, 3), old.triangles[was_changed].reshape(-1, 3)]
     )
@@ -106,7 +112,7 @@ def find_local_changes(
     for row, piece in enumerate(pieces):
         if (piece.bounds[0] <= high).all() and (piece.bounds[1] >= low).all():
             others = [other for place, other in enumerate(pieces) if place != row and _may_meet(piece, other)]
-            is_removed[row] = _stands_alone(piece, others, old, new, limit, config)
+            is_removed[row] = _stands_alone(piece, others, old, new, same, limit, config)
     # What only removed pieces followed needs contact too, also where the surface did not change.
     about = is_changed.copy()
     for row in np.flatnonzero(is_removed):
@@ -146,6 +152,28 @@ def _sort_corners(mesh: trimesh.Trimesh, digits: int) -> Sheet:
     return Sheet(vertices, np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1))
 
 
+def _find_covered(
+    mesh: trimesh.Trimesh, is_tested: Bool[np.ndarray, " F"], same: trimesh.Trimesh, limit: float
+) -> Bool[np.ndarray, " F"]:
+    """Return which faces lie on what is unchanged and look into it: nothing can touch the bottom of a box on a floor.
+
+    Args:
+        mesh: the new surface.
+        is_tested: faces that are looked at.
+        same: what both surfaces have.
+        limit: faces this near lie on one another [m].
+    """
+    is_covered = np.zeros(len(mesh.faces), dtype=bool)
+    rows = np.flatnonzero(is_tested)
+    if not len(rows) or not len(same.faces):
+        return is_covered
+    places, normals = sample_faces(mesh, rows)
+    distance, face, _ = find_nearest(places, np.asarray(same.vertices), np.asarray(same.faces))
+    is_against = np.einsum("ni,ni->n", normals, same.face_normals[face]) < _AGAINST
+    is_covered[rows] = ((distance <= limit) & is_against).reshape(len(rows), -1).all(axis=1)
+    return is_covered
+
+
 def _may_meet(one: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
     return bool((one.bounds[0] <= other.bounds[1]).all() and (one.bounds[1] >= other.bounds[0]).all())
 
@@ -155,6 +183,7 @@ def _stands_alone(
     others: list[trimesh.Trimesh],
     old: trimesh.Trimesh,
     new: trimesh.Trimesh,
+    same: trimesh.Trimesh,
     limit: float,
     config: UpdateConfig,
 ) -> bool:
@@ -165,14 +194,21 @@ def _stands_alone(
         others: pieces that may hide parts of it.
         old: the surface before.
         new: the surface now.
+        same: what both have.
         limit: how far counts [m].
         config: what counts.
     """
     number = int(np.clip(piece.area / config.sample_spacing**2, config.min_samples, config.max_samples))
     places = sample_area(np.asarray(piece.vertices), np.asarray(piece.faces), number)
-    places = places[find_heights(places, new) > limit]
+    heights = find_heights(places, new)
+    places, heights = places[heights > limit], heights[heights > limit]
     if len(places) >= config.min_samples:
-        places = places[find_heights(places, old) < limit / 2]
+        is_new = find_heights(places, old) < limit / 2
+        places, heights = places[is_new], heights[is_new]
+    if len(places) >= config.min_samples and len(same.faces):
+        # Where two faces lie on one another, as the bottom of a box on a floor does, the old one decides.
+        behind = -find_heights(places, same)
+        places = places[~((behind > 0) & (behind <= heights + _SAME_DISTANCE))]
     if len(places) >= config.min_samples and others:
         places = places[ConvexSolids(others).find_depths(places) <= 0.0]
     return len(places) >= config.min_samples

@@ -9,6 +9,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from reconstruction.geometry.rows import find_areas
+
 _LEAST_AREA = 1e-12
 """Triangles with less are no shape [m²]; a ray hits their neighbors."""
 
@@ -24,14 +26,21 @@ class RayMesh:
         """
         self._middle = np.zeros(3)
         self._model: mujoco.MjModel | None = None
-        triangles = np.concatenate([np.zeros((0, 3, 3)), *(np.asarray(mesh.triangles) for mesh in meshes)])
-        crossed = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        triangles = triangles[np.linalg.norm(crossed, axis=1) / 2 > _LEAST_AREA]
-        if not len(triangles):
+        ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+        vertices = np.concatenate([np.zeros((0, 3)), *(np.asarray(mesh.vertices) for mesh in meshes)])
+        faces = np.concatenate(
+            [
+                np.zeros((0, 3), dtype=np.int64),
+                *(np.asarray(mesh.faces) + end for mesh, end in zip(meshes, ends[:-1], strict=True)),
+            ]
+        )
+        faces = faces[find_areas(vertices, faces) > _LEAST_AREA]
+        if not len(faces):
             return
-        flat = triangles.reshape(-1, 3)
-        self._middle = (flat.min(axis=0) + flat.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
-        vertices, index = np.unique(flat - self._middle, axis=0, return_inverse=True)
+        used, index = np.unique(faces, return_inverse=True)
+        vertices = vertices[used]
+        self._middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2  # MuJoCo keeps vertices as float32
+        vertices -= self._middle
         spec = mujoco.MjSpec()
         spec.add_mesh(
             name="triangles",
@@ -58,6 +67,8 @@ class RayMesh:
         distances = np.full(len(origins), np.inf)
         if self._model is None or not len(origins):
             return distances
+        if (origins == origins[0]).all():
+            return self.cast_fans(origins[:1], directions, np.array([len(directions)]))
         places, group = np.unique(origins, axis=0, return_inverse=True)
         order = np.argsort(group.ravel(), kind="stable")
         distances[order] = self.cast_fans(places, directions[order], np.bincount(group.ravel()))

@@ -8,7 +8,6 @@ from jaxtyping import Bool, Float, Int
 from reconstruction.networks.least_squares import FitConfig
 from reconstruction.networks.surface_fit import fit_surface
 from reconstruction.surfaces.edge_flips import flip_edges
-from reconstruction.surfaces.unfolding import unfold_faces
 
 Rounds: TypeAlias = tuple[tuple[int, int], ...]
 """Rounds of a fit: iterations, and samples of each movable vertex that take part."""
@@ -24,7 +23,9 @@ def fit_turning(
     config: FitConfig,
     rounds: Rounds,
 ) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
-    """Return the vertices fitted to their samples and unfolded, and the faces with edges turned along the creases.
+    """Return the vertices fitted to their samples, and the faces with edges turned along the creases.
+
+    Faces may fold or intersect: `unfold_part` takes that out once the whole map has learned.
 
     Args:
         vertices: positions, each with a face.
@@ -51,4 +52,4 @@ def fit_turning(
                 is_movable=is_movable,
                 config=config,
             )
-    return np.where(is_movable[:, None], unfold_faces(vertices, faces), vertices), faces
+    return vertices, faces

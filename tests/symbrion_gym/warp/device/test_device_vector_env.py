@@ -118,6 +118,21 @@ def test_only_some_are_reset_and_equal_seeds_give_equal_bits():
 
 
 @slow
+def test_laser_and_infrared_see_the_exact_surface_as_on_the_c_engine():
+    options = {
+        "arena": "gsrm",
+        "pit": None,
+        "start": None,
+        "sensors": ("laser", "ir"),
+        "autoreset_mode": "Disabled",
+    }
+    one, two = make("mujoco", **options), make(**options)
+    for envs in (one, two):
+        envs.reset(seed=2)
+    assert np.ptp(compare_steps(one, two, 12)[0][0][:, one.observation_structure["laser"]]) > 0.5
+
+
+@slow
 def test_torch_tensors_share_the_memory():
     torch = pytest.importorskip("torch", reason="needs torch")
     envs = make(array="torch")
