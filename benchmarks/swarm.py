@@ -17,8 +17,10 @@ PARTS = {
     "crossing": "benchmarks.material.swarm_crossing:measure_crossing",
     "speed": "benchmarks.material.swarm_docks:measure_speed",
     "kinematic": "benchmarks.material.swarm_kinematic:measure_kinematic",
+    "batch": "benchmarks.material.swarm_batch:measure_batch",
     "docking": "benchmarks.material.swarm_behavior:measure_docking",
     "story": "benchmarks.material.swarm_behavior:measure_story",
+    "weights": "benchmarks.material.swarm_weights:measure_weights",
     "random": "benchmarks.material.swarm_random:measure_random",
 }
 """Part -> module and function, which takes `quick`."""

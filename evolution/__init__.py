@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from evolution.search.evaluation import Evaluation, Evaluator, evaluate
     from evolution.search.loop import load_run, resume
     from evolution.search.run import Run, load_champion
+    from evolution.search.side_by_side import evolve_side_by_side
     from evolution.search.stages import Stage
     from evolution.search.validation import Champion, Validation
 
@@ -55,6 +56,7 @@ __all__ = [
     "evaluate",
     "evolve",
     "evolve_bodies",
+    "evolve_side_by_side",
     "find_controller",
     "judge",
     "load_bodies",

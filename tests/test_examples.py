@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
+import jax
 import numpy as np
 import pytest
 
@@ -110,3 +111,21 @@ def test_a_tracked_rover_drives_up_the_ramp_of_a_scan() -> None:
     assert sum(bool(line.strip()) for line in lines) <= 32  # with its docstrings
     place, goal = load("tracked_rover").drive()
     assert np.linalg.norm(place - goal) < 0.15
+
+
+@pytest.mark.slow
+def test_ppo_learns_on_a_device() -> None:
+    pytest.importorskip("mujoco_warp", reason="the extra gpu is not installed")
+    example = load("train_ppo_gpu")
+    few = example.Settings(horizon=4, epochs=2, minibatches=2)
+    learner, curve = example.train(
+        "truth", "cpu", num_envs=4, updates=2, settings=few, modules=3, num_starts=4, max_episode_steps=3
+    )
+    fresh = example.make_learner(
+        jax.random.key(0), *(size.shape[0] for size in (learner.mean, learner.weights["spread"]))
+    )
+    assert all(np.isfinite(np.asarray(each)).all() for each in jax.tree.leaves(learner))
+    assert np.abs(learner.weights["spread"] - fresh.weights["spread"]).max() > 0.0
+    assert [row["decisions"] for row in curve] == [16, 32]
+    assert sum(row["episodes"] for row in curve) > 0
+    assert 0 <= example.judge(learner, "truth", trials=2, modules=3, duration=1.0) <= 2

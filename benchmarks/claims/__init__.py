@@ -22,6 +22,8 @@ from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
 from benchmarks.claims.staircase import STAIRCASE
+from benchmarks.claims.swarm import SWARM
+from benchmarks.claims.warp import WARP
 from benchmarks.figures import Claim
 
 GROUPS: dict[str, tuple[Claim, ...]] = {
@@ -38,10 +40,12 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Known objects": OBJECTS,
     "Environment": ENVIRONMENT,
     "Physics against theory": PHYSICS,
+    "MuJoCo Warp against C": WARP,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,
+    "Swarms": SWARM,
     "Startup time": IMPORTS,
 }
 CLAIMS: tuple[Claim, ...] = tuple(claim for group in GROUPS.values() for claim in group)

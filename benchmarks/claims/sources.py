@@ -50,6 +50,24 @@ _TRIALS = (*_TRIAL, *_ROBOT)
 _EVOLUTION = (*_SEARCH, "evolution/champions/playback.py", *_ROBOT, *_READY_MADE)
 _RUNS = (*_EVOLUTION, "benchmarks/evolution.py::BASE")
 _MACHINE = "benchmarks/evolution_machine.py"
+_SWARM = (
+    "symbrion_gym/robot",
+    *(
+        f"symbrion_gym/swarm/{name}"
+        for name in (
+            "docks.py",
+            "dynamic",
+            "kinematic",
+            "mixed.py",
+            "senses.py",
+            "sight.py",
+            "signals",
+            "starts.py",
+        )
+    ),
+    *_COURSE,
+    *_READY_MADE,
+)
 
 SOURCES: dict[str, tuple[str, ...]] = {
     "scans": (*_SCANS, "symbrion_gym/sensing", *_COURSE),
@@ -92,6 +110,15 @@ SOURCES: dict[str, tuple[str, ...]] = {
         *_COURSE,
         "benchmarks/material/friction_courses.py",
         "benchmarks/friction.py::measure_patches",
+    ),
+    "landscape": (
+        "assets/landscape",
+        "evolution/bodies",
+        "evolution/body_search/algorithms",
+        "evolution/body_search/prediction.py",
+        "evolution/landscape/reliability.py",
+        "evolution/landscape/replay.py",
+        "evolution/landscape/scores.py",
     ),
     "living": (
         *_NETWORKS,
@@ -176,6 +203,35 @@ SOURCES: dict[str, tuple[str, ...]] = {
         *(f"benchmarks/material/physics_{name}.py" for name in _PHYSICS),
     ),
     "physics/price": (*_TRIALS, *_READY_MADE, "benchmarks/material/physics_contact.py"),
+    "swarm/docks": (*_SWARM, "benchmarks/material/swarm_docks.py"),
+    "swarm/speed": (*_SWARM, "benchmarks/material/swarm_docks.py::measure_speed"),
+    "swarm/crossing": (
+        *_SWARM,
+        "evolution/champions/docked.py",
+        "benchmarks/material/swarm_docks.py::assemble",
+        "benchmarks/material/swarm_crossing.py",
+    ),
+    "swarm/kinematic": (*_SWARM, "benchmarks/material/swarm_kinematic.py"),
+    "swarm/batch": (*_SWARM, "benchmarks/material/swarm_batch.py"),
+    "swarm/random": (*_SWARM, "benchmarks/material/swarm_random.py"),
+    "swarm": (
+        *_SWARM,
+        "symbrion_gym/swarm/behavior",
+        "evolution/experiments/swarm",
+        "benchmarks/material/swarm_behavior.py",
+    ),
+    "warp": (
+        *_ROBOT,
+        *_READY_MADE,
+        "symbrion_gym/warp/batch.py",
+        "symbrion_gym/warp/model_fields.py",
+        "symbrion_gym/warp/requirements.py",
+        "benchmarks/material/warp_parity.py",
+        "benchmarks/material/warp_steps.py",
+    ),
+    "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
     "staircase": (
         *_NETWORKS,
         *_PIECES,

@@ -38,12 +38,12 @@ _RAMP, _RIM = 2.0, 0.1
 
 
 def measure_kinematic(quick: bool = False) -> dict[str, Any]:
-    """Return the speed in both arenas and the agreement of both levels of physics.
+    """Return the speed in three arenas and the agreement of both levels of physics.
 
     Args:
         quick: fewer steps and drives.
     """
-    speed = {name: measure_speed(sg.load_arena(name), 3 if quick else 10) for name in ("truth", "gsrm")}
+    speed = {name: measure_speed(sg.load_arena(name), 3 if quick else 10) for name in ("truth", "gsrm", "gg")}
     count = 3 if quick else 20
     truth = sg.load_arena("truth")
     times = {name: compare_levels(truth, *bounds, count) for name, bounds in _GROUNDS.items()}

@@ -7,13 +7,14 @@ result of a trial depends on its genotype and its conditions only, whatever the 
 from collections import OrderedDict, defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from jaxtyping import Float
 
 from evolution.backends.descriptors import Records, as_records
+from evolution.backends.device_rollout import is_on_device, make_device_environment, run_on_device
 from evolution.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution.backends.prepared_arenas import find_arena_key, prepare_arena
 from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
@@ -21,7 +22,6 @@ from evolution.controllers.protocol import Controller, reset_rows
 from evolution.errors import RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.warp.making import make_vector_env
 
 
 class Trial(NamedTuple):
@@ -198,8 +198,8 @@ def _find_environment(
         LayoutError: the stretched arenas do not fit into one vector environment.
         RunError: it cannot be made.
     """
-    is_on_device = engine != "mujoco"
-    sizes = _list_device_sizes(num_trials) if is_on_device else config.batch_sizes
+    on_device = engine != "mujoco"
+    sizes = _list_device_sizes(num_trials) if on_device else config.batch_sizes
     size = next((size for size in sizes if size >= num_trials), sizes[-1])
     same = (find_environment_key(conditions), config.stuck_time, stretches, threads, engine)
     larger = [(same, each) for each in sizes if each >= size and (same, each) in _environments]
@@ -208,10 +208,11 @@ def _find_environment(
         while len(_environments) >= config.max_environments:
             _environments.popitem(last=False)[1].close()
         try:
-            make = partial(make_vector_env, backend=engine) if is_on_device else SnakePitVectorEnv
+            controller = find_trial_controller(conditions)
+            make = partial(make_device_environment, controller) if on_device else SnakePitVectorEnv
             _environments[key] = make(
                 num_envs=size,
-                num_threads=None if is_on_device else threads,
+                num_threads=None if on_device else threads,
                 autoreset_mode=AutoresetMode.DISABLED,
                 stretches=stretches,
                 **make_environment_options(conditions, config.stuck_time),
@@ -232,6 +233,8 @@ def _list_device_sizes(num_trials: int) -> list[int]:
 def _run_trials(
     environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
 ) -> dict[tuple[int, int], TrialResult]:
+    if is_on_device(environment):
+        return _run_all(environment, controller, trials)
     num_envs = environment.num_envs
     shape = environment.action_space.shape or (num_envs,)
     structure, has_records = environment.observation_structure, bool(environment.config.recorders)
@@ -270,6 +273,28 @@ def _run_trials(
     return results
 
 
+def _run_all(
+    environment: SnakePitVectorEnv, controller: Controller, trials: Sequence[Trial]
+) -> dict[tuple[int, int], TrialResult]:
+    """Run trials side by side on a device, which has room for all of them."""
+    num_envs = environment.num_envs
+    running: list[Trial | None] = [None] * num_envs
+    genotypes = np.zeros((num_envs, len(controller.parameters)))
+    begun = _start_trials(environment, deque(trials), running, genotypes, np.zeros(num_envs), range(num_envs))
+    info, effort = run_on_device(cast(Any, environment), controller, genotypes, begun)
+    return {
+        (trial.job, trial.number): TrialResult(
+            success=bool(info["success"][row]),
+            progress=float(info["progress"][row]),
+            effort=float(effort[row]),
+            seconds=float(info["time"][row]),
+            diverged=bool(info["diverged"][row]),
+        )
+        for row, trial in enumerate(running)
+        if trial is not None
+    }
+
+
 def _start_trials(
     environment: SnakePitVectorEnv,
     waiting: deque[Trial],
@@ -277,7 +302,7 @@ def _start_trials(
     genotypes: Float[np.ndarray, "E G"],
     effort: Float[np.ndarray, " E"],
     free: Iterable[int],
-) -> Float[np.ndarray, "E O"]:
+) -> Float[Any, "E O"]:
     """Start waiting trials in free sub-environments; return the observations of all."""
     mask = np.zeros(environment.num_envs, dtype=bool)
     options: dict[str, list[float | None]] = {name: [None] * environment.num_envs for name in CONDITIONS}

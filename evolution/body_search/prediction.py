@@ -49,6 +49,20 @@ class _Lessons(NamedTuple):
     rungs: Int[np.ndarray, " N"]
 
 
+class _Likeness(NamedTuple):
+    """How lessons differ from others.
+
+    Attributes:
+        squares: squared distances of the shapes.
+        is_same: whether the body is the same one.
+        rungs: rungs between them.
+    """
+
+    squares: Float[np.ndarray, "N M"]
+    is_same: Bool[np.ndarray, "N M"]
+    rungs: Int[np.ndarray, "N M"]
+
+
 def describe_shape(body: BodyGenome) -> Float[np.ndarray, " 7"]:
     """Return the shape of a body, everything in numbers or lengths of modules; equal for mirror images.
 
@@ -89,6 +103,7 @@ class Prediction:
         fitness = np.array([each.fitness for each in lessons])
         self._centers, self._spreads = _find_scales(fitness, self._known, last)
         self._values = (fitness - self._centers[self._known.rungs]) / self._spreads[self._known.rungs]
+        self._likeness = _compare(self._known, self._known)
         self._parameters = max(_GRID, key=lambda each: (self._solve(each)[2], -_GRID.index(each)))
         self._root, self._weights, _ = self._solve(self._parameters)
 
@@ -97,7 +112,7 @@ class Prediction:
     ) -> tuple[Float[np.ndarray, " B"], Float[np.ndarray, " B"]]:
         """Return mean and standard deviation of what bodies will know at the end of the last rung."""
         asked = self._to_numbers(bodies, [self._last] * len(bodies))
-        shared = _find_covariance(asked, self._known, self._parameters[:3])
+        shared = _find_covariance(_compare(asked, self._known), self._parameters[:3])
         explained = np.linalg.solve(self._root, shared.T)
         variance = np.maximum(1.0 - np.sum(explained**2, axis=0), 0.0)
         center, spread = self._centers[self._last], self._spreads[self._last]
@@ -112,7 +127,7 @@ class Prediction:
         self, parameters: tuple[float, float, float, float]
     ) -> tuple[Float[np.ndarray, "N N"], Float[np.ndarray, " N"], float]:
         """Return the root of the covariance, the weights of the lessons, and the logarithm of their likelihood."""
-        covariance = _find_covariance(self._known, self._known, parameters[:3])
+        covariance = _find_covariance(self._likeness, parameters[:3])
         covariance += (parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
         root = np.linalg.cholesky(covariance)
         weights = np.linalg.solve(root.T, np.linalg.solve(root, self._values))
@@ -120,14 +135,18 @@ class Prediction:
         return root, weights, likelihood
 
 
-def _find_covariance(
-    first: _Lessons, second: _Lessons, parameters: Sequence[float]
-) -> Float[np.ndarray, "N M"]:
+def _compare(first: _Lessons, second: _Lessons) -> _Likeness:
+    return _Likeness(
+        squares=np.sum((first.shapes[:, None] - second.shapes[None]) ** 2, axis=-1),
+        is_same=first.bodies[:, None] == second.bodies[None],
+        rungs=np.abs(first.rungs[:, None] - second.rungs[None]),
+    )
+
+
+def _find_covariance(likeness: _Likeness, parameters: Sequence[float]) -> Float[np.ndarray, "N M"]:
     reach, own, between = parameters
-    squares = np.sum((first.shapes[:, None] - second.shapes[None]) ** 2, axis=-1)
-    is_same: Bool[np.ndarray, "N M"] = first.bodies[:, None] == second.bodies[None]
-    alike = (1.0 - own) * np.exp(-0.5 * squares / reach**2) + own * is_same
-    return alike * between ** np.abs(first.rungs[:, None] - second.rungs[None])
+    alike = (1.0 - own) * np.exp(-0.5 * likeness.squares / reach**2) + own * likeness.is_same
+    return alike * between**likeness.rungs
 
 
 def _find_scales(

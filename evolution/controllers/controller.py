@@ -28,6 +28,7 @@ from evolution.controllers.laws import (
     reactive,
     travelling,
 )
+from evolution.controllers.namespaces import find_namespace
 from evolution.controllers.oscillators import OscillatorController, make_oscillators
 from evolution.controllers.protocol import Controller as Controller
 from evolution.controllers.protocol import Structure as Structure
@@ -59,7 +60,7 @@ class State(NamedTuple):
         ticks_since_contact: number of ticks since the last contact of each module; 0 while it touches something.
     """
 
-    ticks_since_contact: Int[np.ndarray, "P n"]
+    ticks_since_contact: Int[Any, "P n"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +134,11 @@ class LawController:
 
     def act(
         self,
-        observation: Float[np.ndarray, "P O"],
-        genotype: Float[np.ndarray, "*P G"],
+        observation: Float[Any, "P O"],
+        genotype: Float[Any, "*P G"],
         structure: Structure,
         state: State,
-    ) -> tuple[Float[np.ndarray, "P A"], State]:
+    ) -> tuple[Float[Any, "P A"], State]:
         """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
 
         Args:
@@ -146,23 +147,25 @@ class LawController:
             structure: slice of each quantity in an observation.
             state: as returned by `begin` or the previous call.
         """
-        genes = np.broadcast_to(genotype, (len(observation), len(self.parameters)))
+        xp = find_namespace(observation)
+        genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         num_drive = len(self.drive.parameters)
         sensed, state = self._sense(observation, structure, state)
         target = self.law(sensed, genes[:, num_drive:], self.joints) / self.hinge_range
-        np.minimum(np.maximum(target, -1.0, out=target), 1.0, out=target)
+        target = xp.minimum(xp.maximum(target, -1.0), 1.0)
         if not num_drive and not self.joints.num_twists:
             return target, state
-        twists = np.zeros((len(target), self.joints.num_twists))
+        twists = xp.zeros((len(target), self.joints.num_twists))
         tracks = self.drive.act(genes[:, :num_drive], observation, structure)
-        return np.concatenate((target, twists, tracks), axis=1), state
+        return xp.concatenate((target, twists, tracks), axis=1), state
 
     def _sense(
-        self, observation: Float[np.ndarray, "P O"], structure: Structure, state: State
-    ) -> tuple[dict[str, Float[np.ndarray, "P _"]], State]:
+        self, observation: Float[Any, "P O"], structure: Structure, state: State
+    ) -> tuple[dict[str, Float[Any, "P _"]], State]:
         """Return what the law reads, and how long ago each module touched something."""
         names = (*self.law_sensors, *(("roll",) if self.joints.has_rolls else ()))
-        sensed = {name: np.asarray(observation[:, structure[name]], dtype=float) for name in names}
+        xp = find_namespace(observation)
+        sensed = {name: xp.asarray(observation[:, structure[name]], dtype=float) for name in names}
         sensed["hinge_angle"] = sensed["hinge_angle"][:, : len(self.joints.own)]
         sensed["inclination_ahead"] = self.joints.find_inclination_ahead(sensed["pitch"], sensed.get("roll"))
         ticks = (state.ticks_since_contact + 1) * (sensed["contact"] <= 0)

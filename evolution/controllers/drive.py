@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
 
+from evolution.controllers.namespaces import find_namespace
 from evolution.controllers.protocol import Structure
 from evolution.errors import RunError
 from reconstruction.quantities import format_count
@@ -68,8 +69,8 @@ class Drive:
         return (GOAL_SENSOR,) if self.can_turn and GOAL_SENSOR in SENSORS else ()
 
     def act(
-        self, genes: Float[np.ndarray, "P D"], observation: Float[np.ndarray, "P O"], structure: Structure
-    ) -> Float[np.ndarray, "P T"]:
+        self, genes: Float[Any, "P D"], observation: Float[Any, "P O"], structure: Structure
+    ) -> Float[Any, "P T"]:
         """Return track speeds, as shares of their full speed.
 
         Args:
@@ -77,23 +78,24 @@ class Drive:
             observation: one row for each simulation; without a goal in it, the body goes straight on.
             structure: slice of each quantity in an observation.
         """
+        xp = find_namespace(genes)
         if not len(self.ahead):
-            return np.zeros((len(genes), 0))
-        speed = np.clip(1.0 + genes[:, :1], -1.0, 1.0)
+            return xp.zeros((len(genes), 0))
+        speed = xp.clip(1.0 + genes[:, :1], -1.0, 1.0)
         if not self.can_turn:
             return speed * self.ahead
-        toward_goal = np.clip(genes[:, 2:3] * find_bearing(observation, structure), -1.0, 1.0)
-        turn = np.clip(genes[:, 1:2] + toward_goal, -1.0, 1.0)
-        speed = speed * (1.0 - np.abs(toward_goal))
-        return np.clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
+        toward_goal = xp.clip(genes[:, 2:3] * find_bearing(observation, structure), -1.0, 1.0)
+        turn = xp.clip(genes[:, 1:2] + toward_goal, -1.0, 1.0)
+        speed = speed * (1.0 - xp.abs(toward_goal))
+        return xp.clip(speed * self.ahead + turn * self.lever, -1.0, 1.0)
 
 
-def find_bearing(observation: Float[np.ndarray, "P O"], structure: Structure) -> Float[np.ndarray, "P 1"]:
+def find_bearing(observation: Float[Any, "P O"], structure: Structure) -> Float[Any, "P 1"]:
     """Return the bearing of the goal, positive to the left [rad]; 0 where the observation lacks it."""
     if GOAL_SENSOR not in structure:
-        return np.zeros((len(observation), 1))
+        return find_namespace(observation).zeros((len(observation), 1))
     first = structure[GOAL_SENSOR].start
-    return np.asarray(observation[:, first : first + 1], dtype=float)
+    return find_namespace(observation).asarray(observation[:, first : first + 1], dtype=float)
 
 
 def count_tracks(track_control: str, num_modules: int) -> int:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+
+from evolution.controllers.namespaces import find_namespace
 
 if TYPE_CHECKING:
     from symbrion_gym.robot.organism import Organism
@@ -67,10 +69,10 @@ class Joints:
     steps: Float[np.ndarray, " n"]
 
     def find_inclination_ahead(
-        self, pitch: Float[np.ndarray, "P n"], roll: Float[np.ndarray, "P n"] | None
-    ) -> Float[np.ndarray, "P h"]:
+        self, pitch: Float[Any, "P n"], roll: Float[Any, "P n"] | None
+    ) -> Float[Any, "P h"]:
         """Return the inclination of the module ahead of each hinge [rad]."""
-        both = pitch if roll is None else np.concatenate((pitch, roll), axis=1)
+        both = pitch if roll is None else find_namespace(pitch).concatenate((pitch, roll), axis=1)
         return both[:, self.ahead_column] * self.ahead_sign
 
 

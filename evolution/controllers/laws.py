@@ -6,19 +6,21 @@ lifts what is ahead. In a snake, hinge i joins module i, counted from the head, 
 """
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from evolution.controllers.joints import Joints
+from evolution.controllers.namespaces import find_namespace
 
-Sensed = Mapping[str, Float[np.ndarray, "P _"]]
+Sensed = Mapping[str, Float[Any, "P _"]]
 """Quantities by name, one column for each module or hinge.
 
 In addition to the sensors of the environment: "inclination_ahead", see `Joints`, and each 1 or 0: "airborne", a module
 without ground contact, and "recent_contact", one whose last contact is recent enough to keep a raised posture
 (`ControllerConfig`)."""
-Law = Callable[[Sensed, Float[np.ndarray, "P G"], Joints], Float[np.ndarray, "P H"]]
+Law = Callable[[Sensed, Float[Any, "P G"], Joints], Float[Any, "P H"]]
 """From quantities and genotypes to hinge targets [rad]."""
 
 NETWORK_INPUTS = ("bias", "pitch_ahead", "pitch_behind", "air_ahead", "air_behind")
@@ -29,7 +31,7 @@ REACTIVE_GENES += ("front_air", "rear_air", "head_pitch")
 """Genes of `reactive`, in order."""
 
 
-def reactive(sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints) -> Float[np.ndarray, "P H"]:
+def reactive(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Float[Any, "P H"]:
     """Bend each hinge by the pitch of the modules it joins, and lift the parts of the body that are in the air.
 
     Eight genes whatever the body: a bias for all hinges, one more for those of the head and one for those of the ends
@@ -41,23 +43,23 @@ def reactive(sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints)
     pitch, touches = sensed["pitch"], 1.0 - sensed["airborne"]
     front = (touches @ joints.ahead_part.T == 0) * sensed["recent_contact"][:, joints.ahead]
     rear = (touches @ joints.own_part.T == 0) * sensed["recent_contact"][:, joints.own]
-    at_head = np.where(joints.own == 0, pitch[:, :1], sensed["inclination_ahead"])[:, joints.is_head]
+    xp = find_namespace(genotype)
+    at_head = xp.where(joints.own == 0, pitch[:, :1], sensed["inclination_ahead"])
     target = bias + ahead * sensed["inclination_ahead"]
-    target += behind * pitch[:, joints.own]
-    target += front_air * front
-    target += rear_air * rear
-    target[:, joints.is_head] += head_bias + head_pitch * at_head
-    target[:, joints.is_tail] += tail_bias
-    return target
+    target = target + behind * pitch[:, joints.own]
+    target = target + front_air * front
+    target = target + rear_air * rear
+    target = xp.where(joints.is_head, target + (head_bias + head_pitch * at_head), target)
+    return xp.where(joints.is_tail, target + tail_bias, target)
 
 
 def travelling(
     sensed: Sensed,
-    genotype: Float[np.ndarray, "P G"],
+    genotype: Float[Any, "P G"],
     joints: Joints,
-    knots: Float[np.ndarray, " G"],
+    knots: Float[Any, " G"],
     spacing: float,
-) -> Float[np.ndarray, "P H"]:
+) -> Float[Any, "P H"]:
     """Keep a posture that is fixed to the ground: each hinge takes the angle of the place it passes.
 
     Whatever angle the head has at a place, every hinge behind it takes there later (follow the leader). Angles are
@@ -65,22 +67,23 @@ def travelling(
     of its tracks (dead reckoning from the start on the map), the positions of the hinges from the pitch of the modules.
     A hinge lies where the farther of its modules from the head begins; one that bends across the course stays straight.
     """
-    reach = (spacing * np.cos(sensed["pitch"])).T
-    behind = np.zeros_like(reach)
+    xp = find_namespace(genotype)
+    reach = (spacing * xp.cos(sensed["pitch"])).T
+    behind = [xp.zeros_like(reach[0])] * len(reach)
     for module in joints.order:
         parent = joints.parents[module]
         behind[module] = behind[parent] + joints.steps[module] * reach[parent]
-    places = sensed["track_odometry"] - behind.T[:, _find_far_modules(joints)]
+    places = sensed["track_odometry"] - xp.stack(behind).T[:, _find_far_modules(joints)]
     return _interpolate(genotype, places, knots) * (np.abs(joints.along) * joints.share)
 
 
 def path(
     sensed: Sensed,
-    genotype: Float[np.ndarray, "P G"],
+    genotype: Float[Any, "P G"],
     joints: Joints,
-    knots: Float[np.ndarray, " G"],
+    knots: Float[Any, " G"],
     spacing: float,
-) -> Float[np.ndarray, "P H"]:
+) -> Float[Any, "P H"]:
     """Follow a path over the ground: each module takes the slope that the path has at its place.
 
     Slopes are joined linearly between knots along the course, 0 beyond them; a hinge takes the difference between the
@@ -88,32 +91,34 @@ def path(
     `travelling`, a slope bends the body only locally and does not rotate distant parts, so that genes act
     independently. Positions come from track odometry and pitch.
     """
-    half = (0.5 * spacing * np.cos(sensed["pitch"])).T
-    behind = np.zeros_like(half)
+    xp = find_namespace(genotype)
+    half = (0.5 * spacing * xp.cos(sensed["pitch"])).T
+    behind = [xp.zeros_like(half[0])] * len(half)
     for module in joints.order:
         parent = joints.parents[module]
         behind[module] = behind[parent] + joints.steps[module] * (half[parent] + half[module])
-    slopes = _interpolate(genotype, sensed["track_odometry"] - behind.T, knots)
+    slopes = _interpolate(genotype, sensed["track_odometry"] - xp.stack(behind).T, knots)
     return (slopes[:, joints.ahead] - slopes[:, joints.own]) * (joints.along * joints.share)
 
 
-def posture(sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints) -> Float[np.ndarray, "P H"]:
+def posture(sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints) -> Float[Any, "P H"]:
     """Keep one constant angle per hinge, in the order of the modules (paper, section III-A: the U shape).
 
     A body shorter than the genotype's reads its first genes.
     """
-    return np.array(genotype[:, : len(joints.own)])
+    return genotype[:, : len(joints.own)].copy()
 
 
 def network(
-    sensed: Sensed, genotype: Float[np.ndarray, "P G"], joints: Joints, num_hidden: int
-) -> Float[np.ndarray, "P H"]:
+    sensed: Sensed, genotype: Float[Any, "P G"], joints: Joints, num_hidden: int
+) -> Float[Any, "P H"]:
     """Compute each hinge's angle by a small network with one hidden layer, with the same weights at every hinge.
 
     The place of a hinge is its distance from the head in the tree: -1 for the nearest, 1 for the farthest.
     """
     angle, pitch, airborne = sensed["hinge_angle"], sensed["pitch"], sensed["airborne"]
-    ones = np.ones_like(angle)
+    xp = find_namespace(genotype)
+    ones = xp.ones_like(angle)
     farthest = int(joints.depth.max(initial=1))
     places = np.linspace(-1.0, 1.0, farthest)[joints.depth - 1]
     inputs = (ones, sensed["inclination_ahead"], pitch[:, joints.own])
@@ -125,7 +130,7 @@ def network(
         activation = weights[first] * inputs[0]
         for offset in range(1, len(inputs)):
             activation = activation + weights[first + offset] * inputs[offset]
-        target = target + weights[num_hidden * len(NETWORK_INPUTS) + unit] * np.tanh(activation)
+        target = target + weights[num_hidden * len(NETWORK_INPUTS) + unit] * xp.tanh(activation)
     return target
 
 
@@ -136,13 +141,14 @@ def _find_far_modules(joints: Joints) -> np.ndarray:
 
 
 def _interpolate(
-    genotype: Float[np.ndarray, "P G"], places: Float[np.ndarray, "P n"], knots: Float[np.ndarray, " G"]
-) -> Float[np.ndarray, "P n"]:
+    genotype: Float[Any, "P G"], places: Float[Any, "P n"], knots: Float[Any, " G"]
+) -> Float[Any, "P n"]:
     """Interpolate linearly between evenly spaced knots at places [m]; 0 beyond them."""
     position = (places - knots[0]) / (knots[1] - knots[0])
-    padded = np.pad(genotype, ((0, 0), (1, 1)))
-    left = np.clip(np.floor(position), -1, len(knots) - 1).astype(int)
-    share = np.clip(position - left, 0.0, 1.0)
-    here = np.take_along_axis(padded, left + 1, axis=1)
-    there = np.take_along_axis(padded, left + 2, axis=1)
+    xp = find_namespace(genotype)
+    padded = xp.pad(genotype, ((0, 0), (1, 1)))
+    left = xp.clip(xp.floor(position), -1, len(knots) - 1).astype(int)
+    share = xp.clip(position - left, 0.0, 1.0)
+    here = xp.take_along_axis(padded, left + 1, axis=1)
+    there = xp.take_along_axis(padded, left + 2, axis=1)
     return here + (there - here) * share

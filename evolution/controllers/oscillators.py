@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -29,6 +29,7 @@ from jaxtyping import Bool, Float, Int
 from evolution.controllers.config import OscillatorConfig
 from evolution.controllers.drive import GOAL_SENSOR, Drive, find_bearing
 from evolution.controllers.joints import Joints
+from evolution.controllers.namespaces import add_to_column, find_namespace
 from evolution.controllers.protocol import Structure
 from symbrion_gym.environment.config import SENSORS
 from symbrion_gym.robot.scout_constants import SIDES
@@ -59,11 +60,11 @@ class OscillatorState(NamedTuple):
         amplitude_rate: its change [rad/s].
     """
 
-    has_begun: Bool[np.ndarray, "P 1"]
-    clock: Float[np.ndarray, "P 1"]
-    phase: Float[np.ndarray, "P h"]
-    amplitude: Float[np.ndarray, "P h"]
-    amplitude_rate: Float[np.ndarray, "P h"]
+    has_begun: Bool[Any, "P 1"]
+    clock: Float[Any, "P 1"]
+    phase: Float[Any, "P h"]
+    amplitude: Float[Any, "P h"]
+    amplitude_rate: Float[Any, "P h"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +136,11 @@ class OscillatorController:
 
     def act(
         self,
-        observation: Float[np.ndarray, "P O"],
-        genotype: Float[np.ndarray, "*P G"],
+        observation: Float[Any, "P O"],
+        genotype: Float[Any, "*P G"],
         structure: Structure,
         state: OscillatorState,
-    ) -> tuple[Float[np.ndarray, "P A"], OscillatorState]:
+    ) -> tuple[Float[Any, "P A"], OscillatorState]:
         """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
 
         Args:
@@ -148,44 +149,48 @@ class OscillatorController:
             structure: slice of each quantity in an observation.
             state: as returned by `begin` or the previous call.
         """
-        genes = np.broadcast_to(genotype, (len(observation), len(self.parameters)))
+        xp = find_namespace(observation)
+        genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
         gene = {name: genes[:, index : index + 1] for index, name in enumerate(self.parameters)}
         amplitude, offset, lag = (self._spread(gene, name) for name in KIND_GENES)
         amplitude = amplitude * self._find_stroke(gene, observation, structure)
-        touches = np.asarray(observation[:, structure["contact"]], dtype=float)[:, self.joints.own] > 0
+        touches = xp.asarray(observation[:, structure["contact"]], dtype=float)[:, self.joints.own] > 0
         state = self._step(state, gene, amplitude, lag, touches)
-        target = offset + state.amplitude * np.cos(state.phase)
+        target = offset + state.amplitude * xp.cos(state.phase)
         target = (target + self._find_reflex(gene, observation, structure)) / self.hinge_range
         tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
-        twists = np.zeros((len(target), self.joints.num_twists))
-        return np.concatenate((np.clip(target, -1.0, 1.0), twists, tracks), axis=1), state
+        twists = xp.zeros((len(target), self.joints.num_twists))
+        return xp.concatenate((xp.clip(target, -1.0, 1.0), twists, tracks), axis=1), state
 
-    def _spread(self, gene: dict[str, Float[np.ndarray, "P 1"]], name: str) -> Float[np.ndarray, "P h"]:
+    def _spread(self, gene: dict[str, Float[Any, "P 1"]], name: str) -> Float[Any, "P h"]:
         """Return the gene of each hinge's kind of docking."""
         columns = [gene[f"{name}_{dock}"] for dock in self.joints.dock]
-        return np.concatenate(columns, axis=1) if columns else np.zeros((len(gene["log2_frequency"]), 0))
+        xp = find_namespace(gene["log2_frequency"])
+        return xp.concatenate(columns, axis=1) if columns else xp.zeros((len(gene["log2_frequency"]), 0))
 
     def _find_stroke(
         self,
-        gene: dict[str, Float[np.ndarray, "P 1"]],
-        observation: Float[np.ndarray, "P O"],
+        gene: dict[str, Float[Any, "P 1"]],
+        observation: Float[Any, "P O"],
         structure: Structure,
-    ) -> Float[np.ndarray, "#P #h"]:
+    ) -> Float[Any, "#P #h"]:
         """Return the factor on the amplitudes: smaller on the side to which the body turns."""
         if not self.can_steer:
-            return np.ones((1, 1))
+            return find_namespace(observation).ones((1, 1))
         turn = gene["side_bias"] + gene["side_steering"] * find_bearing(observation, structure)
-        return 1.0 - np.clip(turn, -1.0, 1.0) * self.joints.side
+        return 1.0 - find_namespace(turn).clip(turn, -1.0, 1.0) * self.joints.side
 
     def _find_reflex(
         self,
-        gene: dict[str, Float[np.ndarray, "P 1"]],
-        observation: Float[np.ndarray, "P O"],
+        gene: dict[str, Float[Any, "P 1"]],
+        observation: Float[Any, "P O"],
         structure: Structure,
-    ) -> Float[np.ndarray, "P h"]:
+    ) -> Float[Any, "P h"]:
         """Return what inclinations add to the targets [rad]."""
         pitch, roll = (
-            np.asarray(observation[:, structure[name]], dtype=float) if name in structure else None
+            find_namespace(observation).asarray(observation[:, structure[name]], dtype=float)
+            if name in structure
+            else None
             for name in ("pitch", "roll")
         )
         assert pitch is not None
@@ -195,38 +200,39 @@ class OscillatorController:
     def _step(
         self,
         state: OscillatorState,
-        gene: dict[str, Float[np.ndarray, "P 1"]],
-        amplitude: Float[np.ndarray, "P h"],
-        lag: Float[np.ndarray, "P h"],
-        touches: Bool[np.ndarray, "P h"],
+        gene: dict[str, Float[Any, "P 1"]],
+        amplitude: Float[Any, "P h"],
+        lag: Float[Any, "P h"],
+        touches: Bool[Any, "P h"],
     ) -> OscillatorState:
         """Return the state one tick later (explicit Euler)."""
+        xp = find_namespace(lag)
         dt, rate = self.config.dt, self.config.amplitude_rate
         lags = self._add_up(lag)
-        phase = np.where(state.has_begun, state.phase, state.clock - lags)
+        phase = xp.where(state.has_begun, state.phase, state.clock - lags)
         is_root = self.parent == np.arange(len(self.parent))
-        before = np.where(is_root, state.clock, phase[:, self.parent])
-        pull = np.sin(before - phase - lag)
-        turn = 2.0 * pi * self.config.frequency * np.exp2(gene["log2_frequency"])
-        change = turn + self.config.coupling * pull - gene["contact_feedback"] * touches * np.cos(phase)
+        before = xp.where(is_root, state.clock, phase[:, self.parent])
+        pull = xp.sin(before - phase - lag)
+        turn = 2.0 * pi * self.config.frequency * xp.exp2(gene["log2_frequency"])
+        change = turn + self.config.coupling * pull - gene["contact_feedback"] * touches * xp.cos(phase)
         for child in np.flatnonzero(~is_root):
-            change[:, self.parent[child]] -= self.config.coupling * pull[:, child]
+            change = add_to_column(change, self.parent[child], -(self.config.coupling * pull[:, child]))
         acceleration = rate * (rate / 4.0 * (amplitude - state.amplitude) - state.amplitude_rate)
         speed = state.amplitude_rate + dt * acceleration
         return OscillatorState(
-            has_begun=np.ones_like(state.has_begun),
+            has_begun=xp.ones_like(state.has_begun),
             clock=state.clock + dt * turn,
             phase=phase + dt * change,
             amplitude=state.amplitude + dt * speed,
             amplitude_rate=speed,
         )
 
-    def _add_up(self, lag: Float[np.ndarray, "P h"]) -> Float[np.ndarray, "P h"]:
+    def _add_up(self, lag: Float[Any, "P h"]) -> Float[Any, "P h"]:
         """Return the lag of each hinge behind the clock."""
-        total = np.array(lag)
+        total = lag.copy()
         for hinge in np.argsort(self.joints.depth, kind="stable"):
             if self.parent[hinge] != hinge:
-                total[:, hinge] += total[:, self.parent[hinge]]
+                total = add_to_column(total, hinge, total[:, self.parent[hinge]])
         return total
 
 

@@ -11,7 +11,7 @@ from symbrion_gym.environment.rendering import SceneRenderer, add_scene
 from symbrion_gym.robot.scout import make_scout
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
-VIEW_LENGTH = 2.6
+VIEW_LENGTH = 1.8
 """The camera stays as far away as from an organism of this length [m]: it shows most of a swarm."""
 ELEVATION = -32.0
 """Of the camera [deg]."""

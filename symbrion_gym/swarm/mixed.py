@@ -18,8 +18,10 @@ from symbrion_gym.swarm.dynamic.mating import Mating
 from symbrion_gym.swarm.dynamic.motion import Motion
 from symbrion_gym.swarm.dynamic.transfer import read_motion
 from symbrion_gym.swarm.dynamic.world import DynamicConfig, DynamicWorld
+from symbrion_gym.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
 from symbrion_gym.swarm.kinematic.config import KinematicConfig
 from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym.swarm.kinematic.rotations import find_headings
 from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
 
 if TYPE_CHECKING:
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 
     from symbrion_gym.arenas.arena import Arena
 
+UPRIGHT = float(np.cos(np.deg2rad(35.0)))
+"""A dynamic robot whose up axis has less height lies on its side or leans on something: it stays dynamic."""
+_HIGHEST = 0.02
+"""So does one whose center is higher above the surface than on its tracks by more than this [m]."""
 _MOVING = ("position", "rotation", "velocity", "spin", "hinge")
 """Fields of the state that robots change by moving."""
 
@@ -39,6 +45,8 @@ class MixedConfig:
         near: a robot this near to a dynamic one becomes dynamic as well [m], center to center: beyond the reach of two
             arms and what both drive in a decision.
         far: it stays so up to this distance [m].
+        overlap: a dynamic robot stays so while its outline, as the kinematic level has it, is deeper than this within
+            another one [m].
         dynamic: how contact is stepped.
         kinematic: limits and errors of the simple motion.
 
@@ -48,11 +56,12 @@ class MixedConfig:
 
     near: float = 0.20
     far: float = 0.26
+    overlap: float = 0.002
     dynamic: DynamicConfig = field(default_factory=DynamicConfig)
     kinematic: KinematicConfig = field(default_factory=KinematicConfig)
 
     def __post_init__(self) -> None:
-        check_positive(self, ("near", "far"), OptionError)
+        check_positive(self, ("near", "far", "overlap"), OptionError)
         if self.far < self.near:
             raise OptionError(f"far is {self.far} m, below near, {self.near} m; give a larger one")
 
@@ -60,7 +69,8 @@ class MixedConfig:
 class MixedWorld:
     """N Scouts, each at one of two levels of physics (a `SwarmWorld`).
 
-    Robots that are docked or about to latch, and all near them, are in full contact; the others move kinematically.
+    Robots that are docked or about to latch, and all near them, are in full contact; the others move kinematically. A
+    robot that has tipped over, stands on another one or reaches into it stays in full contact.
     Poses, velocities, hinges and dockings are carried over whenever a robot changes its level: nothing is lost. A
     kinematic robot stands on the exact surface; one that becomes dynamic is lifted out of the contact geometry of the
     arena, which differs by the accuracy of the arena.
@@ -155,10 +165,25 @@ class MixedWorld:
     def _choose_levels(self, commands: SwarmCommands) -> None:
         """Change the levels of robots that dock, part, come near or go away."""
         new = find_matches(self.state, np.asarray(commands.latch, bool), self.docks, self.scout)
-        links = [*self.state.links, *new]
-        wanted = tuple(_spread(self.state, links, self.robots, self.config))
+        docked = [robot for link in (*self.state.links, *new) for robot, _ in link.ends]
+        wanted = tuple(_spread(self.state, [*docked, *self._find_unfit()], self.robots, self.config))
         if wanted != self.robots:
             self._enter(wanted)
+
+    def _find_unfit(self) -> list[int]:
+        """Return the dynamic robots that have no kinematic pose: not on their tracks, or within another's outline."""
+        robots, state = np.array(self.robots, int), self.state
+        if not len(robots):
+            return []
+        position = state.position[robots]
+        above = position[:, 2] - self.arena.height(position[:, 0], position[:, 1])
+        stands = (state.rotation[robots, 2, 2] > UPRIGHT) & (above < self.scout.size[2] / 2 + _HIGHEST)
+        first, second = find_pairs(state.position, 2 * self.scout.arm_reach)
+        outlines = find_outlines(state.position, find_headings(state.rotation), state.hinge, self.scout)
+        overlap = find_overlaps(take(outlines, first), take(outlines, second), self.scout)
+        is_within = overlap > self.config.overlap
+        within = np.union1d(first[is_within], second[is_within])
+        return robots[~stands | np.isin(robots, within)].tolist()
 
     def _enter(self, robots: tuple[int, ...]) -> None:
         """Let exactly these robots be dynamic."""
@@ -232,11 +257,11 @@ def _overwrite(state: SwarmState, own: SwarmState, rows: list[int]) -> SwarmStat
 
 
 def _spread(
-    state: SwarmState, links: Sequence[Docking], dynamic: Sequence[int], config: MixedConfig
+    state: SwarmState, seeds: Sequence[int], dynamic: Sequence[int], config: MixedConfig
 ) -> list[int]:
-    """Return the robots that are docked, and those near them, and those near these."""
+    """Return robots that have to be dynamic, those near them, and those near these."""
     chosen = np.zeros(len(state.position), bool)
-    chosen[[robot for link in links for robot, _ in link.ends]] = True
+    chosen[list(seeds)] = True
     apart = np.linalg.norm(state.position[:, None] - state.position[None], axis=-1)
     was = np.isin(np.arange(len(chosen)), dynamic)
     reach = np.where(was[:, None] & was, config.far, config.near)

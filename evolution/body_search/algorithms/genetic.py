@@ -10,7 +10,7 @@ import numpy as np
 from evolution.body_search.algorithms.algorithm import Breeder, find_shares, sort_by_fitness
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
-from evolution.body_search.learning import LearningConfig, Lesson
+from evolution.body_search.learning import LearningConfig, Lesson, Pupil
 
 
 class GeneticSearch:
@@ -55,25 +55,27 @@ class HalvingSearch:
 
     def ask(self) -> list[Assignment]:
         """Return promotions of each rung, the highest first, then children."""
+        children = self._breed_new()
+        least = 0 if children else 1  # where no body is new, more learn on
         assignments = []
         for rung in reversed(range(len(self._layers) - 1)):
             layer, promoted = self._layers[rung], self._layers[rung + 1]
             count = ceil(self._shares[rung] * len(layer)) - len(promoted)
             waiting = [lesson for key, lesson in layer.items() if key not in promoted]
-            for lesson in sort_by_fitness(waiting)[: max(count, 0)]:
+            for lesson in sort_by_fitness(waiting)[: max(count, least)]:
                 assignments.append(Assignment(lesson.pupil, rung + 1))
-        known = set(self._layers[0])
-        for _ in range(self._config.children):
-            child = self._breeder.breed(self._choose_parents())
-            if child.key not in known:
-                known.add(child.key)
-                assignments.append(Assignment(child, 0))
+        assignments += [Assignment(child, 0) for child in children]
         return assignments or [Assignment(self._breeder.make_random(), 0)]
 
     def tell(self, lessons: Sequence[Lesson]) -> None:
         """Put each lesson into the layer of its rung."""
         for lesson in lessons:
             self._layers[lesson.rung][lesson.pupil.key] = lesson
+
+    def _breed_new(self) -> list[Pupil]:
+        """Return children that have not learned yet, each once."""
+        bred = [self._breeder.breed(self._choose_parents()) for _ in range(self._config.children)]
+        return list({each.key: each for each in bred if each.key not in self._layers[0]}.values())
 
     def _choose_parents(self) -> list[Lesson]:
         """Return the fittest of a random layer; none at first."""

@@ -42,16 +42,17 @@ class SurrogateSearch:
         if not self._lessons:
             return [Assignment(each, 0) for each in self._breed_new([], self._config.population_size)]
         prediction = Prediction(self._lessons, self._last)
+        parents = sort_by_fitness(self._lessons)[: self._config.population_size]
+        children = self._breed_new(parents, CANDIDATES * self._config.children)
         assignments = []
         for rung in reversed(range(self._last)):
             layer, promoted = self._layers[rung], self._layers[rung + 1]
             count = ceil(self._shares[rung] * len(layer)) - len(promoted)
             waiting = [lesson.pupil for key, lesson in layer.items() if key not in promoted]
+            least = 0 if children else 1  # where no body is new, more learn on
             assignments += [
-                Assignment(each, rung + 1) for each in _choose(prediction, waiting, max(count, 0))
+                Assignment(each, rung + 1) for each in _choose(prediction, waiting, max(count, least))
             ]
-        parents = sort_by_fitness(self._lessons)[: self._config.population_size]
-        children = self._breed_new(parents, CANDIDATES * self._config.children)
         assignments += [Assignment(each, 0) for each in _choose(prediction, children, self._config.children)]
         return assignments or [Assignment(self._breeder.make_random(), 0)]
 

@@ -64,8 +64,9 @@ class Swarm(SeededCommand):
         result = run_swarm(config, console.track)
         self._show(result.track, result.rows[0], console)
         rows = [
-            [row["seed"], "yes" if row["docks"] else "no", "yes" if row["success"] else "no", row["gathered"],
-             row["crossed"], row["recoveries"], row["across"], row["reason"]]
+            [row["seed"], "yes" if row["docks"] else "no", "yes" if row["success"] else "no",
+             "-" if row["gathered"] is None else row["gathered"], "-" if row["crossed"] is None else row["crossed"],
+             row["recoveries"], row["across"], row["reason"]]
             for row in result.rows
         ]  # fmt: skip
         columns = [

@@ -45,8 +45,8 @@ class WeightsConfig:
 
     seed: int = 0
     names: tuple[str, ...] = EVOLVED
-    pairs: int = 20
-    duration: float = 90.0
+    pairs: int = 15
+    duration: float = 60.0
     population_size: int = 8
     generations: int = 6
     sigma: float = 0.15

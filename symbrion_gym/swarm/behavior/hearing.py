@@ -1,4 +1,11 @@
-"""From what docks broadcast to what each robot receives: geometry, range, cones, noise, collisions of messages."""
+"""From what docks broadcast to what each robot receives: geometry, range, cones, noise, collisions of messages.
+
+The law of light and its constants are those of `Signals` (`SignalConfig`), so that both agree on how far docks reach.
+The estimates of distance, bearing and departure are not made from its readings: the two units of a side do not tell a
+dock that is far from one that is seen askew, so that no departure can be read from them, and how the real robots found
+theirs is not known. The errors are fitted to how long their docking took instead. Unlike in `Signals`, a side counts as
+one unit, only other robots shade, not the arena, and any two robots that ask at once disturb each other.
+"""
 
 from __future__ import annotations
 

@@ -50,18 +50,20 @@ def find_outlines(
 
 
 def find_pairs(
-    position: Float[np.ndarray, "N 3"], reach: float
+    position: Float[np.ndarray, "N 3"], reach: float, num_swarms: int = 1
 ) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
     """Return the pairs of robots whose centers are no farther apart, the smaller index first.
 
     Args:
         position: centers of the chassis [m].
         reach: [m].
+        num_swarms: equal parts of the robots that do not meet each other.
     """
-    x, y = position[:, 0], position[:, 1]
-    near = (x[:, None] - x) ** 2 + (y[:, None] - y) ** 2 <= reach**2
-    first, second = np.nonzero(np.triu(near, k=1))
-    return first, second
+    x, y = (position[:, axis].reshape(num_swarms, -1) for axis in (0, 1))
+    near = (x[:, :, None] - x[:, None]) ** 2 + (y[:, :, None] - y[:, None]) ** 2 <= reach**2
+    swarm, first, second = np.nonzero(np.triu(near, k=1))
+    begin = swarm * x.shape[1]
+    return begin + first, begin + second
 
 
 def find_overlaps(one: Outlines, other: Outlines, scout: ScoutConfig) -> Float[np.ndarray, " P"]:

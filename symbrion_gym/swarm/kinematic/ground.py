@@ -87,7 +87,7 @@ class Ground:
         heights = self._find_heights(places)
         own = _fit_planes(tracks - foot[:, None], heights[:, : len(self._tracks)], np.arange(len(foot)))
         rim = heights[:, len(self._tracks) :]
-        level = own[:, 2:] + own[:, :2] @ self._rim.T
+        level = own[:, 2:] + own[:, :1] * self._rim[:, 0] + own[:, 1:2] * self._rim[:, 1]
         above = rim - level
         step = np.max(np.where(np.isfinite(above), np.abs(above), 0.0), axis=1)
         plane = own

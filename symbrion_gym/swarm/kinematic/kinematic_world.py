@@ -27,6 +27,7 @@ from symbrion_gym.swarm.kinematic.motion import (
     avoid_overlaps,
     choose_roots,
     find_layout,
+    hold_arms,
     outline,
     place_members,
     select,
@@ -46,6 +47,8 @@ _LANDING_ROUNDS = 3
 """Fits of the ground when robots are placed: the foot of a robot moves as it tilts."""
 _LOWEST_ARM = -0.6
 """Angle at which the free arm of a robot touches the ground [rad]."""
+_MOST_PULL = 0.02
+"""Docks that mate pull no robot farther than this in a decision [m], even where something was in the way before."""
 _FRONT = SIDES.index("front")
 
 
@@ -98,7 +101,9 @@ class KinematicWorld:
         self.sight = Sight(arena, self.scout)
         self._ground = Ground(arena, self.scout, self.config, self.sight)
         self._rng = np.random.default_rng(0)
+        self._num_swarms = 1
         self._roots = np.arange(self.num_robots)
+        self._mated_at = np.zeros(self.num_robots)
 
     def reset(self, poses: Float[np.ndarray, "N 3"], seed: int = 0) -> None:
         """Place the robots on the ground, undocked, at x [m], y [m] and heading [rad].
@@ -165,10 +170,12 @@ class KinematicWorld:
         self._latch(np.asarray(commands.latch, bool))
         old = Poses(self.state.position, self.state.rotation, self.state.hinge)
         is_wanted = (tracks != 0.0).any(axis=1)
-        slip = 1.0 + self.config.slip * self._rng.standard_normal(tracks.shape)
+        slip = 1.0 + self.config.slip * self._draw_slip()
         full, turned, fit = self._propose(old, tracks * slip, hinge)
         level = self._ask_ground(fit)
-        level = avoid_overlaps(level, full, turned, old, self.groups, self.scout, self.config.grip)
+        level = avoid_overlaps(
+            level, full, turned, old, self.groups, self.scout, self.config.grip, self._num_swarms
+        )
         self.blocked = (level != FULL) & is_wanted
         self._fit = GroundFit(
             *(
@@ -177,7 +184,12 @@ class KinematicWorld:
             )
         )
         self.time += DECISION
-        self._finish(select(level, full, turned, old), old, tracks)
+        new = select(level, full, turned, old)
+        new = hold_arms(new, old.hinge, self.groups, self.scout, self.config.grip, self._num_swarms)
+        self._finish(new, old, tracks)
+
+    def _draw_slip(self) -> Float[np.ndarray, "N 2"]:
+        return self._rng.standard_normal((self.num_robots, 2))
 
     def _check_commands(
         self, commands: SwarmCommands
@@ -201,16 +213,21 @@ class KinematicWorld:
         released = find_released(self.state.links, latch)
         kept = tuple(link for link in self.state.links if link not in released)
         state = self.state._replace(links=kept)
-        formed = find_matches(state, latch, self.docks, self.scout)
+        formed = find_matches(state, latch, self.docks, self.scout, self._num_swarms)
         if released or formed:
             self.state = state._replace(links=sort_links([*kept, *formed]))
-            self._follow_links()
+            self._follow_links([link.first for link in (*released, *formed)])
 
-    def _follow_links(self) -> None:
-        """Find groups, where their members belong, and when they will be there."""
+    def _follow_links(self, changed: list[int] | None = None) -> None:
+        """Find groups, where their members belong, and when they will be there.
+
+        Args:
+            changed: robots whose swarms have docked or parted; None for all.
+        """
         links = self.state.links
         self.groups = find_groups(links, self.num_robots)
-        self._roots = choose_roots(self.groups, self._roots)
+        speed = np.linalg.norm(self.state.velocity, axis=1)
+        self._roots = choose_roots(self.groups, self._roots, speed)
         self._is_straight = np.zeros(self.num_robots, bool)
         self._nominal = np.zeros((self.num_robots, 3))
         for link in links:
@@ -221,7 +238,9 @@ class KinematicWorld:
                 links, np.flatnonzero(self._roots == root).tolist(), self.scout, int(root)
             )
             self._nominal[list(order)] = [(pose.x, pose.y, pose.heading) for pose in organism.find_poses()]
-        self._mated_at = self.time + self.docks.mating_time
+        swarm = np.arange(self.num_robots) // (self.num_robots // self._num_swarms)
+        is_changed = True if changed is None else np.isin(swarm, swarm[changed])
+        self._mated_at = np.where(is_changed, self.time + self.docks.mating_time, self._mated_at)
 
     def _propose(
         self, old: Poses, tracks: Float[np.ndarray, "N 2"], hinge: Float[np.ndarray, " N"]
@@ -250,10 +269,14 @@ class KinematicWorld:
     def _mate(self, layout: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3"]:
         """Return a layout that is nearer to that of the exact docked poses."""
         left = self._mated_at - self.time
-        share = 1.0 if left <= DECISION else DECISION / left
+        share = DECISION / np.maximum(left, DECISION)
         off = self._nominal - layout
         off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
-        return layout + share * off
+        way = share * np.hypot(off[:, 0], off[:, 1])
+        longest = np.zeros(self.num_robots)
+        np.maximum.at(longest, self._roots, way)
+        share = share * np.minimum(1.0, _MOST_PULL / np.maximum(longest, _MOST_PULL))[self._roots]
+        return layout + share[:, None] * off
 
     def _find_center_height(self, fit: GroundFit) -> Float[np.ndarray, " N"]:
         """Return the height of the center of each robot's root above the foot of its normal [m]."""
@@ -308,7 +331,7 @@ class KinematicWorld:
 
     def _check_overlaps(self, poses: Poses) -> None:
         """Refuse robots that are within each other."""
-        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach)
+        first, second = find_pairs(poses.position, 2 * self.scout.arm_reach, self._num_swarms)
         outlines = outline(poses, self.scout)
         depth = find_overlaps(take(outlines, first), take(outlines, second), self.scout)
         if depth.max(initial=0.0) > self.config.grip:

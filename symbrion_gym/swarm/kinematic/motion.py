@@ -43,19 +43,25 @@ class Poses(NamedTuple):
         return find_headings(self.rotation)
 
 
-def choose_roots(groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+def choose_roots(
+    groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"], speed: Float[np.ndarray, " N"]
+) -> Int[np.ndarray, " N"]:
     """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Of equal parts it is the one that stands: tracks that already slide resist a turn less than parked ones.
 
     Args:
         groups: number of each robot's group.
         roots: roots of the groups before.
+        speed: of the robots [m/s].
     """
-    result = np.empty_like(roots)
-    for group in np.unique(groups):
+    result = np.arange(len(roots))
+    for group in np.flatnonzero(np.bincount(groups, minlength=len(groups)) > 1):
         members = np.flatnonzero(groups == group)
         former, sizes = np.unique(roots[members], return_counts=True)
         stays = np.isin(former, members)
-        result[members] = former[stays][sizes[stays].argmax()] if stays.any() else members[0]
+        former, sizes = former[stays], sizes[stays]
+        result[members] = former[np.lexsort((speed[former], -sizes))[0]] if stays.any() else members[0]
     return result
 
 
@@ -100,6 +106,7 @@ def avoid_overlaps(
     groups: Int[np.ndarray, " N"],
     scout: ScoutConfig,
     grip: float,
+    num_swarms: int = 1,
 ) -> Int[np.ndarray, " N"]:
     """Return what of its motion each robot does, so that none reaches farther into another one than before.
 
@@ -114,9 +121,10 @@ def avoid_overlaps(
         groups: root of each robot's group.
         scout: constants of the robots.
         grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
     """
     way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
-    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip))
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip), num_swarms)
     is_apart = groups[first] != groups[second]
     pairs = first[is_apart], second[is_apart]
     if not len(pairs[0]):
@@ -135,6 +143,44 @@ def avoid_overlaps(
         by_both = ~by_first & ~by_second
         causes = np.concatenate([bad[0][by_first | by_both], bad[1][by_second | by_both]])
         level = _give_way(level, causes, groups, is_member)
+
+
+def hold_arms(
+    new: Poses,
+    hinge: Float[np.ndarray, " N"],
+    groups: Int[np.ndarray, " N"],
+    scout: ScoutConfig,
+    grip: float,
+    num_swarms: int = 1,
+) -> Poses:
+    """Return poses in which no arm has moved farther into a robot of its own group than it was.
+
+    Args:
+        new: where robots would be.
+        hinge: angles of the arms before [rad].
+        groups: root of each robot's group.
+        scout: constants of the robots.
+        grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
+    """
+    is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
+    if not (is_member & (new.hinge != hinge)).any():
+        return new
+    first, second = find_pairs(new.position, 2 * scout.arm_reach, num_swarms)
+    is_own = groups[first] == groups[second]
+    pairs = first[is_own], second[is_own]
+    before = outline(new._replace(hinge=hinge), scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
+    held = np.zeros(len(groups), bool)
+    while True:
+        new = new._replace(hinge=np.where(held, hinge, new.hinge))
+        now = outline(new, scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
+        more = np.zeros_like(held)
+        more[pairs[0][is_bad]] = more[pairs[1][is_bad]] = True
+        if not (more & ~held).any():
+            return new
+        held |= more
 
 
 def _give_way(

@@ -26,11 +26,13 @@ class DeviceBatch(WarpBatch):
         options: those of `WarpBatch`.
 
     Attributes:
+        warp_device: the device in Warp.
         jax_device: the device in JAX.
     """
 
     def __init__(self, world: World, nsim: int, **options: Any) -> None:
         super().__init__(world.model, nsim, **options)
+        self.warp_device = self._device
         self.jax_device = find_jax_device(self._device)
         self._world = world
         self._places = {name: self._make_indices(columns) for name, columns in list_columns(world).items()}

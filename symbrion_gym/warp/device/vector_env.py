@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from time import perf_counter
 from typing import Any
 
 import jax
@@ -63,7 +64,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         max_episode_steps: int | None = None,
         **options: Any,
     ) -> None:
-        for name, value in (("num_envs", num_envs), ("num_starts", num_starts or 1)):
+        for name, value in (("num_envs", num_envs), ("num_starts", 1 if num_starts is None else num_starts)):
             if int(value) != value or value < 1:
                 raise OptionError(f"{name} must be a whole number above 0, got {value}")
         _refuse_options(options, array)
@@ -112,7 +113,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
             raise OptionError(
                 f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
             )
-        if self._state is None and not mask.all():
+        if self._state is None and not mask.all() and self.autoreset_mode is not AutoresetMode.DISABLED:
             raise OptionError("the first reset is one of all simulations; leave out reset_mask")
         split = split_options(options, self.num_envs)
         is_alike = all(each == split[0] for each in split)
@@ -195,6 +196,27 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         found = (out.observation, out.reward, out.terminated, out.truncated)
         observation, reward, terminated, truncated = map(self._convert, found)
         return observation, reward, terminated, truncated, self._convert_all(out.info)
+
+    def time_parts(self, actions: Any) -> tuple[float, float, float]:
+        """Take a step and return what commands, physics, and terms with resets take, one after the other [s]."""
+        assert self._state is not None
+        assert self._pool is not None
+        times = [perf_counter()]
+        commanded, orders = jax.block_until_ready(self._run.command(self._state, actions))
+        times.append(perf_counter())
+        physics = self.batch.advance(orders.control, orders.surface, self.config.frame_skip)
+        jax.block_until_ready(physics)
+        times.append(perf_counter())
+        self._state, out = self._run.finish(self._state, commanded, physics, self._pool[0])
+        self.batch.begin(self._pool[1], out.stale, out.numbers)
+        jax.block_until_ready(out)
+        return times[1] - times[0], times[2] - times[1], perf_counter() - times[2]
+
+    def find_running(self) -> Any:
+        """Return which simulations have an episode that has not ended, as an array of JAX."""
+        if self._state is None:
+            return np.zeros(self.num_envs, dtype=bool)
+        return ~self._state.is_done
 
     def _convert(self, array: jax.Array) -> Any:
         return convert(array, self.array)

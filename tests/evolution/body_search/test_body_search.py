@@ -129,9 +129,21 @@ def test_what_a_body_learns_depends_on_no_other():
 
 
 def test_successive_halving_spends_little_on_most_bodies():
-    run = evolve_bodies(make_config(iterations=20), simulate=landscape)
+    bodies = replace(BODIES, promoted_share=0.34)
+    run = evolve_bodies(make_config(iterations=20, bodies=bodies), simulate=landscape)
     counts = [sum(lesson.rung == rung for lesson in run.record.lessons) for rung in range(3)]
     assert counts[0] > 2 * counts[1] > 4 * counts[2] > 0
+
+
+def test_as_many_learn_on_as_make_all_rungs_cost_the_same():
+    assert [LEARNING.count_trials(rung) for rung in range(3)] == [1 + 2, 4 + 2, 2 * 4 + 2]
+    assert [LEARNING.find_promoted_share(rung) for rung in range(2)] == [0.5, 0.6]
+    cheap = replace(LEARNING, rungs=(1, 4), is_examined_early=False)
+    assert [cheap.count_trials(rung) for rung in range(2)] == [1, 3 * 4 + 2]
+    config = make_config(iterations=20, learning=cheap, bodies=replace(BODIES, smallest=6))
+    run = evolve_bodies(config, simulate=landscape)
+    counts = [sum(lesson.rung == rung for lesson in run.record.lessons) for rung in range(2)]
+    assert 14 * (counts[1] - 2) <= counts[0] <= 14 * counts[1]
 
 
 def test_the_fitness_of_a_body_is_that_of_its_exam():

@@ -1,12 +1,16 @@
 """The story of a swarm, and docking trials: what counts as a success, refusals, equal seeds, resuming."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import symbrion_gym as sg
 from evolution.errors import RunError
+from evolution.experiments.swarm import run
 from evolution.experiments.swarm.config import StoryConfig, SwarmRunConfig
 from evolution.experiments.swarm.docking_trials import TrialSetup, run_docking_trials
 from evolution.experiments.swarm.film import choose_moments
@@ -75,3 +79,31 @@ def test_docking_trials_lock_without_errors_of_hearing_and_repeat_by_the_seed() 
     assert times.seconds[0] > times.seconds[1]  # position 2 is farther away
     again = run_docking_trials(np.array([2, 3]), setup, seed=1)
     np.testing.assert_array_equal(times.seconds, again.seconds)
+
+
+def test_an_interrupted_run_goes_on_to_equal_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(run, "find_champion", lambda config, progress: None)
+    monkeypatch.setattr(run, "BASELINE_TIME", 1.0)
+    story = StoryConfig(arena="truth", num_robots=2, gather_time=2.0)
+
+    def begin(stops: bool) -> Callable[[str], AbstractContextManager[SimpleNamespace]]:
+        def progress(what: str, share: float) -> None:
+            if stops and "story 2 of 2" in what:
+                raise KeyboardInterrupt
+
+        return lambda title: nullcontext(SimpleNamespace(progress=progress))
+
+    def tell(name: str, stops: bool = False) -> run.SwarmResult:
+        return run.run_swarm(SwarmRunConfig(tmp_path / name, story, trials=1), begin(stops))  # pyright: ignore[reportArgumentType]
+
+    straight = tell("straight")
+    with pytest.raises(KeyboardInterrupt):
+        tell("stopped", stops=True)
+    assert not (tmp_path / "stopped" / "results.json").exists()
+    again = tell("stopped")
+    assert again.rows == straight.rows
+    assert [row["docks"] for row in again.rows] == [True, True, False, False]
+    for name in ("stories.json", "results.json", "swarm.json"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (tmp_path / "straight" / name).read_bytes()
+    for one, other in zip(again.track, straight.track, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -6,11 +6,18 @@ import pytest
 from symbrion_gym.errors import OptionError
 from symbrion_gym.robot.organism import Docking
 from symbrion_gym.robot.scout_rays import find_scout_rays
-from symbrion_gym.swarm.behavior.hearing import HearingConfig, find_geometry, hear, read_wires
+from symbrion_gym.swarm.behavior.hearing import (
+    HearingConfig,
+    find_brightness,
+    find_geometry,
+    hear,
+    read_wires,
+)
 from symbrion_gym.swarm.behavior.percepts import BACK, LEFT, Wired, Words
 from symbrion_gym.swarm.behavior.sensing import find_drop, make_scout
+from symbrion_gym.swarm.docks import find_dock_poses
 from symbrion_gym.swarm.kinematic.motion import choose_roots
-from symbrion_gym.swarm.signals.infrared import NUM_UNITS
+from symbrion_gym.swarm.signals.infrared import NUM_UNITS, find_readings, find_units
 from symbrion_gym.swarm.world import SwarmState
 
 EXACT = HearingConfig(bearing_noise=0.0, departure_noise=0.0, bias=0.0, distance_noise=0.0, loss=0.0)
@@ -48,6 +55,20 @@ def test_a_beacon_straight_ahead_is_heard_with_its_distance_and_angles() -> None
     assert heard.bearing[1] == pytest.approx(0.0)
     assert heard.departure[1] == pytest.approx(0.0)
     assert (heard.role[1], heard.sender_side[1]) == (5, BACK)
+
+
+@pytest.mark.parametrize(("x", "y", "heading"), [(-1.0, 0.0, 0.0), (-2.0, 0.1, 0.0), (-0.6, 0.3, -0.5)])
+def test_a_dock_is_as_bright_as_the_signals_have_it(x: float, y: float, heading: float) -> None:
+    state = place((0.0, 0.0, 0.0), (x, y, heading))._replace(hinge=np.array([0.0, np.pi / 2]))
+    light, (docks, axes), (units, looks) = (
+        EXACT.light,
+        find_dock_poses(state),
+        find_units(state, make_scout()),
+    )
+    readings = find_readings(docks[0, BACK], axes[0, BACK], units[1], looks[1], light)
+    geometry = find_geometry(state, speak((0, BACK))[:2], EXACT)
+    brightness = find_brightness(geometry.distance, geometry.departure, np.abs(geometry.bearing), light)
+    assert brightness[0] == pytest.approx(readings.reshape(4, 2).sum(axis=1).max(), rel=0.15)
 
 
 def test_departure_says_on_which_side_of_the_axis_a_robot_is() -> None:
@@ -101,8 +122,15 @@ def test_level_ground_has_no_drop_a_pit_has_its_depth_a_rim_has_no_end() -> None
 
 def test_a_newcomer_does_not_move_the_group_it_docks_to() -> None:
     groups, roots = np.array([0, 0, 0, 3]), np.array([0, 1, 1, 3])
-    assert choose_roots(groups, roots).tolist() == [1, 1, 1, 3]
-    assert choose_roots(np.arange(4), np.array([1, 1, 1, 3])).tolist() == [0, 1, 2, 3]
+    still = np.zeros(4)
+    assert choose_roots(groups, roots, still).tolist() == [1, 1, 1, 3]
+    assert choose_roots(np.arange(4), np.array([1, 1, 1, 3]), still).tolist() == [0, 1, 2, 3]
+
+
+def test_of_two_robots_that_dock_the_one_that_stands_keeps_its_pose() -> None:
+    groups, roots = np.array([0, 0, 2]), np.arange(3)
+    assert choose_roots(groups, roots, np.array([0.02, 0.0, 0.0])).tolist() == [1, 1, 2]
+    assert choose_roots(groups, roots, np.array([0.0, 0.02, 0.0])).tolist() == [0, 0, 2]
 
 
 def test_bad_hearing_is_refused() -> None:

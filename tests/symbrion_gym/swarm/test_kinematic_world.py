@@ -11,6 +11,7 @@ from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
 from symbrion_gym.swarm.docks import find_dock_poses
 from symbrion_gym.swarm.kinematic.config import KinematicConfig
 from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym.swarm.kinematic.motion import Poses, hold_arms
 from symbrion_gym.swarm.world import SwarmCommands
 
 EXACT = KinematicConfig(slip=0.0)
@@ -280,3 +281,14 @@ def test_other_refusals():
 def test_limits_out_of_range_are_refused(options):
     with pytest.raises(OptionError, match=next(iter(options))):
         KinematicConfig(**options)
+
+
+def test_an_arm_stops_at_a_robot_of_its_own_group():
+    position = np.array([[0.0, 0.0, 0.05], [0.12, 0.0, 0.05], [0.0, 0.5, 0.05]])
+    lifted, level = np.full(3, 1.4), np.array([0.0, 1.4, 0.0])
+    new = Poses(position, np.tile(np.eye(3), (3, 1, 1)), level)
+    held = hold_arms(new, lifted, np.array([0, 0, 0]), SCOUT, 1e-6)
+    np.testing.assert_array_equal(held.hinge, [1.4, 1.4, 0.0])
+    np.testing.assert_array_equal(held.position, position)
+    assert hold_arms(new, lifted, np.arange(3), SCOUT, 1e-6) is new
+    assert hold_arms(new, level, np.zeros(3, int), SCOUT, 1e-6) is new

@@ -5,6 +5,7 @@ import pytest
 
 from symbrion_gym.errors import OptionError
 from symbrion_gym.swarm.docks import DockConfig
+from symbrion_gym.swarm.dynamic.transfer import read_motion
 from symbrion_gym.swarm.mixed import MixedConfig, MixedWorld
 from symbrion_gym.swarm.world import SwarmCommands
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, BACK, FRONT, PITCH
@@ -83,6 +84,22 @@ def test_mating_goes_on_when_another_robot_comes_near():
     assert world.robots == (0, 1, 2)
     assert len(world.state.links) == 1
     assert not world.dynamic.assembly.layout.welds
+
+
+def test_a_robot_that_has_tipped_over_stays_dynamic():
+    world = make_world()
+    for _ in range(3):
+        world.step(make_commands())
+    assert world.robots == (0, 1)
+    side = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    motion = read_motion(world.dynamic.assembly, world.dynamic.data)
+    world.dynamic.begin(motion._replace(rotation=np.stack([motion.rotation[0], side])))
+    idle = SwarmCommands.make_idle(4)
+    for _ in range(3):
+        world.step(idle)
+    assert world.state.links == ()
+    assert abs(world.state.rotation[1, 2, 2]) < 0.1
+    assert 1 in world.robots
 
 
 def test_robots_leave_the_dynamic_level_later_than_they_enter_it():

@@ -4,12 +4,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import mujoco
 import numpy as np
 import pytest
 
+from symbrion_gym.environment.config import EnvironmentConfig
 from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.environment.world import Physics
+from symbrion_gym.environment.world import Physics, World
 from symbrion_gym.robot.sensor_names import SENSORS
+from symbrion_gym.tasks.terms import Termination
 from symbrion_gym.warp.device.starts import StartingEnv
 from symbrion_gym.warp.device.tick import DeviceTick
 
@@ -131,3 +134,29 @@ def test_an_unstable_simulation_ends_as_on_the_host():
     both.envs.batch.bind("qvel")[1, 0] = 1e4
     both.step(np.zeros(both.envs.action_space.shape), unstable=1)
     assert both.info["diverged"].tolist() == [False, True, False, False]
+
+
+def count_low(state: Any) -> Any:
+    """Return whether a body was low for five ticks: a term of a user, for NumPy and JAX."""
+    ticks = state.remember("low_ticks", 0.0)
+    is_low = state.xp.minimum(state.lowest, state.middle[:, 2]) < 10.0
+    state.keep("low_ticks", ticks + 1.0, is_low & (state.tick >= 3.0))
+    return state.remember("low_ticks", 0.0) >= 5.0
+
+
+def test_a_term_of_a_user_remembers_as_on_the_host():
+    task = World(EnvironmentConfig(modules=2, pit=0.0)).task
+    own = Termination("low", count_low)
+    both = Both(modules=2, pit=0.0, sensors=("pitch",), task=task.replace(terminations=(own,)))
+    run(both, 12, -1.0, 1.0)
+    assert both.info["low"].all()
+    assert both.info["time"] == pytest.approx(7 * both.envs.config.dt)
+
+
+def test_without_rays_in_the_observation_none_is_cast():
+    kinds = {}
+    for sensors in (("pitch", "contact"), ("pitch", "laser"), ("pitch", "ir")):
+        model = World(EnvironmentConfig(modules=2, pit=0.0, sensors=sensors)).model
+        kinds[sensors[1]] = int((model.sensor_type == mujoco.mjtSensor.mjSENS_RANGEFINDER).sum())
+    assert kinds["contact"] == 0
+    assert min(kinds["laser"], kinds["ir"]) > 0

@@ -1,0 +1,46 @@
+"""Controllers compute with arrays of JAX what they compute with those of NumPy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from evolution.controllers.controller import CONTROLLERS, make_law
+from evolution.controllers.namespaces import add_to_column, find_namespace
+from symbrion_gym.environment.arena_and_organism import find_organism
+from symbrion_gym.environment.config import EnvironmentConfig
+
+NUM = 5
+
+
+@pytest.mark.parametrize("law", CONTROLLERS)
+@pytest.mark.parametrize(("body", "tracks"), [({"modules": 5}, 0), ({"organism": "cross"}, "skid")])
+def test_actions_are_those_of_numpy(law, body, tracks):
+    organism = find_organism(EnvironmentConfig(**body), 0.7)
+    n = organism.num_modules
+    controller = make_law(law, organism, None, 2 * n if tracks else 0)
+    sizes = {"hinge_angle": len(organism.hinges), "track_odometry": 1, "goal_direction": 2}
+    structure, first = {}, 0
+    for name in controller.sensors:
+        structure[name] = slice(first, first := first + sizes.get(name, n))
+    rng = np.random.default_rng(0)
+    genotypes = rng.normal(0.0, 0.4, (NUM, len(controller.parameters)))
+    state = controller.begin(NUM)
+    traced = jax.tree.map(jnp.asarray, state)
+    act = jax.jit(lambda seen, genes, kept: controller.act(seen, genes, structure, kept))
+    for _ in range(20):
+        seen = rng.normal(0.0, 0.4, (NUM, first))
+        wanted, state = controller.act(seen, genotypes, structure, state)
+        found, traced = act(*map(jnp.float32, (seen, genotypes)), traced)
+        assert isinstance(found, jax.Array)
+        np.testing.assert_allclose(found, wanted, atol=2e-4)
+
+
+def test_columns_are_added_in_place_on_the_host_alone():
+    values = np.zeros((2, 3))
+    assert add_to_column(values, 1, 2.0) is values
+    given = jnp.zeros((2, 3))
+    np.testing.assert_array_equal(add_to_column(given, 1, 2.0), values)
+    assert not np.asarray(given).any()
+    assert find_namespace(values) is np
+    assert find_namespace(given) is jnp
