@@ -15,7 +15,6 @@ def _trust(task: str, place: str) -> Claim:
             Value("landscape", f"map/{task}/{name}") for name in ("truth_rank", "bodies", "truth_difference")
         ),
         bar=">= 0.9",
-        is_headline=task == "pit",
     )
 
 

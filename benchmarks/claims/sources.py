@@ -111,6 +111,15 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "benchmarks/material/friction_courses.py",
         "benchmarks/friction.py::measure_patches",
     ),
+    "landscape": (
+        "assets/landscape",
+        "evolution/bodies",
+        "evolution/body_search/algorithms",
+        "evolution/body_search/prediction.py",
+        "evolution/landscape/reliability.py",
+        "evolution/landscape/replay.py",
+        "evolution/landscape/scores.py",
+    ),
     "living": (
         *_NETWORKS,
         *_COURSE,

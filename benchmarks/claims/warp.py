@@ -27,8 +27,8 @@ WARP = (
         set_after=True,
     ),
     Claim(
-        "The same controllers on C, begun 1e-6 m beside the start: mean number of steps until other geoms touch; and on "
-        "Warp",
+        "The same controllers on C, begun 1e-6 m beside the start: mean number of steps until other geoms touch; and "
+        "on Warp",
         "{0:.0f}, {1:.0f}, {2:.0f}, {3:.0f} and {4:.0f}, {5:.0f}, {6:.0f}, {7:.0f} of 200",
         _find("steps_beside/steps_of_same_contacts") + _find("steps/steps_of_same_contacts"),
     ),
@@ -51,7 +51,7 @@ WARP = (
         bar="<= 1e-4",
     ),
     Claim(
-        "MuJoCo Warp against C: equal outcomes of 30 random controllers at a pit of 0.30 m (successes on C and on Warp)",
+        "MuJoCo Warp against C: equal outcomes of 30 random controllers at a pit of 0.30 m (successes on C, on Warp)",
         "{0} of 30 ({1} and {2})",
         (
             Value("warp", "crossings/truth/agree"),

@@ -47,4 +47,5 @@ def run_suite(
     finally:
         backend.close()
     provenance = describe_origin() | {"method": method, "budget": budget}
-    return Submission(method, tuple(entries), provenance)
+    name = method if budget == BUDGET else f"{method}, {budget:g} s"
+    return Submission(name, tuple(entries), provenance)

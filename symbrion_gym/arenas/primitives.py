@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 import trimesh
 from jaxtyping import Bool
@@ -16,14 +14,9 @@ from reconstruction.files.typed_json import JsonError, as_type
 from reconstruction.surfaces.primitives.config import PrimitivesConfig
 from reconstruction.surfaces.primitives.find import Primitives, find_primitives
 from reconstruction.surfaces.primitives.primitive import Primitive
+from symbrion_gym.arenas.beam_cost import pays
 from symbrion_gym.errors import ArenaError
 
-_GEOMS = {
-    "plane": mujoco.mjtGeom.mjGEOM_BOX,
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-}
 _FAR = 1e6
 """Farther out is no arena [m]."""
 _ROTATION = 1e-6
@@ -63,15 +56,16 @@ class _Table:
 
 
 def find_arena_primitives(surface: trimesh.Trimesh, seed: int) -> Primitives:
-    """Return the primitives of an arena's surface.
+    """Return the primitives of an arena's surface; no rectangles where they would not make beams cheaper.
 
     Raises:
         ArenaError: the surface cannot be searched.
     """
     try:
-        return find_primitives(surface, seed=seed)
+        found = find_primitives(surface, seed=seed)
     except ReconstructionError as error:
         raise ArenaError(str(error)) from error
+    return found if pays(surface, found) else found._replace(shapes=find_solids(found))
 
 
 def primitives_to_dict(primitives: Primitives) -> dict[str, Any]:
@@ -119,40 +113,3 @@ def take_solids_out(surface: trimesh.Trimesh, primitives: Primitives) -> Bool[np
     for solid in find_solids(primitives):
         is_left &= ~solid.find_replaced(corners, primitives.tolerance)
     return is_left
-
-
-def add_primitive(spec: mujoco.MjSpec, name: str, one: Primitive, **options: Any) -> mujoco.MjsGeom:
-    """Add a primitive to the world of a spec as a geom."""
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(one.axes).ravel())
-    return spec.worldbody.add_geom(
-        name=name, type=_GEOMS[one.kind], pos=one.center, quat=quaternion, size=one.half_sizes, **options
-    )
-
-
-def add_mixed_surface(
-    spec: mujoco.MjSpec, surface: trimesh.Trimesh, primitives: Primitives, options: dict[str, Any]
-) -> None:
-    """Add what rays see: primitives, and the triangles that they do not replace as meshes."""
-    for i, one in enumerate(primitives.shapes):
-        add_primitive(spec, f"arena_primitive_{i}", one, **options)
-    for i, corners in enumerate(_join_small(primitives.find_rest(surface))):
-        vertices, index = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
-        name = f"arena_surface_{i}"
-        spec.add_mesh(
-            name=name,
-            uservert=vertices.astype(np.float64).ravel(),
-            userface=index.astype(np.int32).ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
-
-
-def _join_small(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return parts that MuJoCo compiles: those of fewer than two triangles join the next."""
-    joined: list[np.ndarray] = []
-    for part in sorted(parts, key=len):
-        if joined and len(joined[-1]) < 2:
-            part = np.concatenate([joined.pop(), part])
-        joined.append(part)
-    return joined

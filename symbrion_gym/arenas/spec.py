@@ -11,7 +11,8 @@ from reconstruction.geometry.rectangles import find_box
 from symbrion_gym.arenas.friction_map import FrictionMap
 from symbrion_gym.arenas.friction_pieces import find_piece_patches
 from symbrion_gym.arenas.geometry import ArenaGeometry
-from symbrion_gym.arenas.primitives import add_mixed_surface, add_primitive, find_solids
+from symbrion_gym.arenas.mixed_surface import add_mixed_surface, add_primitive
+from symbrion_gym.arenas.primitives import find_solids
 from symbrion_gym.arenas.texture_material import add_texture
 from symbrion_gym.contact.kinds import HeightField
 

@@ -21,7 +21,7 @@ def find_standing(state: TaskState, rows: Int[Any, " M"]) -> Bool[Any, " M"]:
         height = state.find_height(rows[some])
         return ((height > low) & (height < high)).all(axis=1)
 
-    stands = (state.up[rows] > state.criteria.upright).all(axis=1)
+    stands: Any = (state.up[rows] > state.criteria.upright).all(axis=1)
     stands = state.confirm(stands, lambda some: state.find_low(rows[some], high))
     return state.confirm(stands, is_on_ground)
 

@@ -47,6 +47,8 @@ _LANDING_ROUNDS = 3
 """Fits of the ground when robots are placed: the foot of a robot moves as it tilts."""
 _LOWEST_ARM = -0.6
 """Angle at which the free arm of a robot touches the ground [rad]."""
+_MOST_PULL = 0.02
+"""Docks that mate pull no robot farther than this in a decision [m], even where something was in the way before."""
 _FRONT = SIDES.index("front")
 
 
@@ -271,6 +273,10 @@ class KinematicWorld:
         share = DECISION / np.maximum(left, DECISION)
         off = self._nominal - layout
         off[:, 2] = np.arctan2(np.sin(off[:, 2]), np.cos(off[:, 2]))
+        way = share * np.hypot(off[:, 0], off[:, 1])
+        longest = np.zeros(self.num_robots)
+        np.maximum.at(longest, self._roots, way)
+        share = share * np.minimum(1.0, _MOST_PULL / np.maximum(longest, _MOST_PULL))[self._roots]
         return layout + share[:, None] * off
 
     def _find_center_height(self, fit: GroundFit) -> Float[np.ndarray, " N"]:

@@ -97,3 +97,12 @@ def test_a_space_that_is_searched_out_goes_on_with_what_is_known():
         assignments = found.ask()
         assert assignments
         found.tell([make_lesson(a.pupil.body, score(a.pupil.body), a.rung) for a in assignments])
+
+
+def test_first_rungs_that_tell_nothing_are_not_followed():
+    rng = np.random.default_rng(1)
+    noise = {body.text: rng.normal() for body in BODIES}
+    lessons = [make_lesson(body, noise[body.text], 0) for body in BODIES]
+    lessons += [make_lesson(body, rng.normal()) for body in BODIES[::2]]
+    mean, _ = Prediction(lessons, 1).predict(BODIES[1::2])
+    assert np.ptp(mean) < 0.5 * np.ptp([noise[body.text] for body in BODIES[1::2]])

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from evolution.suite.running import run_suite
 from evolution.suite.submission import Score, Submission, load_submission
 from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
 
+SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
 FIXED, FREE = "wide pit, H", "narrow pit, any body"
 
 
@@ -158,3 +160,14 @@ def test_command_lines_that_cannot_be_executed_are_refused(options, tmp_path):
     given["files"] = tuple(Path(each) for each in given.get("files", ()))
     with pytest.raises(UsageError):
         BenchSuite(**given)
+
+
+@pytest.mark.skipif(not SUBMISSIONS.is_dir(), reason="a wheel has no submissions")
+def test_submissions_that_ship_keep_the_rules_and_name_their_origin():
+    files = sorted(SUBMISSIONS.glob("*.json"))
+    assert files
+    for file in files:
+        submission = load_submission(file)
+        assert submission.provenance["commit"]
+        assert not submission.provenance["dirty"]
+        assert all(entry.task in {task.name for task in SUITE} for entry in submission.entries)
