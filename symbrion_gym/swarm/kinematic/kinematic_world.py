@@ -226,7 +226,8 @@ class KinematicWorld:
         """
         links = self.state.links
         self.groups = find_groups(links, self.num_robots)
-        speed = np.linalg.norm(self.state.velocity, axis=1)
+        # A state does not tell who stood when its docks latched: the smaller number leads.
+        speed = np.linalg.norm(self.state.velocity, axis=1) * (changed is not None)
         self._roots = choose_roots(self.groups, self._roots, speed)
         self._is_straight = np.zeros(self.num_robots, bool)
         self._nominal = np.zeros((self.num_robots, 3))
