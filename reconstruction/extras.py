@@ -11,7 +11,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "scan": ("small_gicp",),
     "report": ("imageio", "imageio_ffmpeg", "jinja2", "markupsafe", "matplotlib", "PIL", "plotly"),
     "usd": ("pxr",),
-    "rl": ("stable_baselines3",),
+    "rl": ("stable_baselines3", "torch"),
     "ribs": ("ribs",),
     "swarm": ("pettingzoo",),
     "gpu": ("mujoco_warp", "warp"),

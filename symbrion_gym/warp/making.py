@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from reconstruction.range_checks import check_choice
@@ -39,6 +40,10 @@ def make_vector_env(
         raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
     if backend == "mujoco":
         return OrganismVectorEnv(num_envs, **options)
+    if array == "torch" and find_spec("torch") is None:
+        raise OptionError(
+            "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"
+        )
     if array != "numpy":
         from symbrion_gym.warp.requirements import import_warp
 

@@ -98,7 +98,7 @@ def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
     assert find_bytes(resumed) == find_bytes(evolve_bodies(make_config(), simulate=landscape))
 
 
-@pytest.mark.parametrize("algorithm", ["halving", "genetic"])
+@pytest.mark.parametrize("algorithm", ["halving", pytest.param("genetic", marks=pytest.mark.slow)])
 def test_a_search_finds_what_random_bodies_do_not(algorithm):
     """Over five seeds, at equal simulated time; doing nothing but drawing bodies is the comparison."""
 

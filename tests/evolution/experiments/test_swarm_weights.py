@@ -9,6 +9,7 @@ from symbrion_gym.errors import OptionError
 from symbrion_gym.swarm.behavior.weights import BehaviorWeights, list_bounds
 
 
+@pytest.mark.slow
 def test_faster_robots_dock_sooner_side_by_side_in_one_world() -> None:
     config = WeightsConfig(pairs=5, duration=40.0)
     slow, fast = BehaviorWeights(locate_speed=0.015), BehaviorWeights(locate_speed=0.06)
