@@ -214,6 +214,12 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "swarm/kinematic": (*_SWARM, "benchmarks/material/swarm_kinematic.py"),
     "swarm/batch": (*_SWARM, "benchmarks/material/swarm_batch.py"),
     "swarm/random": (*_SWARM, "benchmarks/material/swarm_random.py"),
+    "swarm/weights": (
+        *_SWARM,
+        "symbrion_gym/swarm/behavior",
+        "evolution/experiments/swarm",
+        "benchmarks/material/swarm_weights.py",
+    ),
     "swarm": (
         *_SWARM,
         "symbrion_gym/swarm/behavior",

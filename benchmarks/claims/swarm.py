@@ -155,4 +155,18 @@ SWARM = (
         ),
         bar="<= 0",
     ),
+    *(
+        Claim(
+            f"Weights of the behaviors evolved by CMA-ES, five searches: median time in which four robots assemble in "
+            f"{words} (the first weights); 1 if the 95 % intervals are disjoint",
+            "{1:.0f} s ({2:.0f} s); {0:d}",
+            (
+                Value("swarm", f"weights/{arena}/disjoint"),
+                Value("swarm", f"weights/{arena}/evolved/median"),
+                Value("swarm", f"weights/{arena}/authors/median"),
+            ),
+            bar=">= 1",
+        )
+        for arena, words in (("gsrm", "the scanned arena"), ("truth", "the true course"))
+    ),
 )

@@ -12,6 +12,7 @@ DRIVES = {"largest_difference": 0.08, "median_difference": -0.01}
 LEVEL = {"lost": 0, "not_finite": 0, "steps": 1_000_000, "deepest": 0.01, "gain": 1e-6}
 TOLD = {"successes": 17, "stories": [{"success": True}] * 20}
 TRIALS = {"locked": 55, "trials": 57, "quantiles_s": {"0.5": 35.0}}
+FASTER = {"disjoint": True, "evolved": {"median": 300.0}, "authors": {"median": 400.0}}
 RESULTS: dict[str, Any] = {
     "docks": {
         "jump_mm": 0.05,
@@ -36,6 +37,7 @@ RESULTS: dict[str, Any] = {
         "hardware_judged": TRIALS,
     },
     "story": {"gsrm": TOLD, "truth": TOLD, "without_docking": {"successes": 0, "trials": 20}},
+    "weights": {"gsrm": FASTER, "truth": FASTER},
 }
 
 
