@@ -2,7 +2,8 @@
 
 Run as `python -m benchmarks.cheap_trials [--quick] [--seeds 0 1 ...] [--ways NAME ...]`. A run of each way is made for
 one seed after the other, so that all meet the same load; times are processor times. Samples of the search are tried in
-the cheaper way, candidates for the champion in full: 48 trials, of which 47 must succeed. "full" is the search as it is.
+the cheaper way, candidates for the champion in full: 48 trials, of which 47 must succeed. "full" is the search
+as it is.
 """
 
 import argparse
