@@ -23,12 +23,14 @@ from evolution.landscape.judging import Judgment, try_again
 from evolution.landscape.reliability import correlate_ranks
 from evolution.landscape.table import Landscape
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.files.typed_json import JsonError, read_json
 from reconstruction.progress import Progress, silent
 
 FORMAT = "symbrion landscape, longer 1"
 FILE = "longer.json"
 COUNT = 20
 TIMES = 10
+COMMAND = "python -m benchmarks.landscape --only longer"
 _CHUNK = 10
 """Bodies that learn side by side, and after which the state is stored."""
 
@@ -137,7 +139,7 @@ def save_longer(found: Mapping[str, Sequence[Longer]], table: Landscape, times: 
     tasks = {
         name: [
             {
-                "body": table.bodies[each.place].text,
+                "body": table.bodies[each.place].canonical_text,
                 "fitness": each.lesson.fitness,
                 "successes": each.lesson.successes,
                 "truth_fitness": each.truth.fitness,
@@ -158,6 +160,22 @@ def save_longer(found: Mapping[str, Sequence[Longer]], table: Landscape, times: 
     folder.mkdir(parents=True, exist_ok=True)
     with write_atomically(folder / FILE) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def load_longer(folder: Path) -> dict[str, Any]:
+    """Return what `save_longer` wrote: times, generations, and for each task a row for each body, the fittest first.
+
+    Raises:
+        RunError: the file is missing, damaged or of another format.
+    """
+    path = folder / FILE
+    try:
+        content: Any = read_json(path)
+        if content["format"] != FORMAT:
+            raise RunError(f"{path} has format {content['format']!r}, not {FORMAT!r}; make it again")
+    except (OSError, JsonError, KeyError, TypeError) as error:
+        raise RunError(f"{path} cannot be read ({error}); `{COMMAND}` makes it") from error
+    return content
 
 
 def describe_longer(found: Mapping[str, Sequence[Longer]], table: Landscape) -> dict[str, dict[str, Any]]:

@@ -17,9 +17,11 @@ from evolution.landscape.longer import (
     find_fittest,
     learn_longer,
     lengthen,
+    load_longer,
     save_longer,
 )
 from evolution.landscape.making import let_bodies_learn
+from evolution.report.landscape import draw_longer
 
 CONFIG = LandscapeConfig(largest=3, population_size=4, generations=(2,), exam_trials=2)
 ARENAS, TRUTHS = {"pit": "gsrm"}, {"pit": "truth"}
@@ -89,6 +91,15 @@ def test_the_rows_and_the_file_say_what_changed(table, tmp_path):
     assert row["gain"] > 0.0
     assert row["truth_rank"] == pytest.approx(1.0)
     save_longer(found, table, TIMES, tmp_path)
-    stored = json.loads((tmp_path / FILE).read_text())
+    stored = load_longer(tmp_path)
     assert [each["fitness"] for each in stored["tasks"]["pit"]] == long
+    assert len(draw_longer(table, stored).axes) == 1
     assert stored["generations"] == lengthen(CONFIG, TIMES).generations[0]
+
+
+def test_a_missing_or_foreign_file_is_refused_with_the_command(tmp_path):
+    with pytest.raises(RunError, match="benchmarks.landscape --only longer"):
+        load_longer(tmp_path)
+    (tmp_path / FILE).write_text(json.dumps({"format": "other"}))
+    with pytest.raises(RunError, match="'other'"):
+        load_longer(tmp_path)
