@@ -98,7 +98,7 @@ def test_the_rows_and_the_file_say_what_changed(table, tmp_path):
 
 
 def test_a_missing_or_foreign_file_is_refused_with_the_command(tmp_path):
-    with pytest.raises(RunError, match="benchmarks.landscape --only longer"):
+    with pytest.raises(RunError, match=r"benchmarks\.landscape --only longer"):
         load_longer(tmp_path)
     (tmp_path / FILE).write_text(json.dumps({"format": "other"}))
     with pytest.raises(RunError, match="'other'"):
