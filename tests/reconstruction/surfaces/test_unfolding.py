@@ -83,7 +83,7 @@ def test_what_is_found_again_after_a_move_is_what_a_whole_search_finds():
 def test_a_spike_leaves_a_sheet_that_it_has_no_edge_in_common_with(height):
     vertices, faces = make_lattice(9)
     spike = int(np.argmin(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))
-    above = vertices + [0.37, 0.37, 0.2]
+    above = vertices + np.array([0.37, 0.37, 0.2])
     both = np.concatenate([vertices, above])
     sheets = np.concatenate([faces, faces + len(vertices)])
     both[spike, 2] = height
