@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class HostArrays:
-    """The answers of NumPy; those of JAX are in `symbrion_gym.warp.device_state`.
+    """The answers of NumPy; those of JAX are in `symbrion_gym.warp.device.state`.
 
     A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
     all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.
