@@ -66,4 +66,6 @@ def _make_device_env(
 
     if stretches is not None and len(stretches) > 1:
         return StretchedVectorEnv(num_envs, array, stretches, **options)
-    return DeviceVectorEnv(num_envs, array, **options | ({"stretch": stretches[0]} if stretches else {}))
+    if stretches:
+        options["stretch"] = stretches[0]
+    return DeviceVectorEnv(num_envs, array, **options)
