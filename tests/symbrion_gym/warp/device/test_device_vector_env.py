@@ -174,6 +174,19 @@ def test_reaching_and_exploring_follow_the_c_engine(task):
     assert last[4]["time"].min() > 0.8, "not at the start"
 
 
+@slow
+def test_what_was_seen_is_forgotten_at_an_automatic_reset():
+    options = {"arena": "gsrm", "task": "explore", "modules": 1, "start": (-2.0, 0.0), "pit": None}
+    options |= {"track_control": "skid", "sensors": ("pitch",), "randomize": {}}
+    envs = make(autoreset_mode="SameStep", max_episode_steps=25, **options)
+    envs.reset(seed=0)
+    actions, progress = np.ones(envs.action_space.shape), []
+    for _ in range(49):
+        progress.append(np.asarray(envs.step(actions)[4]["progress"]))
+    assert (progress[23] > progress[4] + 0.02).all(), "they see more"
+    np.testing.assert_array_equal(progress[25:], progress[:24])
+
+
 def look_at_each(state):
     """Return whether bodies are low: a term of a user that looks at single simulations."""
     return np.array([each < -1.0 for each in state.lowest])
