@@ -1,7 +1,7 @@
 """MuJoCo Warp against MuJoCo's C engine: the same episodes, and speed by number of simulations.
 
     python -m benchmarks.warp [--quick] [--device cuda:0] [--worlds 64 ...] [--arenas truth ...]
-                             [--only ticks crossings speed generation networks]
+                             [--only ticks crossings speed generation networks ppo]
 
 It needs the extra `gpu`. Without a GPU it runs on the processor, which shows that both engines agree, and nothing about
 the speed of a GPU.
@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.evolution_runs import Results
+from benchmarks.material import warp_ppo
 from benchmarks.material.warp_parity import ARENAS, compare_crossings, compare_ticks
 from benchmarks.material.warp_speed import measure_device, measure_generation, measure_host, measure_networks
 from reconstruction.extras import find_missing, require_extras
 
-PARTS = ("ticks", "crossings", "speed", "generation", "networks")
+PARTS = ("ticks", "crossings", "speed", "generation", "networks", "ppo")
 WORLDS = (64, 256, 1024, 4096, 16384)
 QUICK_WORLDS = (16, 64)
 CONTROLLERS, CROSSINGS = 20, 30
@@ -65,6 +66,14 @@ def measure_others(results: Results, device: str, parts: Sequence[str], quick: b
         results.put("networks", rows)
 
 
+def measure_learning(results: Results, device: str, quick: bool) -> None:
+    """Measure PPO; a quick run has few updates of short episodes."""
+    size = warp_ppo.ON_PROCESSOR if device == "cpu" else warp_ppo.ON_GPU
+    size, options = (warp_ppo.QUICK, {"modules": 3, "duration": 1.0}) if quick else (size, {})
+    row = warp_ppo.measure_ppo(device, size, lambda found: results.put("ppo", found), **options)
+    results.put("ppo", row)
+
+
 def run(
     quick: bool = False,
     device: str | None = None,
@@ -86,6 +95,8 @@ def run(
         few = quick or device == "cpu"
         measure_speed(results, device, worlds or (QUICK_WORLDS if few else WORLDS), arenas)
     measure_others(results, device, parts, quick)
+    if "ppo" in parts:
+        measure_learning(results, device, quick)
 
 
 def _find_device() -> str:

@@ -2,13 +2,15 @@
 
     pip install "symbrion-gym[gpu]" "jax[cuda12]"
     python examples/train_ppo_gpu.py --device cuda:0 --envs 4096 --updates 100
-    python examples/train_ppo_gpu.py --device cpu --envs 32 --updates 40    # without a GPU, slowly
+    python examples/train_ppo_gpu.py --device cpu --envs 64 --updates 50 --rate 1e-3 --epochs 6  # without a GPU, slowly
 
-After training, the policy is judged on MuJoCo's C engine, on starts that it has never met.
+After training, the policy is judged on the C engine of MuJoCo, on starts that it has never met, beside zero and random
+actions.
 """
 
 import argparse
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -208,9 +210,13 @@ def train(
     updates: int = 100,
     seed: int = 0,
     settings: Settings | None = None,
+    on_update: Callable[[Learner, list[dict[str, float]]], None] | None = None,
     **options: Any,
 ) -> tuple[Learner, list[dict[str, float]]]:
-    """Return a trained learner, and for every update the time [s], decisions, episodes and successes."""
+    """Return a trained learner, and for every update the time [s], decisions, episodes and successes.
+
+    The time begins before the environments are made, and leaves out what `on_update` takes.
+    """
     settings, began = settings or Settings(), time.perf_counter()
     envs = gym.make_vec(
         ID,
@@ -244,14 +250,38 @@ def train(
         learner = learn(settings, learner, whole, observation, own)
         found = {"episodes": int(episodes), "successes": int(successes)}
         decisions = (update + 1) * settings.horizon * num_envs
+        jax.block_until_ready(learner)
         curve.append({"seconds": time.perf_counter() - began, "decisions": decisions, **found})
         print(curve[-1], flush=True)
+        if on_update is not None:
+            paused = time.perf_counter()
+            on_update(learner, curve)
+            began += time.perf_counter() - paused
     envs.close()
     return learner, curve
 
 
 def judge(learner: Learner, arena: str = "truth", trials: int = 50, **options: Any) -> int:
-    """Return the strict successes of the policy without noise, on the C engine and on fresh starts."""
+    """Return the strict successes of the policy without noise; see `count_successes`."""
+    find_action = jax.jit(lambda each: apply(learner.weights["actor"], normalize(learner, each)))
+    return count_successes(
+        lambda each: np.asarray(find_action(np.asarray(each, dtype=np.float32))), arena, trials, **options
+    )
+
+
+def make_baselines(num_hinges: int, seed: int = 0) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """Return what a policy has to beat: zero and random actions."""
+    rng = np.random.default_rng(seed)
+    return {
+        "zero": lambda each: np.zeros((len(each), num_hinges)),
+        "random": lambda each: rng.uniform(-1.0, 1.0, (len(each), num_hinges)),
+    }
+
+
+def count_successes(
+    find_action: Callable[[np.ndarray], np.ndarray], arena: str = "truth", trials: int = 50, **options: Any
+) -> int:
+    """Return the strict successes of a policy on the C engine and on fresh starts."""
     envs = gym.make_vec(
         ID,
         num_envs=trials,
@@ -260,10 +290,9 @@ def judge(learner: Learner, arena: str = "truth", trials: int = 50, **options: A
         **{"autoreset_mode": "Disabled"} | OPTIONS | options,
     )
     observation, info = envs.reset(seed=FRESH_SEED)
-    find_action = jax.jit(lambda each: apply(learner.weights["actor"], normalize(learner, each)))
     finished = np.zeros(trials, dtype=bool)
     while not finished.all():
-        actions = np.asarray(find_action(np.asarray(observation, dtype=np.float32)), dtype=float)
+        actions = np.asarray(find_action(observation), dtype=float)
         observation, _, terminated, truncated, info = envs.step(actions)
         finished |= terminated | truncated
     envs.close()
@@ -279,6 +308,12 @@ if __name__ == "__main__":
     parser.add_argument("--envs", type=int, default=4096)
     parser.add_argument("--updates", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rate", type=float, default=Settings().rate, help="learning rate")
+    parser.add_argument("--epochs", type=int, default=Settings().epochs, help="of an update")
     given = parser.parse_args()
-    trained, _ = train(given.arena, given.device, given.envs, given.updates, given.seed)
-    print(f"successes on the C engine: {judge(trained, given.arena)} of 50")
+    chosen = Settings(rate=given.rate, epochs=given.epochs)
+    trained, _ = train(given.arena, given.device, given.envs, given.updates, given.seed, chosen)
+    baselines = make_baselines(len(trained.weights["spread"]))
+    scores = {"PPO": judge(trained, given.arena)}
+    scores |= {name: count_successes(each, given.arena) for name, each in baselines.items()}
+    print("successes of 50 on the C engine:", ", ".join(f"{name} {found}" for name, found in scores.items()))

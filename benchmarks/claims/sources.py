@@ -237,6 +237,12 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
     "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/ppo": (
+        *_ROBOT,
+        "symbrion_gym/warp",
+        "examples/train_ppo_gpu.py",
+        "benchmarks/material/warp_ppo.py",
+    ),
     "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
     "staircase": (
         *_NETWORKS,
