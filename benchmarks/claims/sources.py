@@ -244,6 +244,13 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "benchmarks/material/warp_ppo.py",
     ),
     "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
+    "searches": (
+        *_SEARCH,
+        *(f"evolution/search/{name}.py" for name in ("archive", "elites", "islands", "strategy")),
+        *_ROBOT,
+        *_READY_MADE,
+        "benchmarks/searches.py",
+    ),
     "staircase": (
         *_NETWORKS,
         *_PIECES,
