@@ -2,7 +2,7 @@
 
     python -m benchmarks.searches [--quick]
 
-Each searches on a scanned arena with as many genotypes. Its fittest genotype is tried again in the true course, and what
+Each searches on a scanned arena with as many genotypes. Its fittest genotype is tried again in the true course, and all
 it has tried is sorted into one grid of efforts and times. Rows are written one by one; one that exists is not measured
 again.
 """

@@ -237,11 +237,16 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
     "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/determinism": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_determinism.py"),
     "warp/ppo": (
         *_ROBOT,
         "symbrion_gym/warp",
-        "examples/train_ppo_gpu.py",
-        "benchmarks/material/warp_ppo.py",
+        *(
+            f"examples/train_ppo_gpu.py::{name}"
+            for name in ("OPTIONS", "Settings", "train", "learn", "find_loss")
+        ),
+        "benchmarks/material/warp_ppo.py::measure_ppo",
+        "benchmarks/material/warp_ppo.py::ON_PROCESSOR",
     ),
     "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
     "searches": (
