@@ -1,7 +1,7 @@
 """MuJoCo Warp against MuJoCo's C engine: the same episodes, and speed by number of simulations.
 
     python -m benchmarks.warp [--quick] [--device cuda:0] [--worlds 64 ...] [--arenas truth ...] [--array torch]
-                             [--only ticks crossings determinism speed generation networks ppo]
+                             [--only ticks crossings determinism speed generation networks ppo ppo_host]
 
 It needs the extra `gpu`. Without a GPU it runs on the processor, which shows that both engines agree, and nothing about
 the speed of a GPU. A part that fails is reported, and the next one begins; what a part has measured is stored at once.
@@ -133,6 +133,17 @@ def measure_learning(setting: Setting) -> None:
     setting.results.put("ppo", row)
 
 
+def measure_learning_on_host(setting: Setting) -> None:
+    """Measure the same learner with MuJoCo's C engine on one thread, for the first seed that is missing."""
+    stored = setting.results.content.get("ppo_host", {})
+    runs = list(stored.get("runs", [])) if not setting.quick else []
+    seed = next(each for each in range(len(runs) + 1) if each not in {run["seed"] for run in runs})
+    quick_options = {"modules": 3, "duration": 1.0}
+    size, options = (warp_ppo.QUICK, quick_options) if setting.quick else (warp_ppo.ON_PROCESSOR, {})
+    row = warp_ppo.measure_ppo("mujoco", size, lambda found: None, seed, **options)
+    setting.results.put("ppo_host", {"runs": [*runs, row]})
+
+
 PARTS: dict[str, Callable[[Setting], None]] = {
     "ticks": measure_ticks,
     "crossings": measure_crossings,
@@ -141,6 +152,7 @@ PARTS: dict[str, Callable[[Setting], None]] = {
     "generation": measure_one_generation,
     "networks": measure_both_networks,
     "ppo": measure_learning,
+    "ppo_host": measure_learning_on_host,
 }
 
 

@@ -243,7 +243,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "symbrion_gym/warp",
         *(
             f"examples/train_ppo_gpu.py::{name}"
-            for name in ("OPTIONS", "Settings", "train", "learn", "find_loss")
+            for name in ("OPTIONS", "Settings", "train", "take_step", "learn", "find_loss")
         ),
         "benchmarks/material/warp_ppo.py::measure_ppo",
         "benchmarks/material/warp_ppo.py::ON_PROCESSOR",

@@ -1,6 +1,7 @@
 """The learning curve of PPO on a device: `examples/train_ppo_gpu.py`, judged on MuJoCo's C engine as it learns."""
 
 import importlib.util
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -41,7 +42,7 @@ def measure_ppo(
     """Train, and judge the policy every few updates and at the end; return the curve and the baselines.
 
     Args:
-        device: of Warp.
+        device: of Warp; "mujoco" stands for the C engine on one thread.
         size: how much is learned.
         put: called with the figures so far after each judgment, so that nothing is lost.
         seed: of all random numbers.
@@ -49,7 +50,7 @@ def measure_ppo(
     """
     example = load_example()
     settings = example.Settings(rate=size.rate, epochs=size.epochs)
-    found: dict[str, Any] = {"device": device, "trials": TRIALS, **size._asdict(), "curve": []}
+    found: dict[str, Any] = {"device": device, "seed": seed, "trials": TRIALS, **size._asdict(), "curve": []}
 
     def look(learner: Any, curve: list[dict[str, float]]) -> None:
         if len(curve) % size.every and len(curve) < size.updates:
@@ -57,12 +58,14 @@ def measure_ppo(
         if "zero" not in found:
             baselines = example.make_baselines(len(learner.weights["spread"]))
             found.update({name: example.count_successes(each, **options) for name, each in baselines.items()})
+        curve[-1]["processor_seconds"] = time.process_time()
         curve[-1]["judged"] = found["judged"] = example.judge(learner, trials=TRIALS, **options)
         print(f"  on the C engine {found['judged']} of {TRIALS}", flush=True)
         put(found | {"curve": [dict(row) for row in curve]})
 
     _, curve = example.train(
-        device=device,
+        backend="mujoco" if device == "mujoco" else "warp",
+        device=None if device == "mujoco" else device,
         num_envs=size.num_envs,
         updates=size.updates,
         seed=seed,

@@ -18,7 +18,7 @@ NETWORK_SIZES = {"gsrm": {"units": 2200}, "gg": {"triangles": 13860}}
 
 
 def find_task(arena: str) -> dict[str, Any]:
-    """Return the options with which an arena is driven: to cross its pit, or, in a folder, from one place to another."""
+    """Return the options with which an arena is driven: across its pit, or, in a folder, from one place to another."""
     return {} if arena in NAMED_ARENAS else {"task": "traverse", "track_control": "body"}
 
 

@@ -31,6 +31,8 @@ def stored(monkeypatch):
         def __init__(self, name):
             assert name == "warp"
 
+        content = kept
+
         def put(self, part, figures):
             kept[part] = figures
 
@@ -66,6 +68,15 @@ def test_without_the_extra_nothing_is_measured(monkeypatch, capsys, stored):
 def test_a_scanned_place_is_driven_from_place_to_place():
     assert warp_speed.find_task("truth") == {}
     assert warp_speed.find_task("arenas/room")["task"] == "traverse"
+
+
+@pytest.mark.slow
+def test_ppo_learns_on_the_c_engine_as_well(monkeypatch, stored):
+    monkeypatch.setattr(benchmark, "find_missing", lambda *_: ())
+    assert benchmark.run(True, "cpu", only=("ppo_host",)) == []
+    (found,) = stored["ppo_host"]["runs"]
+    assert [row["decisions"] for row in found["curve"]] == [128, 256]
+    assert {"zero", "random", "judged"} <= set(found)
 
 
 @pytest.mark.slow
