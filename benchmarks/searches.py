@@ -1,6 +1,6 @@
 """Searches of one controller at an equal budget: CMA-ES, islands of it, MAP-Elites, random genotypes.
 
-    python -m benchmarks.searches [--quick]
+    python -m benchmarks.searches [--quick] [--seeds 0 1 ...]
 
 Each searches on a scanned arena with as many genotypes. Its fittest genotype is tried again in the true course, and all
 it has tried is sorted into one grid of efforts and times. Rows are written one by one; one that exists is not measured
@@ -9,6 +9,7 @@ again.
 
 import argparse
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,10 @@ import evolution as ev
 from benchmarks.evolution_runs import Results
 from evolution.search.archive import make_archive
 
-GENERATIONS, GENOTYPES, TRIALS = 6, 24, 2
+GENERATIONS, GENOTYPES, TRIALS = 6, 16, 1
 SEEDS = (0, 1, 2)
 SIGMA = 0.5
-JUDGING = 20
+JUDGING = 10
 """Fresh trials of the fittest genotype in the true course."""
 GRID = ev.ArchiveConfig(("effort", "seconds"), (8, 8), (0.0, 0.0), (1.0, 20.0))
 """Mean effort and mean time [s] of a trial."""
@@ -90,10 +91,10 @@ def measure(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def run(quick: bool = False) -> None:
+def run(quick: bool = False, seeds: Sequence[int] = SEEDS) -> None:
     """Measure what is missing; write results/searches.json row by row."""
     results = Results("searches")
-    for seed in SEEDS[: 1 if quick else None]:
+    for seed in seeds[: 1 if quick else None]:
         for name in SEARCHES:
             rows = results.content.get("searches", {}).get("runs", [])
             if not any(row["search"] == name and row["seed"] == seed for row in rows):
@@ -123,4 +124,6 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="one seed")
-    run(parser.parse_args().quick)
+    parser.add_argument("--seeds", type=int, nargs="*", default=SEEDS)
+    options = parser.parse_args()
+    run(options.quick, options.seeds)
