@@ -96,11 +96,15 @@ def run(quick: bool = False, seeds: Sequence[int] = SEEDS) -> None:
     results = Results("searches")
     for seed in seeds[: 1 if quick else None]:
         for name in SEARCHES:
-            rows = results.content.get("searches", {}).get("runs", [])
-            if not any(row["search"] == name and row["seed"] == seed for row in rows):
-                rows = [*rows, measure(name, seed)]
+            if not any(row["search"] == name and row["seed"] == seed for row in _read_rows(results)):
+                row = measure(name, seed)
+                rows = [*_read_rows(results), row]  # another process may have added some
                 results.put("searches", {"summary": summarize(rows), "runs": rows})
-                print(rows[-1], flush=True)
+                print(row, flush=True)
+
+
+def _read_rows(results: Results) -> list[dict[str, Any]]:
+    return results.content.get("searches", {}).get("runs", [])
 
 
 def summarize(rows: list[dict[str, Any]]) -> dict[str, Any]:

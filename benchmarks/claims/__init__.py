@@ -21,6 +21,7 @@ from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
+from benchmarks.claims.searches import SEARCHES
 from benchmarks.claims.staircase import STAIRCASE
 from benchmarks.claims.swarm import SWARM
 from benchmarks.claims.warp import WARP
@@ -43,6 +44,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "MuJoCo Warp against C": WARP,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
+    "Searches at an equal budget": SEARCHES,
     "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,
     "Swarms": SWARM,
