@@ -22,6 +22,7 @@ from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
+from benchmarks.claims.searches import SEARCHES
 from benchmarks.claims.staircase import STAIRCASE
 from benchmarks.claims.swarm import SWARM
 from benchmarks.claims.warp import WARP
@@ -45,6 +46,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "Cheaper trials of a search": CHEAP_TRIALS,
+    "Searches at an equal budget": SEARCHES,
     "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,
     "Swarms": SWARM,

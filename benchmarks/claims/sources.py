@@ -251,7 +251,25 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
     "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/determinism": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_determinism.py"),
+    "warp/ppo": (
+        *_ROBOT,
+        "symbrion_gym/warp",
+        *(
+            f"examples/train_ppo_gpu.py::{name}"
+            for name in ("OPTIONS", "Settings", "train", "take_step", "learn", "find_loss")
+        ),
+        "benchmarks/material/warp_ppo.py::measure_ppo",
+        "benchmarks/material/warp_ppo.py::ON_PROCESSOR",
+    ),
     "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
+    "searches": (
+        *_SEARCH,
+        *(f"evolution/search/{name}.py" for name in ("archive", "elites", "islands", "strategy")),
+        *_ROBOT,
+        *_READY_MADE,
+        "benchmarks/searches.py",
+    ),
     "staircase": (
         *_NETWORKS,
         *_PIECES,
