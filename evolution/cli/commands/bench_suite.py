@@ -10,7 +10,7 @@ from evolution.cli.command import Command, UsageError, require_file, require_wri
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 
-METHODS = Literal["zero", "random", "cmaes"]
+METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,8 @@ class BenchSuite(Command):
     workers: int = 1
     """Number of threads; they change nothing but the time."""
     out: Path | None = None
-    """Output file: the submission (.json) of run, the page (.html) of board."""
+    """Output file: the submission (.json) of run, written after each entry and continued where it exists; the page
+    (.html) of board."""
 
     def __post_init__(self) -> None:
         if self.action in ("verify", "board"):
@@ -77,9 +78,14 @@ class BenchSuite(Command):
         assert self.out is not None
         with console.track(f"Baseline {self.method}") as step:
             submission = run_suite(
-                self.method, self.seeds, self.tasks, self.budget or BUDGET, self.workers, step.progress
+                self.method,
+                self.seeds,
+                self.tasks,
+                self.budget or BUDGET,
+                self.workers,
+                step.progress,
+                out=self.out,
             )
-        submission.save(self.out)
         console.print_line(f"{self.out}: {len(submission.entries)} entries")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 

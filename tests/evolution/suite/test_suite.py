@@ -14,14 +14,13 @@ from evolution.errors import RunError
 from evolution.suite import submission as submission_module
 from evolution.suite import tasks as tasks_module
 from evolution.suite import verification
-from evolution.suite.baselines import METHODS
 from evolution.suite.leaderboard import count_wins, format_rows, rank
 from evolution.suite.running import run_suite
 from evolution.suite.submission import Score, Submission, load_submission
 from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
-FIXED, FREE = "wide pit, H", "narrow pit, any body"
+FIXED, FREE = "gap, 4 in a row", "gap, any body"
 
 
 def simulate(jobs, threads):
@@ -53,17 +52,10 @@ def test_the_suite_has_8_to_12_tasks_with_names_of_their_own():
         find_suite_task("moon")
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_equal_seeds_give_equal_entries(method):
-    assert run(method).entries == run(method).entries
-    spent = [entry.seconds for entry in run(method).entries]
-    assert spent == [0.0, 0.0] if method == "zero" else all(400.0 <= each <= 440.0 for each in spent)
-
-
 def test_learning_beats_chance_and_chance_beats_nothing():
     fitness = {
         name: np.mean([each.truth.fitness for each in run(name, seeds=(0, 1), tasks=(FIXED,)).entries])
-        for name in METHODS
+        for name in ("zero", "random", "cmaes")
     }
     assert fitness["cmaes"] > fitness["random"]
     assert fitness["cmaes"] > fitness["zero"] == pytest.approx(0.6)
