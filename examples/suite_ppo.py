@@ -33,6 +33,7 @@ from symbrion_gym.robot.body_plans import organism_to_text
 CONTROLLER = "evolution.controllers.policy_network:PolicyNetwork"
 TICK, NUM_ENVS, STEPS, ROW = 0.02, 8, 64, 3
 """Seconds of a tick; simulations side by side, decisions of each between updates; modules where the body is free."""
+POLICY = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}
 SETTINGS: dict[str, Any] = {"n_steps": STEPS, "batch_size": 128, "gamma": 0.995, "learning_rate": 1e-3}
 
 
@@ -75,9 +76,8 @@ def train(task: SuiteTask, seed: int, seconds: float = BUDGET) -> Entry:
     organism = trials.body.find_organism()
     network = PolicyNetwork(organism, 2 * organism.num_modules)
     envs = make_envs(task, trials, network, seed)
-    policy = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}
-    model = PPO("MlpPolicy", envs, policy_kwargs=policy, seed=seed, device="cpu", **SETTINGS)
-    model.learn(int(seconds / (HOLD * TICK)) - STEPS * NUM_ENVS)  # the last rollout is finished
+    model = PPO("MlpPolicy", envs, policy_kwargs=POLICY, seed=seed, device="cpu", **SETTINGS)
+    model.learn(int(seconds / (HOLD * TICK)) // (STEPS * NUM_ENVS) * STEPS * NUM_ENVS)  # whole rollouts
     spent = model.num_timesteps * HOLD * TICK
     genes = extract_weights(model, envs)
     envs.close()

@@ -14,7 +14,7 @@ from evolution.errors import RunError
 from evolution.suite import submission as submission_module
 from evolution.suite import tasks as tasks_module
 from evolution.suite import verification
-from evolution.suite.leaderboard import count_wins, format_rows, rank
+from evolution.suite.leaderboard import count_wins, find_overview, format_rows, rank
 from evolution.suite.running import run_suite
 from evolution.suite.submission import Score, Submission, load_submission
 from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
@@ -118,8 +118,9 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
     low = Submission("low", (replace(entry, truth=Score(9.0, 1)),))
     high = Submission("high", (replace(entry, truth=Score(0.5, 9)),))
     rows = rank([low, high])
-    assert [row[1] for row in rows] == ["high", "low"]
-    assert format_rows(rows)[0] == [FIXED, "high", "1", "90", "0.50", f"{entry.scan.fitness:.2f}"]
+    assert [row.submission for row in rows] == ["high", "low"]
+    fitness = f"{entry.scan.fitness:.2f}"
+    assert format_rows(rows)[0] == [FIXED, "high", "1", "9.0", "0.0", "0.50", fitness, "0"]
     assert count_wins([low, high]) == {"low": 0, "high": 1}
     low.save(tmp_path / "low.json")
     from evolution.cli.console import Console
@@ -128,6 +129,23 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
         Console(True, True)
     )
     assert "low" in (tmp_path / "b.html").read_text()
+
+
+def test_rows_have_mean_and_deviation_over_seeds_and_the_overview_says_what_is_missing():
+    entry = run("zero", tasks=(FIXED,)).entries[0]
+    entries = tuple(
+        replace(entry, seed=seed, truth=Score(fitness, successes), seconds=1000.0 + seed)
+        for seed, (fitness, successes) in enumerate(((1.0, 2), (2.0, 6)))
+    )
+    row = rank([Submission("two", entries)])[0]
+    assert row.seeds == 2
+    assert row.truth_successes == pytest.approx((4.0, 8.0**0.5))
+    assert format_rows([row])[0][3:] == ["4.0 ± 2.8", "0.0 ± 0.0", "1.50 ± 0.71", f"{entry.scan.fitness:.2f} ± 0.00",
+                                         "1000"]  # fmt: skip
+    both = Submission("both", (entry, replace(run("zero", tasks=(FREE,)).entries[0])))
+    overview = find_overview([Submission("two", entries), both])
+    assert [line[:4] for line in overview] == [["both", "0.0", "2", "1"], ["two", "4.0", "1", "1"]]
+    assert overview[1].count("–") == len(SUITE) - 1
 
 
 @pytest.mark.parametrize(
@@ -152,6 +170,14 @@ def test_command_lines_that_cannot_be_executed_are_refused(options, tmp_path):
     given["files"] = tuple(Path(each) for each in given.get("files", ()))
     with pytest.raises(UsageError):
         BenchSuite(**given)
+
+
+def test_a_submission_of_suite_1_is_refused_in_one_line(tmp_path):
+    run("zero", tasks=(FIXED,)).save(tmp_path / "a.json")
+    content = json.loads((tmp_path / "a.json").read_text())
+    (tmp_path / "a.json").write_text(json.dumps(content | {"version": "1"}))
+    with pytest.raises(RunError, match=r"of suite '1', this is suite '2', .* run the method again"):
+        load_submission(tmp_path / "a.json")
 
 
 @pytest.mark.skipif(not SUBMISSIONS.is_dir(), reason="a wheel has no submissions")
