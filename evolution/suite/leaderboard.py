@@ -15,12 +15,14 @@ COLUMNS = (
     "task",
     "submission",
     "seeds",
-    f"successes in truth, of {EXAM_TRIALS}",
-    f"successes on the scan, of {EXAM_TRIALS}",
-    "fitness in truth",
-    "fitness on the scan",
+    f"truth, of {EXAM_TRIALS}",
+    f"scan, of {EXAM_TRIALS}",
+    "fitness, truth",
+    "fitness, scan",
     "spent [s]",
 )
+SHORT_COLUMNS = ("task", "submission", "seeds", "truth", "scan", "fitness")
+"""Those that a terminal has room for; the fitness is that in the truth."""
 _SHORT_COMMIT = 8
 
 
@@ -111,6 +113,16 @@ def format_rows(rows: Sequence[Row]) -> list[list[str]]:
     return [[row.task, *_format_row(row)] for row in rows]
 
 
+def shorten_rows(rows: Sequence[Row]) -> list[list[str]]:
+    """Return the rows as text for a terminal, the name of a task in the first of its rows alone."""
+    lines = []
+    for task, own in groupby(rows, key=lambda row: row.task):
+        for index, row in enumerate(own):
+            name, seeds, truth, scan, fitness, *_ = _format_row(row)
+            lines.append([task if index == 0 else "", name, seeds, truth, scan, fitness])
+    return lines
+
+
 def make_page(submissions: Sequence[Submission]) -> Any:
     """Return the leaderboard as a page."""
     from evolution.report.page import Page
@@ -118,7 +130,7 @@ def make_page(submissions: Sequence[Submission]) -> Any:
     page = Page(
         title=f"Symbrion benchmark suite {VERSION}",
         summary=(
-            f"{len(SUITE)} tasks, {BUDGET:.0f} simulated seconds for a task and seed. A method sees the scanned arena "
+            f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. A method sees the scanned arena "
             f"alone; a score is {EXAM_TRIALS} trials under other conditions, on the scan and in the truth."
         ),
     )
@@ -133,7 +145,8 @@ def make_page(submissions: Sequence[Submission]) -> Any:
         page.add_table(
             list(COLUMNS[1:]),
             [_format_row(row) for row in rows],
-            "Mean ± standard deviation over seeds. Ranked by successes in the truth, then by fitness there.",
+            "Successes and fitness, mean ± standard deviation over seeds. Ranked by successes in the truth, then by "
+            "fitness there.",
         )
     page.add_section("Provenance")
     page.add_list([_describe(each) for each in submissions])

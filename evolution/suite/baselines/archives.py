@@ -72,8 +72,8 @@ def measure(outcome: Outcome) -> Float[np.ndarray, " 2"]:
     """Return the highest place of a module [m] and the effort of one trial, inside the archive; zeros for a failure."""
     if not outcome.descriptors:
         return np.zeros(2)
-    highest = np.mean([trial["highest"][2] for trial in outcome.descriptors])
-    return np.clip([highest, outcome.effort], 0.0, (HIGHEST, MAX_EFFORT))
+    highest = float(np.mean([trial["highest"][2] for trial in outcome.descriptors]))
+    return np.clip(np.array([highest, outcome.effort]), 0.0, np.array([HIGHEST, MAX_EFFORT]))
 
 
 def make_archive(practice: Practice, rng: np.random.Generator, annealing_rate: float | None = None) -> Any:

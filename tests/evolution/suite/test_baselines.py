@@ -5,6 +5,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from evolution.backends.making import make_backend
 from evolution.backends.outcome import Outcome
 from evolution.cli.commands.bench_suite import METHODS as NAMES
 from evolution.errors import RunError
@@ -97,8 +98,6 @@ def test_searches_for_bodies_find_large_ones_where_these_are_better():
 
 def test_practice_keeps_the_best_and_counts_what_was_simulated():
     task = find_suite_task(FIXED)
-    from evolution.backends.making import make_backend
-
     practice = Practice(task, make_backend("batch", 1, simulate=simulate), 12.0)
     body = task.make_trials(task.body, "oscillators", 1, (0,)).body.find_organism()
     genes = len(find_law(task, body).parameters)
@@ -140,7 +139,7 @@ def test_baselines_that_do_not_exist_or_suit_are_refused():
     with pytest.raises(RunError, match="method"):
         run_suite("moon", (0,), simulate=simulate)
     with pytest.raises(RunError, match="searches bodies"):
-        run_baseline("surrogate", find_suite_task(FIXED), 0, None)
+        run_baseline("surrogate", find_suite_task(FIXED), 0, make_backend("batch", 1, simulate=simulate))
 
 
 def test_a_run_that_was_stopped_goes_on(tmp_path):

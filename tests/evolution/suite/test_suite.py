@@ -76,6 +76,10 @@ def test_a_score_that_was_raised_is_found_out(tmp_path):
     more = replace(entry, scan=Score(entry.scan.fitness, (entry.scan.successes + 1) % EXAM_TRIALS))
     checks = verification.verify(Submission("raised", (entry, raised, more)))
     assert [check.holds for check in checks] == [True, False, False]
+    both = Submission("both", (entry, run("zero", tasks=(FREE,)).entries[0]))
+    assert [check.entry.task for check in verification.verify(both, tasks=(FREE,))] == [FREE]
+    with pytest.raises(RunError, match="no task 'moon'"):
+        verification.verify(both, tasks=("moon",))
     Submission("raised", (raised,)).save(tmp_path / "raised.json")
     from evolution.cli.console import Console
 
