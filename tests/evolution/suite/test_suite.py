@@ -11,6 +11,7 @@ from evolution.backends.outcome import Outcome
 from evolution.cli.command import UsageError
 from evolution.cli.commands.bench_suite import BenchSuite
 from evolution.errors import RunError
+from evolution.landscape.places import find_published_arena, make_true_arena
 from evolution.suite import submission as submission_module
 from evolution.suite import tasks as tasks_module
 from evolution.suite import verification
@@ -18,6 +19,7 @@ from evolution.suite.leaderboard import count_wins, find_overview, format_rows, 
 from evolution.suite.running import run_suite
 from evolution.suite.submission import Score, Submission, load_submission
 from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
+from symbrion_gym.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
 FIXED, FREE = "gap, 4 in a row", "gap, any body"
@@ -59,6 +61,19 @@ def test_learning_beats_chance_and_chance_beats_nothing():
     }
     assert fitness["cmaes"] > fitness["random"]
     assert fitness["cmaes"] > fitness["zero"] == pytest.approx(0.6)
+
+
+def test_every_task_has_a_scan_that_ships_and_an_exact_counterpart():
+    for task in SUITE:
+        if task.truth is None:
+            folder = find_published_arena(task.arena)
+            scan, exact = Arena.load(folder), make_true_arena(task.arena)
+            assert scan.course is None  # nothing of the truth is in the scan
+            np.testing.assert_allclose(scan.surface.bounds, exact.surface.bounds, atol=0.3)
+    gap = find_published_arena("gap")
+    assert sum(path.stat().st_size for path in gap.rglob("*") if path.is_file()) < 300_000
+    assert make_true_arena("gap").course.pit == 0.25
+    assert sum(task.body is None for task in SUITE) >= 3
 
 
 def test_a_submission_is_read_as_written_and_verified(tmp_path):
