@@ -11,7 +11,7 @@ from evolution.backends.outcome import Outcome
 from evolution.cli.command import UsageError
 from evolution.cli.commands.bench_suite import BenchSuite
 from evolution.errors import RunError
-from evolution.landscape.places import find_published_arena, make_true_arena
+from evolution.landscape.places import GAP, find_published_arena, make_true_arena
 from evolution.suite import submission as submission_module
 from evolution.suite import tasks as tasks_module
 from evolution.suite import verification
@@ -72,7 +72,8 @@ def test_every_task_has_a_scan_that_ships_and_an_exact_counterpart():
             np.testing.assert_allclose(scan.surface.bounds, exact.surface.bounds, atol=0.3)
     gap = find_published_arena("gap")
     assert sum(path.stat().st_size for path in gap.rglob("*") if path.is_file()) < 300_000
-    assert make_true_arena("gap").course.pit == 0.25
+    assert make_true_arena("gap").course == GAP
+    assert GAP.pit == 0.25
     assert sum(task.body is None for task in SUITE) >= 3
 
 
