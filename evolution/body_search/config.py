@@ -40,6 +40,8 @@ from evolution.search.stored_config import (
     to_text,
 )
 from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
@@ -58,6 +60,8 @@ class BodiesConfig:
             or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
         largest: largest number of modules.
+        dofs: rotational degrees of freedom of each module: 1 (the hinge), or 2 (and the rotation of the arm, which
+            `oscillators` moves by genes of its own).
         children: new bodies of an iteration.
         population_size: bodies that "genetic" keeps; of the others, all are kept.
         crossover_share: share of children by crossover rather than mutation.
@@ -77,6 +81,7 @@ class BodiesConfig:
     algorithm: str = "halving"
     smallest: int = 1
     largest: int = 8
+    dofs: int = 1
     children: int = 9
     population_size: int = 18
     crossover_share: float = 0.25
@@ -93,6 +98,7 @@ class BodiesConfig:
             ("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES)
         )
         limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
+        limits["dofs"] = (1, 2)
         coerce_integers(self, limits, RunError)
         shares = ["crossover_share", "random_share"]
         if self.promoted_share is not None:
@@ -114,6 +120,11 @@ class BodiesConfig:
     def limits(self) -> BodyLimits:
         """How many modules a body has."""
         return BodyLimits(self.smallest, self.largest)
+
+    @property
+    def scout(self) -> ScoutConfig:
+        """Constants of the modules."""
+        return ScoutConfig(dofs=self.dofs)
 
 
 @dataclass(frozen=True)
@@ -148,6 +159,7 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "algorithm": str,
     "smallest": int,
     "largest": int,
+    "dofs": int,
     "children": int,
     "population_size": int,
     "crossover_share": float,
@@ -221,7 +233,7 @@ class BodyEvolutionConfig(Nested):
             )
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
-        organism = self.make_shortest().to_organism()
+        organism = self.make_organism(self.make_shortest())
         tracks = count_tracks(self.episode.track_control, organism.num_modules)
         if not (organism.hinges or tracks):
             raise RunError(
@@ -239,11 +251,15 @@ class BodyEvolutionConfig(Nested):
             shortest = BodyGenome(back=shortest)
         return shortest
 
+    def make_organism(self, body: BodyGenome) -> Organism:
+        """Return a body of the modules of this search."""
+        return body.to_organism(self.bodies.scout)
+
     def make_trials(self, body: BodyGenome, count: int, seed: tuple[int, ...]) -> Trials:
         """Return the trials of genotypes of a body."""
         return Trials(
             arena=self.arena,
-            body=BodyConfig(organism=body.to_organism()),
+            body=BodyConfig(organism=self.make_organism(body)),
             episode=self.episode,
             control=self.control,
             trial=self.trial,
@@ -256,6 +272,8 @@ class BodyEvolutionConfig(Nested):
         content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
         if self.bodies.axes == BodiesConfig.axes:  # runs from before this field existed keep their digest
             del content["axes"]
+        if self.bodies.dofs == BodiesConfig.dofs:
+            del content["dofs"]
         if self.trial.randomization.patch_friction == Randomization.patch_friction:
             content["randomization"] = {
                 k: v for k, v in content["randomization"].items() if k != "patch_friction"
