@@ -1,9 +1,9 @@
 """Beyond the map of small bodies: bodies of up to twelve modules against snakes, judged in the exact place.
 
-    python -m benchmarks.beyond [--quick] [--places stairs pit rubble] [--seeds 0 1 2 3 4]
+    python -m benchmarks.beyond [--quick] [--places stairs pit rubble] [--seeds 0 1 2 3 4] [--again]
 
 For each place and seed a body is searched on the scan; then the controller of a row of as many modules, in as much
-simulated time. Each row of the results is stored at once, and is not measured again by the same code.
+simulated time. Each row is stored at once with its commit, and is measured again with `--again` alone.
 """
 
 import argparse
@@ -39,6 +39,7 @@ def run(
     places: Sequence[str] = tuple(PLACES),
     seeds: Sequence[int] = SEEDS,
     results: Results | None = None,
+    again: bool = False,
 ) -> dict[str, Any]:
     """Measure what is missing, write and return everything.
 
@@ -47,16 +48,19 @@ def run(
         places: names of places.
         seeds: of the searches.
         results: where the figures go.
+        again: whether rows that exist are replaced.
     """
     results = results or Results("beyond")
     for name in places:
         for seed in seeds:
             rows = results.content.get(name, {}).get("runs", [])
-            if any(row["seed"] == seed for row in rows):
+            if any(row["seed"] == seed for row in rows) and not again:
                 continue
-            rows = sorted([*rows, measure(name, seed, quick)], key=lambda row: row["seed"])
+            found = measure(name, seed, quick)
+            rows = [row for row in rows if row["seed"] != seed]
+            rows = sorted([*rows, found], key=lambda row: row["seed"])
             results.put(name, {**summarize(rows), "runs": rows})
-            print(name, rows[-1] if rows[-1]["seed"] == seed else seed, flush=True)
+            print(name, found, flush=True)
     return results.content
 
 
@@ -134,8 +138,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="searches of a minute of simulated time")
     parser.add_argument("--places", nargs="+", default=list(PLACES), choices=PLACES)
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
+    parser.add_argument("--again", action="store_true", help="replace rows that exist")
     options = parser.parse_args()
-    run(options.quick, options.places, options.seeds)
+    run(options.quick, options.places, options.seeds, again=options.again)
 
 
 if __name__ == "__main__":

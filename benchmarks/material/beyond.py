@@ -18,9 +18,14 @@ from evolution.body_search.confirmation import confirm
 from evolution.body_search.run import BodyRun
 from evolution.controllers.config import ControllerConfig
 from evolution.controllers.controller import U_SHAPE_HINT
-from evolution.landscape.places import find_published_arena, make_true_arena
+from evolution.landscape.places import SPACING, TIME_LIMIT, UNITS
 from evolution.search.run import Run
+from reconstruction.reconstruct import reconstruct
+from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import Arena
+from symbrion_gym.arenas.course import StairsCourse
+from symbrion_gym.arenas.making import make_arena
+from symbrion_gym.sensing.survey import survey
 
 LARGEST = 12
 """Modules of the largest body."""
@@ -30,6 +35,9 @@ ROWS = (4, 6, 8, 10, 12)
 """Modules of the rows with which a search begins."""
 HELD_OUT = 7
 """Seed of the rubble; configurations were chosen on that of seed 100."""
+STAIRS = StairsCourse(steps=3, rise=0.07, run=0.30, floor=2.0, plateau=2.4)
+"""Room for twelve modules in a row before and behind the steps: on the stairs of the landscape such a row begins beyond
+the near end, and drives over the far end before all of it is on top."""
 FOLDER = Path("runs/beyond")
 _UNSTRETCHED = Randomization(stretch=(1.0,))
 _STUCK_TIME = 3.0
@@ -66,12 +74,12 @@ class Place:
 PLACES: dict[str, Place] = {
     place.name: place
     for place in (
-        Place("stairs", 2000.0, "oscillators", {"task": "climb", "duration": 25.0}),
+        Place("stairs", 2000.0, "oscillators", {"task": "climb", "duration": 35.0}),
         Place(
             "pit",
             4000.0,
             "travelling",
-            {"task": "cross_gap", "start": "pit", "duration": 30.0},
+            {"task": "cross_gap", "start": "pit", "duration": 90.0},
             genes=_HINT,
             sigma=0.2,
             # in a row all tracks look ahead; the hint of steering that goes with "skid" stops rows at this pit
@@ -89,7 +97,17 @@ def find_arenas(name: str, folder: Path = FOLDER) -> tuple[str, Arena | str]:
     if name == "rubble":
         scanned, exact = save_rubble(folder, HELD_OUT)
         return str(scanned), str(exact)
-    return str(find_published_arena(name)), make_true_arena(name)
+    return str(_save_stairs(folder)), Arena.from_course(STAIRS, "stairs-truth")
+
+
+def _save_stairs(folder: Path) -> Path:
+    """Make the scanned stairs unless the folder has them, and return theirs."""
+    path = folder / "stairs"
+    if not (path / "arena.json").is_file():
+        points = thin(preprocess(survey(Arena.from_course(STAIRS, "stairs-truth"), seed=0)), SPACING)
+        mesh = reconstruct(points, method="gsrm", units=UNITS, seed=0).mesh
+        make_arena(mesh, name="stairs", seed=0, time_limit=TIME_LIMIT).save(path)
+    return path
 
 
 def make_search(place: Place, arena: str, seed: int) -> ev.BodyEvolutionConfig:

@@ -46,6 +46,9 @@ def test_a_measured_row_stays(tmp_path, monkeypatch):
     assert measured == [("stairs", 1), ("stairs", 0), ("pit", 0), ("pit", 1)]
     assert [row["seed"] for row in found["stairs"]["runs"]] == [0, 1]
     assert found["stairs"]["better"] == 2
+    beyond.run(places=["stairs"], seeds=[1], results=results, again=True)
+    assert measured[4:] == [("stairs", 1)]
+    assert [row["seed"] for row in results.content["stairs"]["runs"]] == [0, 1]
     assert json.loads((tmp_path / "beyond.json").read_text())["results"] == found
 
 

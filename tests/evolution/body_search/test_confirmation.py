@@ -62,6 +62,20 @@ def test_trials_are_not_those_of_the_search(run):
     assert len({tuple(values) for values in draws.values()}) == len(draws) == 4
 
 
+@pytest.mark.parametrize(("start", "expected"), [("pit", "floor"), (None, None), ((0.1, 0.0), (0.1, 0.0))])
+def test_trials_begin_where_those_of_the_final_test_do(start, expected):
+    config = made_bodies.make_config(task="cross_gap", start=start)
+    found = ev.evolve(config, simulate=simulate)
+    seen = set()
+
+    def watch(jobs, threads):
+        seen.update(job.trials.episode.find_start() for job in jobs)
+        return simulate(jobs, threads)
+
+    confirm(found, candidates=2, simulate=watch)
+    assert seen == {expected}
+
+
 def test_each_body_is_a_candidate_once_with_its_fittest_lesson(run):
     lessons = run.record.lessons
     better = lessons[0]._replace(rung=1, fitness=99.0)
