@@ -1,4 +1,4 @@
-"""Rubble: a floor with flat blocks of random size, heading and tilt, exactly and as a simulated survey finds it.
+"""Rubble: a floor with blunt blocks of random size, heading and tilt, exactly and as a simulated survey finds it.
 
 No search and no configuration was chosen on the rubble of the seed that the benchmark uses.
 """
@@ -23,9 +23,11 @@ BLOCKS_FROM, BLOCKS_TO = -0.3, 0.7
 """x between which the centers of the blocks lie [m]."""
 NUM_BLOCKS = 14
 HEIGHTS = (0.02, 0.05)
-"""Lowest and highest top of a block above the floor [m]; stairs of 0.05 m stop a body that does nothing."""
+"""Lowest and highest top of a block above the floor [m], tilt left out."""
 EDGES = (0.15, 0.40)
-"""Shortest and longest edge of a block [m]."""
+"""Shortest and longest edge of a block at its top [m]."""
+SLOPE = 1.0
+"""Height to width of its sides: steeper ones are rounder in a scan than they are."""
 MAX_TILT = 0.12
 """Largest tilt of its top [rad]."""
 _DEPTH = 0.2
@@ -40,8 +42,7 @@ def make_blocks(seed: int) -> list[trimesh.Trimesh]:
     solids = [floor]
     for _ in range(NUM_BLOCKS):
         height = rng.uniform(*HEIGHTS)
-        block = trimesh.creation.box((*rng.uniform(*EDGES, size=2), height + _DEPTH / 2))
-        block.apply_translation((0.0, 0.0, (height - _DEPTH / 2) / 2))
+        block = _make_block(*rng.uniform(*EDGES, size=2), height)
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, size=2)
         turn = trimesh.transformations.euler_matrix(roll, pitch, rng.uniform(0.0, np.pi))
         block.apply_transform(turn)
@@ -49,6 +50,19 @@ def make_blocks(seed: int) -> list[trimesh.Trimesh]:
         block.apply_translation(place)
         solids.append(block)
     return solids
+
+
+def _make_block(length: float, width: float, height: float) -> trimesh.Trimesh:
+    """Return a block with sloped sides that reaches half as deep as the floor."""
+    low = -_DEPTH / 2
+    spread = (height - low) / SLOPE
+    corners = [
+        (x * (length / 2 + out), y * (width / 2 + out), z)
+        for z, out in ((height, 0.0), (low, spread))
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
+    return trimesh.convex.convex_hull(np.array(corners))
 
 
 def make_true_rubble(seed: int) -> Arena:

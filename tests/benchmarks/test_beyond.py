@@ -100,6 +100,8 @@ def test_rubble_is_made_of_the_blocks_it_names():
     assert np.all(tops > rubble.HEIGHTS[0])
     longest = np.hypot(*2 * [rubble.EDGES[1]])
     assert np.all(tops < rubble.HEIGHTS[1] + longest * rubble.MAX_TILT)
+    widths = np.array([np.ptp(block.bounds, axis=0)[:2].min() for block in blocks[1:]])
+    assert np.all(widths > rubble.EDGES[0] + 2 * rubble.HEIGHTS[0] / rubble.SLOPE)
     assert np.all([block.bounds[0, 2] < 0.0 for block in blocks])
 
 
