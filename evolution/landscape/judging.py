@@ -116,7 +116,7 @@ def try_again(
         Job(np.array(lesson.genotype), search.make_trials(lesson.pupil.body, count, conditions))
         for lesson in lessons
     ]
-    bodies = [lesson.pupil.body.to_organism() for lesson in lessons]
+    bodies = [search.make_organism(lesson.pupil.body) for lesson in lessons]
     return [
         Judgment(compute_fitness(search.scoring, outcome, body), outcome.successes)
         for outcome, body in zip(backend.run(jobs), bodies, strict=True)
