@@ -24,7 +24,7 @@ from symbrion_gym.tasks.usual_terms import UsualTerms
 _SIGHT = 4.0
 """Modules see as far as this many of their lengths."""
 _LOOKS = 5
-"""The ground is looked at every so many ticks: at 0.1 m/s a module moves 1 cm in between."""
+"""The ground is looked at in the first tick and every so many: at 0.1 m/s a module moves 1 cm in between."""
 
 
 class Cells(NamedTuple):
@@ -136,7 +136,7 @@ class SeeGround:
 
     def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the area that was seen [m²]."""
-        xp, looks = state.xp, state.tick % _LOOKS == 0
+        xp, looks = state.xp, (state.tick % _LOOKS == 0) | (state.tick == 1)
         state.remember("explore_area", 0.0)
         for scene, rows in state.group(looks):
             route = _read_area(scene.route)

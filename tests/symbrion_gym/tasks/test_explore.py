@@ -21,3 +21,13 @@ def test_arenas_of_different_lengths_are_explored_side_by_side_and_one_after_the
             progress = [env.step(np.ones(2))[4]["progress"] for env in alone]
         assert list(infos["progress"]) == progress
         assert min(progress) > 0.0
+
+
+def test_what_was_seen_at_the_start_stays_seen():
+    """Progress counts from the start: it never falls, not in the first ticks either."""
+    env = OrganismEnv(**OPTIONS)
+    env.reset(seed=5)
+    steps = [env.step(np.ones(2)) for _ in range(12)]
+    progress = [0.0, *(step[4]["progress"] for step in steps)]
+    assert min(np.diff(progress)) >= 0.0
+    assert abs(steps[0][1]) < 0.05
