@@ -5,6 +5,7 @@ One file per benchmark. `python -m benchmarks.table` turns these lists into text
 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
+from benchmarks.claims.cheap_trials import CHEAP_TRIALS
 from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
@@ -44,6 +45,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "MuJoCo Warp against C": WARP,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
+    "Cheaper trials of a search": CHEAP_TRIALS,
     "Searches at an equal budget": SEARCHES,
     "The landscape of bodies": LANDSCAPE,
     "A real staircase": STAIRCASE,

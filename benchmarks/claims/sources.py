@@ -120,6 +120,20 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "evolution/landscape/replay.py",
         "evolution/landscape/scores.py",
     ),
+    "landscape/longer": (
+        "evolution/bodies",
+        "evolution/body_search/learner.py",
+        "evolution/body_search/learning.py",
+        "evolution/landscape/config.py",
+        "evolution/landscape/longer.py",
+    ),
+    "cheap_trials": (
+        "evolution/search",
+        *_READY_MADE,
+        "benchmarks/material/cheap_trials.py",
+        "benchmarks/cheap_trials.py::_measure",
+        "benchmarks/cheap_trials.py::summarize",
+    ),
     "living": (
         *_NETWORKS,
         *_COURSE,
