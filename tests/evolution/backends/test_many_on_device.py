@@ -41,7 +41,7 @@ def batches(monkeypatch):
 
     def observed(jobs, threads=1):
         sizes.append(len(jobs))
-        assert VALIDATION not in {job.trials.seed[1] for job in jobs}
+        assert (VALIDATION,) not in {job.trials.seed[1:2] for job in jobs}
         return simulate(jobs, threads)
 
     monkeypatch.setattr(rollout, "simulate_on_device", observed)
