@@ -4,7 +4,7 @@
     python examples/train_ppo_gpu.py --device cuda:0 --envs 4096 --updates 100
     python examples/train_ppo_gpu.py --backend mujoco --envs 64 --updates 50 --rate 1e-3 --epochs 6  # without a GPU
 
-Without a GPU, MuJoCo's C engine steps the simulations ten times as fast as Warp does on a processor (`--device cpu`).
+Without a GPU, MuJoCo's C engine steps the simulations several times as fast as Warp on a processor (`--device cpu`).
 After training, the policy is judged on the C engine of MuJoCo, on starts that it has never met, beside zero and random
 actions.
 """

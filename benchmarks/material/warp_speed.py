@@ -80,7 +80,8 @@ def measure_device(
     row = _summarize(envs, wait(envs) - start, ticks)
     if array != "numpy":
         names = ("ms_of_commands", "ms_of_physics", "ms_of_terms")
-        parts = np.median([envs.time_parts(actions) for _ in range(ticks)], axis=0)
+        own = make_actions(envs, "jax")
+        parts = np.median([envs.time_parts(own) for _ in range(ticks)], axis=0)
         row |= dict(zip(names, 1e3 * parts, strict=True))
     row |= {
         "seconds_to_make": made - began,

@@ -19,7 +19,7 @@ def find_elites(run: Run, archive: ArchiveConfig | None = None) -> list[Entry]:
         RunError: there are no axes, or an outcome has no such descriptor.
         MissingExtraError: the extra `ribs` is not installed.
     """
-    archive = archive or run.config.archive
+    archive = run.config.search.archive if archive is None else archive
     if not archive.axes:
         raise RunError(
             "the run has no archive; give ArchiveConfig(axes=..., cells=..., lower=..., upper=...)"

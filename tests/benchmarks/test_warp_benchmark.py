@@ -95,6 +95,14 @@ def test_every_part_runs_without_a_gpu(part, stored):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_gpu")
+def test_speed_is_measured_with_torch(stored):
+    pytest.importorskip("torch", reason="torch is not installed")
+    assert benchmark.run(True, "cpu", worlds=(2,), only=("speed",), arenas=("truth",), array="torch") == []
+    assert stored["speed_torch"]["truth"]["2 worlds"]["robot_seconds_per_second"] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_gpu")
 def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
     import symbrion_gym.warp.device.batch
     import symbrion_gym.warp.device.handover

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +12,14 @@ from evolution.backends import rollout
 from evolution.search.record import VALIDATION
 
 pytestmark = pytest.mark.slow
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "modules": 3,
     "trials": 1,
     "controller": "travelling",
     "start": "pit",
     "randomization": ev.Randomization(stretch=(1.0,)),
 }
-ENVIRONMENT = {"pit": 0.2, "duration": 1.0}
+ENVIRONMENT: dict[str, Any] = {"pit": 0.2, "duration": 1.0}
 CONFIG = ev.EvolutionConfig(
     arena="truth",
     generations=2,
@@ -40,7 +41,7 @@ def batches(monkeypatch):
 
     def observed(jobs, threads=1):
         sizes.append(len(jobs))
-        assert VALIDATION not in {job.trials.seed[1] for job in jobs}
+        assert (VALIDATION,) not in {job.trials.seed[1:2] for job in jobs}
         return simulate(jobs, threads)
 
     monkeypatch.setattr(rollout, "simulate_on_device", observed)
