@@ -155,6 +155,20 @@ def join_limbs(limbs: Mapping[str, BodyGenome]) -> BodyGenome:
     return BodyGenome(limbs.get("back"), limbs.get("left"), limbs.get("right"))
 
 
+def make_row(num_modules: int) -> BodyGenome:
+    """Return modules in a row, each docked to the back of the one ahead.
+
+    Raises:
+        RunError: less than one module.
+    """
+    if num_modules < 1:
+        raise RunError(f"a row has at least 1 module, got {num_modules}")
+    row = BodyGenome()
+    for _ in range(num_modules - 1):
+        row = BodyGenome(back=row)
+    return row
+
+
 def genome_of(organism: Organism) -> BodyGenome:
     """Return the genome of an organism; nothing in it is mirrored.
 

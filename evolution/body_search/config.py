@@ -14,7 +14,7 @@ from evolution.backends.nested import Nested
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution.backends.scoring import Scoring, find_scoring
 from evolution.backends.trials import Randomization, TrialConfig, Trials
-from evolution.bodies.genome import BodyGenome
+from evolution.bodies.genome import BodyGenome, make_row, parse_genome
 from evolution.bodies.variation import OPERATORS, BodyLimits
 from evolution.body_search.descriptors import DESCRIPTORS
 from evolution.body_search.learning import LearningConfig
@@ -40,10 +40,15 @@ from evolution.search.stored_config import (
     to_text,
 )
 from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
+from symbrion_gym.robot.organism import Organism
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
+_ADDED = ("axes", "dofs", "founders", "founder_genes")
+"""Fields that earlier versions lacked: by default they are left out of a digest, so that their runs keep theirs."""
+_FOUNDERLESS = ("random", "exhaustive")
 _BODY_FIELDS = ("modules", "organism", "body_lengths")
 
 
@@ -58,6 +63,12 @@ class BodiesConfig:
             or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
         largest: largest number of modules.
+        dofs: rotational degrees of freedom of each module: 1 (the hinge), or 2 (and the rotation of the arm, which
+            `oscillators` moves by genes of its own).
+        founders: genomes such as "b(b(.))" of bodies that learn first, before random ones; "random" and "exhaustive"
+            have none.
+        founder_genes: name and value of genes at which founders begin to learn; the others begin as every body does.
+            With `is_inherited` their descendants take them over.
         children: new bodies of an iteration.
         population_size: bodies that "genetic" keeps; of the others, all are kept.
         crossover_share: share of children by crossover rather than mutation.
@@ -77,6 +88,9 @@ class BodiesConfig:
     algorithm: str = "halving"
     smallest: int = 1
     largest: int = 8
+    dofs: int = 1
+    founders: tuple[str, ...] = ()
+    founder_genes: tuple[tuple[str, float], ...] = ()
     children: int = 9
     population_size: int = 18
     crossover_share: float = 0.25
@@ -93,6 +107,7 @@ class BodiesConfig:
             ("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES)
         )
         limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
+        limits["dofs"] = (1, 2)
         coerce_integers(self, limits, RunError)
         shares = ["crossover_share", "random_share"]
         if self.promoted_share is not None:
@@ -109,11 +124,31 @@ class BodiesConfig:
         if unknown or not self.operators:
             raise RunError(f"operators is {self.operators}; some of {', '.join(OPERATORS)} are needed")
         _ = self.limits
+        self._check_founders()
+
+    def _check_founders(self) -> None:
+        object.__setattr__(self, "founders", tuple(self.founders))
+        genes = tuple((str(name), float(value)) for name, value in self.founder_genes)
+        object.__setattr__(self, "founder_genes", genes)
+        if self.founder_genes and not self.founders:
+            raise RunError("founder_genes are given, and no founders; give both")
+        if self.founders and self.algorithm in _FOUNDERLESS:
+            raise RunError(f"algorithm {self.algorithm!r} does not begin with founders; leave them out")
+        for text in self.founders:
+            if not self.limits.allow(parse_genome(text)):
+                raise RunError(
+                    f"founder {text!r} does not have {self.smallest} to {self.largest} modules, or they overlap"
+                )
 
     @property
     def limits(self) -> BodyLimits:
         """How many modules a body has."""
         return BodyLimits(self.smallest, self.largest)
+
+    @property
+    def scout(self) -> ScoutConfig:
+        """Constants of the modules."""
+        return ScoutConfig(dofs=self.dofs)
 
 
 @dataclass(frozen=True)
@@ -148,6 +183,9 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "algorithm": str,
     "smallest": int,
     "largest": int,
+    "dofs": int,
+    "founders": tuple[str, ...],
+    "founder_genes": tuple[tuple[str, float], ...],
     "children": int,
     "population_size": int,
     "crossover_share": float,
@@ -221,7 +259,7 @@ class BodyEvolutionConfig(Nested):
             )
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
-        organism = self.make_shortest().to_organism()
+        organism = self.make_organism(self.make_shortest())
         tracks = count_tracks(self.episode.track_control, organism.num_modules)
         if not (organism.hinges or tracks):
             raise RunError(
@@ -234,16 +272,17 @@ class BodyEvolutionConfig(Nested):
 
     def make_shortest(self) -> BodyGenome:
         """Return a row of as few modules as are searched."""
-        shortest = BodyGenome()
-        for _ in range(self.bodies.limits.smallest - 1):
-            shortest = BodyGenome(back=shortest)
-        return shortest
+        return make_row(self.bodies.smallest)
+
+    def make_organism(self, body: BodyGenome) -> Organism:
+        """Return a body of the modules of this search."""
+        return body.to_organism(self.bodies.scout)
 
     def make_trials(self, body: BodyGenome, count: int, seed: tuple[int, ...]) -> Trials:
         """Return the trials of genotypes of a body."""
         return Trials(
             arena=self.arena,
-            body=BodyConfig(organism=body.to_organism()),
+            body=BodyConfig(organism=self.make_organism(body)),
             episode=self.episode,
             control=self.control,
             trial=self.trial,
@@ -254,8 +293,9 @@ class BodyEvolutionConfig(Nested):
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
         content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
-        if self.bodies.axes == BodiesConfig.axes:  # runs from before this field existed keep their digest
-            del content["axes"]
+        for name in _ADDED:
+            if getattr(self.bodies, name) == getattr(BodiesConfig, name):
+                del content[name]
         if self.trial.randomization.patch_friction == Randomization.patch_friction:
             content["randomization"] = {
                 k: v for k, v in content["randomization"].items() if k != "patch_friction"

@@ -81,7 +81,7 @@ class Learner:
 
     def _continue(self, pupil: Pupil) -> Learning:
         """Return the learning of a pupil as it stands after its last recorded rung."""
-        organism = pupil.body.to_organism()
+        organism = self._config.make_organism(pupil.body)
         controller = self._config.control.make_controller(organism, self._config.episode)
         learning = Learning(pupil, controller, self._config.learning, self._config.origin, self._config.seed)
         for generation in self._record.find_generations(pupil.key):
@@ -134,7 +134,7 @@ class Learner:
         return outcomes
 
     def _score(self, pupil: Pupil, outcomes: Sequence[Outcome]) -> list[float]:
-        body = pupil.body.to_organism()
+        body = self._config.make_organism(pupil.body)
         return [compute_fitness(self._config.scoring, outcome, body) for outcome in outcomes]
 
 

@@ -73,7 +73,7 @@ class BodyRun:
             fitness=lesson.fitness,
             successes=lesson.successes,
             trials=lesson.trials,
-            body=BodyConfig(organism=lesson.pupil.body.to_organism()),
+            body=BodyConfig(organism=self.config.make_organism(lesson.pupil.body)),
             episode=self.config.episode,
             control=self.config.control,
         )

@@ -298,6 +298,7 @@ def _make_oscillators(
     organism: Organism, config: ControllerConfig, body: dict[str, Any]
 ) -> OscillatorController:
     body = {name: body[name] for name in ("joints", "drive", "hinge_range")}
+    body["twist_range"] = organism.scout.twist_range
     return make_oscillators(config.oscillators or OscillatorConfig(), config.gene_bound, **body)
 
 

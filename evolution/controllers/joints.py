@@ -28,7 +28,8 @@ class Joints:
 
     Attributes:
         num_modules: number of modules.
-        num_twists: number of servos other than hinges, which rotate arms; no law moves them.
+        num_twists: number of servos that rotate arms: as many as hinges, or none. Only `oscillators`
+            moves them.
         own: module that each hinge belongs to.
         ahead: module docked to its front.
         ahead_column: column of the inclination of `ahead` in pitches, followed by rolls where `has_rolls`.

@@ -7,6 +7,10 @@ or a clock at the head) and c its children:
     d2r_i/dt2   = a (a / 4 (R_i - r_i) - dr_i/dt)
     x_i         = offset_i + r_i cos(theta_i) + gain_ahead * inclination ahead + gain_behind * pitch
 
+A module with two rotational degrees of freedom turns its arm, too, with the phase of its hinge and a smooth start:
+
+    x_twist = twist_offset_i + twist_amplitude_i min(clock, 1) cos(theta_i - twist_lag_i)
+
 References:
     Ijspeert (2008), Central pattern generators for locomotion control in animals and robots: a review, Neural Networks
     21(4). Phases, amplitudes and steering by different amplitudes to the left and right: Ijspeert, Crespi, Ryczko and
@@ -40,6 +44,10 @@ SIDE_GENES = ("side_bias", "side_steering")
 """Genes of bodies with hinges on both sides: smaller strokes on the left, and a gain of that on the goal's bearing."""
 KIND_GENES = ("amplitude", "offset", "lag")
 """Genes of each kind of docking [rad]."""
+TWIST_GENES = ("twist_amplitude", "twist_offset", "twist_lag")
+"""Likewise of the rotations of arms, where modules have them [rad]."""
+_ANGLES = ("lag_", "twist_lag_")
+"""Beginnings of the names of genes that are phases, which go all around."""
 _HINTS = {
     "front": (0.3, 0.0, 0.0),
     "back": (0.3, 0.0, 1.0),
@@ -79,6 +87,7 @@ class OscillatorController:
         hinge_range: largest angle of a hinge to either side [rad]; actions are relative to it.
         bound: largest absolute value of a gene other than a lag.
         config: parameters that are not evolved.
+        twist_range: largest angle of the rotation of an arm to either side [rad].
         name: name of the controller.
         version: raised when it acts differently than before.
     """
@@ -90,6 +99,7 @@ class OscillatorController:
     hinge_range: float
     bound: float
     config: OscillatorConfig
+    twist_range: float = pi / 2
     name: str = "oscillators"
     version: str = "1"
 
@@ -109,20 +119,22 @@ class OscillatorController:
     def parameters(self) -> tuple[str, ...]:
         """Name of each gene."""
         sides = SIDE_GENES if self.can_steer else ()
-        kinds = tuple(f"{gene}_{kind}" for kind in self.kinds for gene in KIND_GENES)
+        own = KIND_GENES + TWIST_GENES * bool(self.joints.num_twists)
+        kinds = tuple(f"{gene}_{kind}" for kind in self.kinds for gene in own)
         return (*self.drive.parameters, *COMMON_GENES, *sides, *kinds)
 
     @property
     def initial(self) -> tuple[float, ...]:
         """Genotype at which a search with a hint begins."""
         sides = (0.0, 1.0) if self.can_steer else ()
-        kinds = tuple(value for kind in self.kinds for value in _HINTS[kind])
+        twists = (0.0,) * len(TWIST_GENES) * bool(self.joints.num_twists)
+        kinds = tuple(value for kind in self.kinds for value in (*_HINTS[kind], *twists))
         return (*self.drive.initial, *(0.0,) * len(COMMON_GENES), *sides, *kinds)
 
     @property
     def upper(self) -> tuple[float, ...]:
         """Largest value of each gene."""
-        return tuple(pi if name.startswith("lag_") else self.bound for name in self.parameters)
+        return tuple(pi if name.startswith(_ANGLES) else self.bound for name in self.parameters)
 
     @property
     def lower(self) -> tuple[float, ...]:
@@ -159,8 +171,17 @@ class OscillatorController:
         target = offset + state.amplitude * xp.cos(state.phase)
         target = (target + self._find_reflex(gene, observation, structure)) / self.hinge_range
         tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
-        twists = xp.zeros((len(target), self.joints.num_twists))
-        return xp.concatenate((xp.clip(target, -1.0, 1.0), twists, tracks), axis=1), state
+        twists = self._find_twists(gene, state)
+        return xp.concatenate((xp.clip(target, -1.0, 1.0), xp.clip(twists, -1.0, 1.0), tracks), axis=1), state
+
+    def _find_twists(self, gene: dict[str, Float[Any, "P 1"]], state: OscillatorState) -> Float[Any, "P t"]:
+        """Return the targets of the rotations of arms, as a share of their range."""
+        xp = find_namespace(state.phase)
+        if not self.joints.num_twists:
+            return xp.zeros((len(state.phase), 0))
+        amplitude, offset, lag = (self._spread(gene, name) for name in TWIST_GENES)
+        stroke = xp.clip(state.clock, 0.0, 1.0) * xp.cos(state.phase - lag)
+        return (offset + amplitude * stroke) / self.twist_range
 
     def _spread(self, gene: dict[str, Float[Any, "P 1"]], name: str) -> Float[Any, "P h"]:
         """Return the gene of each hinge's kind of docking."""
@@ -237,7 +258,12 @@ class OscillatorController:
 
 
 def make_oscillators(
-    config: OscillatorConfig, bound: float, joints: Joints, drive: Drive, hinge_range: float
+    config: OscillatorConfig,
+    bound: float,
+    joints: Joints,
+    drive: Drive,
+    hinge_range: float,
+    twist_range: float = pi / 2,
 ) -> OscillatorController:
     """Make coupled oscillators for a body.
 
@@ -247,9 +273,11 @@ def make_oscillators(
         joints: the hinges of the body.
         drive: its tracks.
         hinge_range: largest angle of a hinge to either side [rad].
+        twist_range: likewise of the rotation of an arm.
     """
     kinds = tuple(side for side in SIDES if side in joints.dock)
-    return OscillatorController(joints, drive, kinds, _find_parents(joints), hinge_range, bound, config)
+    parents = _find_parents(joints)
+    return OscillatorController(joints, drive, kinds, parents, hinge_range, bound, config, twist_range)
 
 
 def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:

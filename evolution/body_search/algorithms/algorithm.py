@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from evolution.bodies.genome import BodyGenome
+from evolution.bodies.genome import BodyGenome, parse_genome
 from evolution.bodies.variation import cross_over, make_random_body, mutate
 from evolution.body_search.config import BodiesConfig
 from evolution.body_search.learner import Assignment
@@ -37,17 +37,20 @@ class Breeder:
 
     def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
         self._config, self._learning, self._rng = config, learning, rng
+        self._founders = [parse_genome(text) for text in reversed(config.founders)]
 
     def make_random(self) -> Pupil:
         """Return a random body."""
         return Pupil(make_random_body(self._rng, self._config.limits))
 
     def breed(self, parents: Sequence[Lesson]) -> Pupil:
-        """Return a child of one or two parents that win tournaments; a random body where there is none.
+        """Return a child of one or two parents that win tournaments; founders and random bodies where there is none.
 
         Args:
             parents: those that may take part, the fittest first.
         """
+        if self._founders:
+            return Pupil(self._founders.pop(), self._config.founder_genes)
         if not parents or self._rng.random() < self._config.random_share:
             return self.make_random()
         first = self._select(parents)

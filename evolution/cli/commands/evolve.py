@@ -81,6 +81,8 @@ class Evolve(SeededCommand):
     """How --bodies are searched."""
     max_seconds: float | None = None
     """Simulated time after which no new iteration of --bodies begins [s]."""
+    dofs: Literal[1, 2] = 1
+    """Rotational degrees of freedom of each module of --bodies: 2 adds the rotation of the arm."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -93,9 +95,9 @@ class Evolve(SeededCommand):
         require_writable_folder(self._folder, "--folder")
         _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
-            if self.algorithm != "halving" or self.max_seconds is not None:
+            if self.algorithm != "halving" or self.max_seconds is not None or self.dofs != 1:
                 raise UsageError(
-                    "--algorithm and --max-seconds are of a search for bodies; give --bodies MIN MAX"
+                    "--algorithm, --max-seconds and --dofs are of a search for bodies; give --bodies MIN MAX"
                 )
             self.make_config()
         else:
@@ -135,7 +137,7 @@ class Evolve(SeededCommand):
             raise UsageError(
                 "--stages, --tensorboard and --validation have no meaning with --bodies; leave them out"
             )
-        names = ("bodies", "algorithm", "max_seconds", "arena", "seed")
+        names = ("bodies", "algorithm", "max_seconds", "dofs", "arena", "seed")
         fields = {name: getattr(self, name) for name in names}
         fields["environment"] = read_environment(self.episode.environment)  # pyright: ignore[reportAttributeAccessIssue]
         fields["scoring"] = self.fitness or (self.scoring if self.scoring != Scoring() else None)

@@ -33,8 +33,8 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
     """Return the configuration of the options of `symbrion evolve --bodies`.
 
     Args:
-        fields: `bodies` (smallest and largest number of modules), `algorithm`, `max_seconds`, `arena`, `seed`,
-            `scoring` and `environment` as they are given.
+        fields: `bodies` (smallest and largest number of modules), `algorithm`, `max_seconds`, `dofs`, `arena`,
+            `seed`, `scoring` and `environment` as they are given.
         parts: the options by the name of their part.
 
     Raises:
@@ -63,6 +63,7 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
         "largest": largest,
         "algorithm": fields["algorithm"],
         "max_seconds": fields["max_seconds"],
+        "dofs": fields["dofs"],
     }
     if fields["scoring"] is not None:
         values["scoring"] = fields["scoring"]

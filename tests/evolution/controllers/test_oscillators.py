@@ -9,6 +9,7 @@ from evolution.controllers.controller import make_law
 from evolution.controllers.oscillators import OscillatorController
 from evolution.errors import RunError
 from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym.robot.scout_constants import ScoutConfig
 
 TICKS_PER_SECOND = 50
 
@@ -113,3 +114,23 @@ def test_configs_refuse(arguments):
     (name,) = arguments
     with pytest.raises(RunError, match=name):
         OscillatorConfig(**arguments)
+
+
+def test_arms_turn_with_the_phase_of_their_hinges():
+    """A row of three: both twists swing by 0.4 around 0.1, a quarter of a period after their hinges."""
+    organism = snake(3, ScoutConfig(dofs=2, twist_range=0.8))
+    genes = {"twist_amplitude_back": 0.4, "twist_offset_back": 0.1, "twist_lag_back": np.pi / 2}
+    targets, state = run(organism, 20.0, lag_back=0.7, **genes)
+    twists = targets[:, 2:] * 0.8 / organism.scout.hinge_range
+    assert not targets[:, :2].any()
+    assert twists[-1] == pytest.approx(0.1 + 0.4 * np.cos(state.phase[0] - np.pi / 2), abs=1e-9)
+    assert twists[-500:].max() == pytest.approx(0.5, abs=0.01)
+    assert np.abs(twists[0] - 0.1).max() < 0.02  # it begins gently
+
+
+def test_genes_of_twists_are_there_with_two_degrees_of_freedom_alone():
+    one, two = make_oscillators(snake(3)), make_oscillators(snake(3, ScoutConfig(dofs=2)))
+    more = set(two.parameters) - set(one.parameters)
+    assert more == {"twist_amplitude_back", "twist_offset_back", "twist_lag_back"}
+    assert len(two.initial) == len(two.lower) == len(two.parameters)
+    assert dict(zip(two.parameters, two.upper, strict=True))["twist_lag_back"] == np.pi
