@@ -92,7 +92,7 @@ def count_wins(submissions: Sequence[Submission]) -> dict[str, int]:
 
 
 def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
-    """Return a row for each submission: mean successes in the truth over its tasks, tasks led, then each task.
+    """Return a row for each submission: mean successes in the truth, tasks, seeds, tasks led, then each task.
 
     The best mean first; a submission that has not all tasks comes after those that have, and "–" stands where it has
     none.
@@ -104,7 +104,9 @@ def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
         own = [cell.truth_successes.mean for cell in cells if cell]
         mean = float(np.mean(own)) if own else 0.0
         shown = [f"{cell.truth_successes.mean:.1f}" if cell else "–" for cell in cells]
-        lines.append((-len(own), -mean, name, [name, f"{mean:.1f}", str(len(own)), str(wins[name]), *shown]))
+        seeds = sorted({cell.seeds for cell in cells if cell})
+        counts = [str(len(own)), "-".join(map(str, seeds[:: max(len(seeds) - 1, 1)])), str(wins[name])]
+        lines.append((-len(own), -mean, name, [name, f"{mean:.1f}", *counts, *shown]))
     return [line[-1] for line in sorted(lines)]
 
 
@@ -136,9 +138,10 @@ def make_page(submissions: Sequence[Submission]) -> Any:
     )
     page.add_section("Overview")
     page.add_table(
-        ["submission", "mean", "tasks", "led", *(task.name for task in SUITE)],
+        ["submission", "mean", "tasks", "seeds", "led", *(task.name for task in SUITE)],
         find_overview(submissions),
-        f"Successes of {EXAM_TRIALS} in the truth, mean over seeds; mean over the tasks; number of tasks; tasks led.",
+        f"Successes of {EXAM_TRIALS} in the truth, mean over seeds and its tasks; how many tasks and seeds it has; "
+        "tasks led; then each task.",
     )
     for name, rows in groupby(rank(submissions), key=lambda row: row.task):
         page.add_section(name.capitalize())

@@ -164,7 +164,9 @@ def test_rows_have_mean_and_deviation_over_seeds_and_the_overview_says_what_is_m
                                          "1000"]  # fmt: skip
     both = Submission("both", (entry, replace(run("zero", tasks=(FREE,)).entries[0])))
     overview = find_overview([Submission("two", entries), both])
-    assert [line[:4] for line in overview] == [["both", "0.0", "2", "1"], ["two", "4.0", "1", "1"]]
+    assert [line[:5] for line in overview] == [["both", "0.0", "2", "1", "1"], ["two", "4.0", "1", "2", "1"]]
+    uneven = Submission("uneven", (*entries, both.entries[1]))
+    assert find_overview([uneven])[0][3] == "1-2"
     assert overview[1].count("–") == len(SUITE) - 1
 
 
