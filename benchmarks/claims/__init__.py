@@ -5,6 +5,7 @@ One file per benchmark. `python -m benchmarks.table` turns these lists into text
 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
+from benchmarks.claims.beyond import BEYOND
 from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
@@ -44,6 +45,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
     "The landscape of bodies": LANDSCAPE,
+    **({"Bodies beyond the landscape": BEYOND} if BEYOND else {}),  # once a place is measured whole
     "A real staircase": STAIRCASE,
     "Swarms": SWARM,
     "Startup time": IMPORTS,
