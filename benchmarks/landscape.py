@@ -1,9 +1,10 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map replays] [--folder FOLDER] [--out FOLDER] [--workers N]
+    python -m benchmarks.landscape [--quick] [--only map longer replays] [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
-folder after every twelve bodies and goes on there when it is called again. `replays` measures the searches on it.
+folder after every twelve bodies and goes on there when it is called again. `longer` lets the fittest 20 bodies of each
+task try ten times as many genotypes. `replays` measures the searches on the table.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from benchmarks.report import describe_versions
 from evolution.landscape.assembly import assemble
 from evolution.landscape.config import TASKS, LandscapeConfig
 from evolution.landscape.judging import KINDS, judge_bodies
+from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
 from evolution.landscape.places import save_places
 from evolution.landscape.reliability import describe_reliability
@@ -22,7 +24,7 @@ from evolution.landscape.scores import score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "replays")
+PARTS = ("map", "longer", "replays")
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
@@ -59,6 +61,8 @@ def run(
         table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks, kinds)
         table.save(out)
         results.put("map", describe_reliability(table))
+    if not only or "longer" in only:
+        make_longer(load_landscape(out), folder, out, workers, results, count=2 if quick else COUNT)
     if not only or "replays" in only:
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
@@ -93,6 +97,23 @@ def make_map(
         "tasks": {name: dict(TASKS[name]) for name in tasks},
     }
     return assemble(config, runs, judged, provenance)
+
+
+def make_longer(
+    table: Landscape, folder: Path, out: Path, workers: int, results: Results, count: int = COUNT
+) -> None:
+    """Let the fittest bodies of the table learn longer, and store what they learned beside it."""
+
+    def show(text: str, share: float) -> None:
+        print(f"{text} ({share:.0%})", flush=True)
+
+    times = 2 if count < COUNT else TIMES
+    arenas, truths = save_places(folder / "arenas", table.tasks, show)
+    found = learn_longer(table, arenas, truths, folder / "longer", times, count, workers, progress=show)
+    save_longer(found, table, times, out)
+    for name, row in describe_longer(found, table).items():
+        results.put(f"longer of {name}", {"times": times} | row)
+        print(name, row, flush=True)
 
 
 def main() -> None:

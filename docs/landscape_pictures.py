@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
+from evolution.landscape.longer import load_longer
 from evolution.landscape.scores import BUDGET, SMALL, list_searches, run_search
 from evolution.landscape.table import load_landscape
 from evolution.report.landscape import (
     draw_distribution,
+    draw_longer,
     draw_searches,
     draw_sizes,
     draw_truth,
@@ -13,6 +15,7 @@ from evolution.report.landscape import (
 )
 from evolution.report.pictures import to_png
 from reconstruction.files.atomic_write import write_atomically
+from symbrion_gym.assets import find_assets
 
 IMAGES = Path(__file__).parent / "images"
 SEEDS = 10
@@ -33,6 +36,7 @@ def main() -> None:
         "landscape-sizes": draw_sizes(table),
         "landscape-distribution": draw_distribution(table),
         "landscape-truth": draw_truth(table),
+        "landscape-longer": draw_longer(table, load_longer(find_assets() / "landscape")),
         "landscape-searches": draw_searches(table, runs, budgets),
         **{f"landscape-{task}": draw_winners(table, task) for task in table.tasks},
     }

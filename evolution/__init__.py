@@ -20,9 +20,13 @@ if TYPE_CHECKING:
     from evolution.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution.dispatch import evolve
     from evolution.errors import EvolutionError, RunError
+    from evolution.search.archive import ArchiveConfig
     from evolution.search.cmaes import CmaesConfig
     from evolution.search.config import EvolutionConfig
+    from evolution.search.elites_of_record import find_elites
     from evolution.search.evaluation import Evaluation, Evaluator, evaluate
+    from evolution.search.grid import Grid, evaluate_grid
+    from evolution.search.islands import IslandsConfig
     from evolution.search.loop import load_run, resume
     from evolution.search.run import Run, load_champion
     from evolution.search.side_by_side import evolve_side_by_side
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from evolution.search.validation import Champion, Validation
 
 __all__ = [
+    "ArchiveConfig",
     "BodiesConfig",
     "BodyEvolutionConfig",
     "BodyGenome",
@@ -42,6 +47,8 @@ __all__ = [
     "Evaluator",
     "EvolutionConfig",
     "EvolutionError",
+    "Grid",
+    "IslandsConfig",
     "LearningConfig",
     "OutOfBoundsWarning",
     "Outcome",
@@ -54,10 +61,12 @@ __all__ = [
     "Stage",
     "Validation",
     "evaluate",
+    "evaluate_grid",
     "evolve",
     "evolve_bodies",
     "evolve_side_by_side",
     "find_controller",
+    "find_elites",
     "judge",
     "load_bodies",
     "load_champion",

@@ -2,13 +2,16 @@
 
     pip install "symbrion-gym[gpu]" "jax[cuda12]"
     python examples/train_ppo_gpu.py --device cuda:0 --envs 4096 --updates 100
-    python examples/train_ppo_gpu.py --device cpu --envs 32 --updates 40    # without a GPU, slowly
+    python examples/train_ppo_gpu.py --backend mujoco --envs 64 --updates 50 --rate 1e-3 --epochs 6  # without a GPU
 
-After training, the policy is judged on MuJoCo's C engine, on starts that it has never met.
+Without a GPU, MuJoCo's C engine steps the simulations ten times as fast as Warp does on a processor (`--device cpu`).
+After training, the policy is judged on the C engine of MuJoCo, on starts that it has never met, beside zero and random
+actions.
 """
 
 import argparse
 import time
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -201,6 +204,23 @@ def watch(learner: Learner, observation: Any) -> Learner:
     )
 
 
+def take_step(envs: Any, action: Any) -> tuple[Any, ...]:
+    """Return observations, those at the ends of episodes, rewards, endings, truncations and successes, in JAX."""
+    is_on_device = getattr(envs, "array", "numpy") == "jax"
+    observation, reward, terminated, truncated, info = envs.step(
+        action if is_on_device else np.asarray(action)
+    )
+    ended = terminated | truncated
+    if is_on_device:
+        return observation, info["final_obs"], reward, ended, truncated, info["final_info"]["success"]
+    final, won = observation.copy(), np.zeros_like(ended)
+    if ended.any():
+        final[ended] = np.stack(list(info["final_obs"][ended]))
+        won[ended] = np.asarray(info["final_info"]["success"])[ended]
+    found = (jnp.asarray(each, dtype=jnp.float32) for each in (observation, final, reward))
+    return *found, *(jnp.asarray(each) for each in (ended, truncated, won))
+
+
 def train(
     arena: str = "truth",
     device: str | None = None,
@@ -208,21 +228,26 @@ def train(
     updates: int = 100,
     seed: int = 0,
     settings: Settings | None = None,
+    on_update: Callable[[Learner, list[dict[str, float]]], None] | None = None,
+    backend: str = "warp",
     **options: Any,
 ) -> tuple[Learner, list[dict[str, float]]]:
-    """Return a trained learner, and for every update the time [s], decisions, episodes and successes."""
+    """Return a trained learner, and for every update the time [s], decisions, episodes and successes.
+
+    The time begins before the environments are made, and leaves out what `on_update` takes.
+    """
     settings, began = settings or Settings(), time.perf_counter()
-    envs = gym.make_vec(
+    engine = (
+        {"backend": "warp", "array": "jax", "device": device} if backend == "warp" else {"num_threads": 1}
+    )
+    envs: Any = gym.make_vec(
         ID,
         num_envs=num_envs,
         vectorization_mode="vector_entry_point",
-        backend="warp",
-        array="jax",
-        device=device,
         arena=arena,
-        **{"autoreset_mode": "SameStep"} | OPTIONS | options,
+        **engine | {"autoreset_mode": "SameStep"} | OPTIONS | options,
     )
-    observation, _ = envs.reset(seed=seed)
+    observation = jnp.asarray(envs.reset(seed=seed)[0], dtype=jnp.float32)
     key = jax.random.key(seed)
     key, own = jax.random.split(key)
     learner = watch(make_learner(own, observation.shape[1], envs.action_space.shape[1]), observation)
@@ -233,25 +258,48 @@ def train(
             key, own = jax.random.split(key)
             action, likelihood = act(learner, observation, own)
             before = observation
-            observation, reward, terminated, truncated, info = envs.step(action)
-            cut = find_value(learner, info["final_obs"])  # what a truncation cuts off
+            observation, final, reward, ended, truncated, won = take_step(envs, action)
+            cut = find_value(learner, final)  # what a truncation cuts off
             reward = reward + settings.discount * cut * truncated
-            ended = terminated | truncated
             steps.append((before, action, likelihood, reward, ended))
-            episodes, successes = episodes + ended.sum(), successes + info["final_info"]["success"].sum()
+            episodes, successes = episodes + ended.sum(), successes + won.sum()
         key, own = jax.random.split(key)
         whole = tuple(jnp.stack(each) for each in zip(*steps, strict=True))
         learner = learn(settings, learner, whole, observation, own)
         found = {"episodes": int(episodes), "successes": int(successes)}
         decisions = (update + 1) * settings.horizon * num_envs
+        jax.block_until_ready(learner)
         curve.append({"seconds": time.perf_counter() - began, "decisions": decisions, **found})
         print(curve[-1], flush=True)
+        if on_update is not None:
+            paused = time.perf_counter()
+            on_update(learner, curve)
+            began += time.perf_counter() - paused
     envs.close()
     return learner, curve
 
 
 def judge(learner: Learner, arena: str = "truth", trials: int = 50, **options: Any) -> int:
-    """Return the strict successes of the policy without noise, on the C engine and on fresh starts."""
+    """Return the strict successes of the policy without noise; see `count_successes`."""
+    find_action = jax.jit(lambda each: apply(learner.weights["actor"], normalize(learner, each)))
+    return count_successes(
+        lambda each: np.asarray(find_action(np.asarray(each, dtype=np.float32))), arena, trials, **options
+    )
+
+
+def make_baselines(num_hinges: int, seed: int = 0) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """Return what a policy has to beat: zero and random actions."""
+    rng = np.random.default_rng(seed)
+    return {
+        "zero": lambda each: np.zeros((len(each), num_hinges)),
+        "random": lambda each: rng.uniform(-1.0, 1.0, (len(each), num_hinges)),
+    }
+
+
+def count_successes(
+    find_action: Callable[[np.ndarray], np.ndarray], arena: str = "truth", trials: int = 50, **options: Any
+) -> int:
+    """Return the strict successes of a policy on the C engine and on fresh starts."""
     envs = gym.make_vec(
         ID,
         num_envs=trials,
@@ -260,10 +308,9 @@ def judge(learner: Learner, arena: str = "truth", trials: int = 50, **options: A
         **{"autoreset_mode": "Disabled"} | OPTIONS | options,
     )
     observation, info = envs.reset(seed=FRESH_SEED)
-    find_action = jax.jit(lambda each: apply(learner.weights["actor"], normalize(learner, each)))
     finished = np.zeros(trials, dtype=bool)
     while not finished.all():
-        actions = np.asarray(find_action(np.asarray(observation, dtype=np.float32)), dtype=float)
+        actions = np.asarray(find_action(observation), dtype=float)
         observation, _, terminated, truncated, info = envs.step(actions)
         finished |= terminated | truncated
     envs.close()
@@ -276,9 +323,18 @@ if __name__ == "__main__":
     )
     parser.add_argument("--arena", default="truth")
     parser.add_argument("--device", help="cuda:0, cpu and so on (default: a GPU if there is one)")
+    parser.add_argument("--backend", choices=("warp", "mujoco"), default="warp", help="engine of the physics")
     parser.add_argument("--envs", type=int, default=4096)
     parser.add_argument("--updates", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--rate", type=float, default=Settings().rate, help="learning rate")
+    parser.add_argument("--epochs", type=int, default=Settings().epochs, help="of an update")
     given = parser.parse_args()
-    trained, _ = train(given.arena, given.device, given.envs, given.updates, given.seed)
-    print(f"successes on the C engine: {judge(trained, given.arena)} of 50")
+    chosen = Settings(rate=given.rate, epochs=given.epochs)
+    trained, _ = train(
+        given.arena, given.device, given.envs, given.updates, given.seed, chosen, backend=given.backend
+    )
+    baselines = make_baselines(len(trained.weights["spread"]))
+    scores = {"PPO": judge(trained, given.arena)}
+    scores |= {name: count_successes(each, given.arena) for name, each in baselines.items()}
+    print("successes of 50 on the C engine:", ", ".join(f"{name} {found}" for name, found in scores.items()))

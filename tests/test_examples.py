@@ -63,6 +63,35 @@ def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
     assert (tmp_path / "film.mp4").stat().st_size > 1000
 
 
+@pytest.mark.slow
+def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
+    pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
+    from evolution.controllers.finding import find_controller
+    from evolution.suite.submission import Submission
+    from evolution.suite.tasks import EXAM_SEED, find_suite_task
+    from evolution.suite.verification import verify
+
+    example, task = load("suite_ppo"), find_suite_task("stairs, 3 in a row")
+    entry = example.train(task, 0, seconds=100.0)
+    assert 50.0 < entry.seconds <= 110.0
+    assert [check.holds for check in verify(Submission("ppo", (entry,)))] == [True]
+
+    trials = task.make_trials(task.body, example.CONTROLLER, 1, EXAM_SEED)
+    organism = trials.body.find_organism()
+    network = find_controller(example.CONTROLLER, organism, None, 6).controller
+    envs = example.make_envs(task, trials, network, 0)
+    model = example.PPO("MlpPolicy", envs, policy_kwargs=example.POLICY, seed=0, **example.SETTINGS)
+    model.learn(1)
+    envs.training = False
+    observation = envs.observation_space.sample()[None]
+    wanted = model.predict(envs.normalize_obs(observation), deterministic=True)[0]
+    order = np.argsort([envs.venv.venv.envs.observation_structure[name].start for name in network.sensors])
+    assert order.tolist() == [0, 1, 2]
+    genes = example.extract_weights(model, envs)[None]
+    action, _ = network.act(observation, genes, envs.venv.venv.envs.observation_structure, network.begin(1))
+    np.testing.assert_allclose(action, network.find_actions(wanted), atol=1e-4)
+
+
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])
 def test_a_scout_drives_to_random_places(arena: str) -> None:
     ground = sg.load_arena(arena)

@@ -6,6 +6,7 @@ One file per benchmark. `python -m benchmarks.table` turns these lists into text
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
 from benchmarks.claims.beyond import BEYOND
+from benchmarks.claims.cheap_trials import CHEAP_TRIALS
 from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
 from benchmarks.claims.evolution import EVOLUTION
@@ -22,6 +23,7 @@ from benchmarks.claims.real_scans import REAL_SCANS
 from benchmarks.claims.reconstruction import RECONSTRUCTION
 from benchmarks.claims.refine import REFINE
 from benchmarks.claims.scans import SCANS
+from benchmarks.claims.searches import SEARCHES
 from benchmarks.claims.staircase import STAIRCASE
 from benchmarks.claims.swarm import SWARM
 from benchmarks.claims.warp import WARP
@@ -44,6 +46,8 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "MuJoCo Warp against C": WARP,
     "Baselines: no control and random controllers": BASELINES,
     "Evolution": EVOLUTION,
+    "Cheaper trials of a search": CHEAP_TRIALS,
+    "Searches at an equal budget": SEARCHES,
     "The landscape of bodies": LANDSCAPE,
     **({"Bodies beyond the landscape": BEYOND} if BEYOND else {}),  # once a place is measured whole
     "A real staircase": STAIRCASE,

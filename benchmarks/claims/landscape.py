@@ -18,6 +18,28 @@ def _trust(task: str, place: str) -> Claim:
     )
 
 
+def _repeat(task: str, place: str) -> Claim:
+    return Claim(
+        f"The same genotypes on the scan of {place} under other conditions: rank correlation of both exams (mean "
+        "difference)",
+        "{0:.3f} ({1:.3f} m)",
+        tuple(Value("landscape", f"map/{task}/{name}") for name in ("again_rank", "again_difference")),
+    )
+
+
+def _lengthen(task: str, place: str) -> Claim:
+    return Claim(
+        f"The 20 fittest bodies of {place} with ten times the genotypes: place of the best of before; place before of "
+        "the best of now (rank correlation of before and now, mean gain in fitness, bodies that succeed in all trials "
+        "before and now)",
+        "{0}; {1} ({2:.2f}, {3:.2f} m, {4} and {5})",
+        tuple(
+            Value("landscape", f"longer of {task}/{name}")
+            for name in ("first_is_now", "best_was", "rank", "gain", "solved_before", "solved")
+        ),
+    )
+
+
 def _reach(task: str, place: str) -> Claim:
     return Claim(
         f"Search for a body for {place}, looked up in the map of all small bodies: seeds of 10 that come within 5 % of "
@@ -41,4 +63,8 @@ def _beat(task: str, place: str) -> Claim:
     )
 
 
-LANDSCAPE = tuple(make(task, place) for task, place in _TASKS.items() for make in (_trust, _reach, _beat))
+LANDSCAPE = tuple(
+    make(task, place)
+    for task, place in _TASKS.items()
+    for make in (_trust, _repeat, _lengthen, _reach, _beat)
+)

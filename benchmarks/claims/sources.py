@@ -140,6 +140,20 @@ SOURCES: dict[str, tuple[str, ...]] = {
         "evolution/landscape/replay.py",
         "evolution/landscape/scores.py",
     ),
+    "landscape/longer": (
+        "evolution/bodies",
+        "evolution/body_search/learner.py",
+        "evolution/body_search/learning.py",
+        "evolution/landscape/config.py",
+        "evolution/landscape/longer.py",
+    ),
+    "cheap_trials": (
+        "evolution/search",
+        *_READY_MADE,
+        "benchmarks/material/cheap_trials.py",
+        "benchmarks/cheap_trials.py::_measure",
+        "benchmarks/cheap_trials.py::summarize",
+    ),
     "living": (
         *_NETWORKS,
         *_COURSE,
@@ -257,7 +271,25 @@ SOURCES: dict[str, tuple[str, ...]] = {
     ),
     "warp/speed": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
     "warp/generation": (*_TRIALS, "symbrion_gym/warp", "benchmarks/material/warp_speed.py"),
+    "warp/determinism": (*_ROBOT, "symbrion_gym/warp", "benchmarks/material/warp_determinism.py"),
+    "warp/ppo": (
+        *_ROBOT,
+        "symbrion_gym/warp",
+        *(
+            f"examples/train_ppo_gpu.py::{name}"
+            for name in ("OPTIONS", "Settings", "train", "take_step", "learn", "find_loss")
+        ),
+        "benchmarks/material/warp_ppo.py::measure_ppo",
+        "benchmarks/material/warp_ppo.py::ON_PROCESSOR",
+    ),
     "warp/networks": (*_NETWORKS, "benchmarks/material/warp_speed.py"),
+    "searches": (
+        *_SEARCH,
+        *(f"evolution/search/{name}.py" for name in ("archive", "elites", "islands", "strategy")),
+        *_ROBOT,
+        *_READY_MADE,
+        "benchmarks/searches.py",
+    ),
     "staircase": (
         *_NETWORKS,
         *_PIECES,

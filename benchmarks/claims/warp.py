@@ -61,4 +61,21 @@ WARP = (
         bar=">= 28",
         set_after=True,
     ),
+    Claim(
+        "Warp's deterministic mode on the processor, 16 simulations: processor time of a control step, in times of the "
+        "usual mode",
+        "{0:.2f} of it",
+        (Value("warp", "determinism/16 worlds/processor_ratio"),),
+    ),
+    Claim(
+        "PPO of `examples/train_ppo_gpu.py` on the C engine, 112,640 decisions: strict successes of 50 fresh starts "
+        "(zero, random actions)",
+        "{0} ({1}, {2})",
+        (
+            Value("warp", "ppo_host/runs/0/judged"),
+            Value("warp", "ppo_host/runs/0/zero"),
+            Value("warp", "ppo_host/runs/0/random"),
+        ),
+        bar=">= 40",
+    ),
 )

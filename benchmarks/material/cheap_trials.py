@@ -163,7 +163,7 @@ def _predict(known: Sequence[tuple[np.ndarray, float]], genotypes: np.ndarray) -
 WAYS: dict[str, Callable[[], FullTrials]] = {
     "full": FullTrials,
     "coarse physics": lambda: OtherOptions(options={"timestep": 0.01, "frame_skip": 2}),
-    "short trials": lambda: OtherOptions(options={"duration": 12.0, "stuck_time": 2.5}),
+    "short trials": lambda: OtherOptions(options={"duration": 45.0, "stuck_time": 2.5}),
     "racing": Racing,
     "surrogate": Surrogate,
 }

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from symbrion_gym.assets import NAMED_ARENAS
+from symbrion_gym.errors import OptionError
 from symbrion_gym.warp.making import make_vector_env
 
 TICKS = 50
@@ -15,9 +17,27 @@ NETWORK_POINTS = 600_000
 NETWORK_SIZES = {"gsrm": {"units": 2200}, "gg": {"triangles": 13860}}
 
 
+def find_task(arena: str) -> dict[str, Any]:
+    """Return the options with which an arena is driven: across its pit, or, in a folder, from one place to another."""
+    return {} if arena in NAMED_ARENAS else {"task": "traverse", "track_control": "body"}
+
+
+def find_array(device: str) -> str:
+    """Return "jax" where JAX sees a device of Warp, and "numpy" where only Warp does."""
+    from symbrion_gym.warp.device.handover import find_jax_device
+    from symbrion_gym.warp.requirements import find_device, import_warp
+
+    try:
+        find_jax_device(find_device(import_warp()[0], device))
+    except OptionError as error:
+        print(f"measured with array='numpy': {error}", flush=True)
+        return "numpy"
+    return "jax"
+
+
 def measure_host(arena: str) -> dict[str, float]:
     """Return the speed of one thread of the C engine, with 16 simulations."""
-    envs = make_vector_env(16, arena=arena, num_threads=1)
+    envs = make_vector_env(16, arena=arena, num_threads=1, **find_task(arena))
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, envs.action_space.shape or ())
     for _ in range(TICKS):
@@ -28,67 +48,87 @@ def measure_host(arena: str) -> dict[str, float]:
     return _summarize(envs, time.perf_counter() - start)
 
 
-def measure_device(arena: str, count: int, device: str) -> dict[str, float]:
-    """Return the speed with everything on the device, the parts of a control step, and memory.
+def measure_device(
+    arena: str, count: int, device: str, array: str = "jax", ticks: int = TICKS
+) -> dict[str, float]:
+    """Return the speed on a device, the time to the first step, the parts of a control step, and memory.
 
     A part is waited for before the next begins, so that the parts together take longer than a step.
-    """
-    import jax
 
+    Args:
+        arena: name or folder.
+        count: number of simulations.
+        device: of Warp.
+        array: "jax" or "torch" keep everything on the device; "numpy" only the physics, and its parts are not measured.
+        ticks: of the measurement, after as many to warm up.
+    """
     began = time.perf_counter()
-    envs: Any = make_vector_env(
-        count, backend="warp", array="jax", device=device, arena=arena, autoreset_mode="SameStep"
-    )
+    options = {"arena": arena, "autoreset_mode": "SameStep", **find_task(arena)}
+    before = _find_memory(device)
+    envs: Any = make_vector_env(count, backend="warp", array=array, device=device, **options)
     made = time.perf_counter()
     envs.reset(seed=0)
     laid = time.perf_counter()
-    key = jax.random.key(0)
-    with jax.default_device(envs.batch.jax_device):
-        actions = jax.random.uniform(key, envs.action_space.shape, minval=-1.0)
-        jax.block_until_ready(envs.step(actions)[0])
-        first = time.perf_counter()
-        for _ in range(TICKS):
-            envs.step(actions)
-        start = _wait(envs)
-        for _ in range(TICKS):
-            envs.step(actions)
-        row = _summarize(envs, _wait(envs) - start)
-        parts = np.array([envs.time_parts(actions) for _ in range(TICKS)])
+    actions = make_actions(envs, array)
+    envs.step(actions)
+    first = wait(envs)
+    for _ in range(ticks):
+        envs.step(actions)
+    start = wait(envs)
+    for _ in range(ticks):
+        envs.step(actions)
+    row = _summarize(envs, wait(envs) - start, ticks)
+    if array != "numpy":
+        names = ("ms_of_commands", "ms_of_physics", "ms_of_terms")
+        parts = np.median([envs.time_parts(actions) for _ in range(ticks)], axis=0)
+        row |= dict(zip(names, 1e3 * parts, strict=True))
     row |= {
         "seconds_to_make": made - began,
         "seconds_to_lay_down": laid - made,
         "seconds_of_first_step": first - laid,
-        **dict(
-            zip(
-                ("ms_of_commands", "ms_of_physics", "ms_of_terms"),
-                1e3 * np.median(parts, axis=0),
-                strict=True,
-            )
-        ),
-        "bytes_of_device": _find_memory(envs),
+        "bytes_of_device": _find_memory(device),
+        "bytes_before": before,
     }
     envs.close()
     return {name: float(value) for name, value in row.items()}
 
 
-def _wait(envs: Any) -> float:
-    """Return the time once the device has finished [s]."""
+def make_actions(envs: Any, array: str) -> Any:
+    """Return random actions of the kind that an environment takes, on its device."""
+    values = np.random.default_rng(0).uniform(-1.0, 1.0, envs.action_space.shape).astype(np.float32)
+    if array == "numpy":
+        return values
     import jax
 
-    jax.block_until_ready(envs.find_running())
+    found = jax.device_put(values, envs.batch.jax_device)
+    if array == "torch":
+        import torch
+
+        return torch.utils.dlpack.from_dlpack(jax.block_until_ready(found))
+    return found
+
+
+def wait(envs: Any) -> float:
+    """Return the time once the device has finished [s]."""
+    if hasattr(envs, "find_running"):
+        import jax
+
+        jax.block_until_ready(envs.find_running())
     return time.perf_counter()
 
 
-def _find_memory(envs: Any) -> float:
+def _find_memory(device: str) -> float:
     """Return the memory in use on a GPU, of all its processes [bytes]; 0 on the processor."""
-    device = envs.batch.warp_device
-    return 0.0 if device.is_cpu else float(device.total_memory - device.free_memory)
+    from symbrion_gym.warp.requirements import find_device, import_warp
+
+    found = find_device(import_warp()[0], device)
+    return 0.0 if found.is_cpu else float(found.total_memory - found.free_memory)
 
 
-def _summarize(envs: Any, seconds: float) -> dict[str, float]:
+def _summarize(envs: Any, seconds: float, ticks: int = TICKS) -> dict[str, float]:
     return {
-        "robot_seconds_per_second": envs.num_envs * TICKS * envs.config.dt / seconds,
-        "ms_per_tick": 1e3 * seconds / TICKS,
+        "robot_seconds_per_second": envs.num_envs * ticks * envs.config.dt / seconds,
+        "ms_per_tick": 1e3 * seconds / ticks,
     }
 
 

@@ -81,7 +81,7 @@ def judge_bodies(
                 done = known.setdefault(kind, [])
                 while len(done) < len(learned):
                     chunk = learned[len(done) : len(done) + CHILDREN]
-                    done += _try_again(backend, search, chunk, conditions, config.exam_trials)
+                    done += try_again(backend, search, chunk, conditions, config.exam_trials)
                     _write(path, run, known)
                     progress(f"{name}, {kind}: {len(done)} of {len(learned)}", number / len(runs))
             judged[name] = {kind: known[kind] for kind in kinds}
@@ -96,13 +96,22 @@ def find_learned(run: BodyRun) -> list[Lesson]:
     return [lesson for lesson in run.record.lessons if lesson.rung == last]
 
 
-def _try_again(
+def try_again(
     backend: Backend,
     search: BodyEvolutionConfig,
     lessons: Sequence[Lesson],
     conditions: tuple[int, ...],
     count: int,
 ) -> list[Judgment]:
+    """Return how learned genotypes fare.
+
+    Args:
+        backend: runs the trials.
+        search: configuration of the trials, and where they take place.
+        lessons: with the genotypes.
+        conditions: seed of the conditions, in the run.
+        count: trials of each.
+    """
     jobs = [
         Job(np.array(lesson.genotype), search.make_trials(lesson.pupil.body, count, conditions))
         for lesson in lessons

@@ -1,4 +1,4 @@
-"""The places of the landscape: a pit, stairs and rough ground, each known exactly and as a simulated survey found it.
+"""Places, each known exactly and as a simulated survey found it: a pit, stairs, rough ground, and a gap for the suite.
 
 The scanned arenas are made as the ready-made ones are: survey, network, convex pieces. Their exact counterparts judge
 alone.
@@ -21,6 +21,9 @@ from symbrion_gym.assets import find_assets
 from symbrion_gym.contact.quality import ArenaQuality
 
 PLACES = ("pit", "stairs", "rough")
+"""Places of the landscape."""
+SUITE_PLACES = ("gap",)
+"""Further places, of the benchmark suite."""
 UNITS = 2200
 """Units of the network (GSRM), as of the ready-made arenas."""
 SPACING = 0.015
@@ -29,6 +32,8 @@ TIME_LIMIT = 3600.0
 """Far more than the pieces need [s], so that a busy machine makes the same ones."""
 PIT = Course(pit=0.18, height=0.25, floor=1.2, ramp=0.8, plateau=0.8)
 """Rows of three and more modules cross it without control, most bodies fall in."""
+GAP = Course(pit=0.25, height=0.25, floor=1.2, ramp=0.8, plateau=0.8)
+"""A row of five modules crosses it without control, rows of three and four do not."""
 STAIRS = StairsCourse(steps=2, rise=0.05, run=0.30, floor=1.2, plateau=1.2)
 """Steps four times the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
 GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0
@@ -73,7 +78,7 @@ def _make_hill(
 def make_true_arena(name: str) -> Arena:
     """Return a place as it is, which judges alone."""
     if name != "rough":
-        return Arena.from_course({"pit": PIT, "stairs": STAIRS}[name], f"{name}-truth")
+        return Arena.from_course({"pit": PIT, "gap": GAP, "stairs": STAIRS}[name], f"{name}-truth")
     solids = make_hills()
     surface = trimesh.boolean.union(solids, engine="manifold")
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(solids))
@@ -84,7 +89,7 @@ def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) ->
     """Return a place as a survey found it.
 
     Args:
-        name: one of `PLACES`.
+        name: one of `PLACES` and `SUITE_PLACES`.
         seed: seed of the survey and the network.
         progress: called with what is being done.
     """
@@ -127,11 +132,11 @@ def find_published_arena(name: str) -> Path:
     """Return the folder of a scanned arena that ships with the package.
 
     Args:
-        name: one of `PLACES`.
+        name: one of `PLACES` and `SUITE_PLACES`.
 
     Raises:
         RunError: there is no such place.
     """
-    if name not in PLACES:
-        raise RunError(f"no place {name!r}; there are: {', '.join(PLACES)}")
-    return find_assets() / "landscape" / "arenas" / name
+    if name not in (*PLACES, *SUITE_PLACES):
+        raise RunError(f"no place {name!r}; there are: {', '.join((*PLACES, *SUITE_PLACES))}")
+    return find_assets() / ("landscape" if name in PLACES else "suite") / "arenas" / name

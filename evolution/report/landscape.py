@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +18,13 @@ from evolution.report.pictures import CHART_DPI
 
 _PANEL = (3.1, 2.7)
 """Width and height of the chart of a task [inch]."""
+_LABELS = {
+    "halving": "successive halving",
+    "genetic": "genetic algorithm",
+    "map_elites": "MAP-Elites",
+    "cma_mae": "CMA-MAE",
+    "exhaustive": "all, small ones first",
+}
 _SPREAD = 0.28
 """Largest distance of a point from the line of its number of modules."""
 
@@ -82,6 +90,28 @@ def draw_winners(table: Landscape, task: str, count: int = 12) -> Figure:
     return draw_bodies([table.bodies[each] for each in best], labels)
 
 
+def draw_longer(table: Landscape, longer: Mapping[str, Any]) -> Figure:
+    """Draw the fitness of the fittest bodies after learning longer over that of the landscape.
+
+    Args:
+        table: the landscape.
+        longer: what the fittest bodies learned, as `evolution.landscape.longer.load_longer` returns it.
+    """
+    figure, panels = _make_panels(table)
+    for task, axes in enumerate(panels):
+        rows = longer["tasks"][table.tasks[task]]
+        short = np.array([table.fitness[task, table.index[each["body"]]] for each in rows])
+        long, truth = (np.array([each[name] for each in rows]) for name in ("fitness", "truth_fitness"))
+        axes.plot(short, truth, "x", color=PALETTE[4], markersize=4, label="in the truth")
+        axes.plot(short, long, ".", color=PALETTE[0], markersize=5, label="on the scan")
+        ends = [short.min(), max(short.max(), long.max())]
+        axes.plot(ends, ends, color=EDGE_COLOR, linewidth=0.8, zorder=0)
+        axes.set(xlabel="fitness in the landscape [m]")
+    panels[0].set_ylabel(f"fitness after {longer['times']} times the genotypes [m]")
+    panels[0].legend(fontsize=6, frameon=False, loc="best")
+    return figure
+
+
 def draw_searches(
     table: Landscape, runs: Mapping[str, Mapping[str, Sequence[Replay]]], budgets: Mapping[str, float]
 ) -> Figure:
@@ -99,7 +129,13 @@ def draw_searches(
         times = np.linspace(0.0, budgets[name], 200)
         for (search, replays), color in zip(runs[name].items(), PALETTE, strict=False):
             heights = [_hold(each, times, lowest) for each in replays]
-            axes.plot(100 * times / total, np.mean(heights, axis=0), color=color, linewidth=1.2, label=search)
+            axes.plot(
+                100 * times / total,
+                np.mean(heights, axis=0),
+                color=color,
+                linewidth=1.2,
+                label=_LABELS.get(search, search),
+            )
         axes.axhline(find_goal(table, task), color=EDGE_COLOR, linewidth=0.8, linestyle="--")
         axes.axhline(float(table.fitness[task].max()), color=MARK_COLOR, linewidth=0.8)
         axes.set(xlabel="share of the exhaustive search [%]")

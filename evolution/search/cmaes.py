@@ -12,7 +12,7 @@ References:
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
@@ -20,6 +20,7 @@ from types import ModuleType
 import numpy as np
 from jaxtyping import Float, Int
 
+from evolution.backends.outcome import Outcome
 from evolution.errors import RunError
 from evolution.limits import MAX_TRIALS
 from reconstruction.range_checks import as_range, coerce_integers
@@ -149,6 +150,7 @@ class Strategy:
         genotypes: Float[np.ndarray, "P G"],
         fitness: Float[np.ndarray, " P"],
         reevaluated: Mapping[int, float] | None = None,
+        outcomes: Sequence[Outcome] = (),
     ) -> None:
         """Update the distribution; restart with twice the population where the search has converged.
 
@@ -156,6 +158,7 @@ class Strategy:
             genotypes: exactly as returned by `ask`.
             fitness: finite, higher is better.
             reevaluated: second fitness of those that were re-evaluated, by index.
+            outcomes: not used; other searches sort genotypes by them.
         """
         costs = list(-np.asarray(fitness, dtype=float))  # pycma minimizes: the one place of negation
         with self._own_random_state():
@@ -173,6 +176,15 @@ class Strategy:
                 lower, upper = np.asarray(self.space.lower), np.asarray(self.space.upper)
                 middle = np.random.uniform(*self._config.restart_range, len(lower))  # noqa: NPY002
                 self._begin(lower + (upper - lower) * middle, self._first_sigma)
+
+    def inject(self, genotype: Float[np.ndarray, " G"]) -> None:
+        """Let the next generation contain a genotype from elsewhere, as its first one.
+
+        References:
+            Hansen (2011), Injecting external solutions into CMA-ES, arXiv 1110.4181.
+        """
+        inverse = self._strategy.boundary_handler.inverse
+        self._strategy.inject([self._strategy.gp.geno(genotype, from_bounds=inverse)], force=True)
 
     def widen(self, sigma: float) -> None:
         """Raise the step size to at least `sigma`, for a landscape that has changed."""

@@ -24,7 +24,9 @@ from evolution.controllers.drive import count_tracks
 from evolution.controllers.finding import refer_to_controller
 from evolution.errors import RunError
 from evolution.limits import MAX_SEED
+from evolution.search.archive import ArchiveConfig
 from evolution.search.cmaes import CmaesConfig
+from evolution.search.islands import IslandsConfig
 from evolution.search.search_config import ExecutionConfig, SearchConfig
 from evolution.search.stages import Stage
 from evolution.search.stored_config import (
@@ -57,6 +59,8 @@ KINDS: Kinds = SHARED_KINDS | {
     "restart_after": int | None,
     "handle_noise": bool,
     "cmaes": CmaesConfig,
+    "islands": IslandsConfig,
+    "archive": ArchiveConfig,
     "validation": Validation,
     "generations": int,
     "workers": int,
@@ -70,6 +74,8 @@ _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORME
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
 _ADDED = {
     "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
+    "islands": asdict(IslandsConfig(), dict_factory=drop_none),
+    "archive": asdict(ArchiveConfig(), dict_factory=drop_none),
     "success_threshold": Validation.success_threshold,
     "controller_config": asdict(ControllerConfig(), dict_factory=drop_none),
     "rollout": asdict(RolloutConfig(), dict_factory=drop_none),
@@ -144,6 +150,10 @@ class EvolutionConfig(Nested):
         self.set_field("stages", tuple(self.stages))
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
+        if self.archive.axes and (self.stages or self.body_lengths is not None):
+            raise RunError(
+                "archive: elites of another arena or body mean nothing; leave out stages and body_lengths"
+            )
         self._check_control()
 
     def _check_control(self) -> None:

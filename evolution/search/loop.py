@@ -228,7 +228,8 @@ class _Evolution:
         fitness = np.array([entry.fitness for entry in samples])
         indices = self._strategy.find_reevaluations(fitness)
         repeated = self._try(REEVALUATION, [(int(index), genotypes[index]) for index in indices], count)
-        self._strategy.tell(genotypes, fitness, {entry.index: entry.fitness for entry in repeated})
+        second = {entry.index: entry.fitness for entry in repeated}
+        self._strategy.tell(genotypes, fitness, second, [entry.outcome for entry in samples])
         validated = self._validate(samples, mean)
         entries = samples + repeated + validated
         self._wall_seconds += time.perf_counter() - began

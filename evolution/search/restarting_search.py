@@ -8,9 +8,10 @@ from jaxtyping import Float
 
 from evolution.backends.parts import BodyConfig
 from evolution.controllers.protocol import Controller
-from evolution.search.cmaes import Space, Strategy
+from evolution.search.cmaes import Space
 from evolution.search.config import EvolutionConfig
 from evolution.search.record import SAMPLE, Entry
+from evolution.search.strategy import SearchStrategy, make_strategy
 from evolution.search.validation import Champion
 
 logger = logging.getLogger(__name__)
@@ -32,14 +33,8 @@ class RestartingSearch:
         self._max_modules = config.body.max_modules
         organism = config.body.find_organism(self._max_modules)
         self.controller = config.control.make_controller(organism, config.episode)
-        self.strategy = Strategy(
-            _make_space(config, self.controller),
-            config.sigma,
-            config.population_size,
-            config.seed,
-            handle_noise=config.handle_noise,
-            config=config.cmaes,
-        )
+        space = _make_space(config, self.controller)
+        self.strategy: SearchStrategy = make_strategy(config.search, space, config.seed)
         self._first_generation = self._last_improvement = self._max_successes = 0
 
     def count_modules(self, genotype: Float[np.ndarray, " G"]) -> int:
@@ -95,7 +90,7 @@ class RestartingSearch:
             generation: the next one.
         """
         restart_after = self._config.restart_after
-        if restart_after is None:
+        if restart_after is None or self._config.archive.axes:
             return
         samples = [
             entry for entry in entries if entry.kind == SAMPLE and entry.generation >= self._first_generation

@@ -6,7 +6,9 @@ from pathlib import Path
 from evolution.backends.making import BACKENDS
 from evolution.errors import RunError
 from evolution.limits import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MAX_WORKERS, MIN_POSITIVE
+from evolution.search.archive import ArchiveConfig
 from evolution.search.cmaes import CmaesConfig
+from evolution.search.islands import IslandsConfig
 from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
 
 _MAX_SIGMA = 1000.0
@@ -29,6 +31,8 @@ class SearchConfig:
             of the stage, to keep what was learned before. None means never.
         handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
+        islands: several populations that exchange their fittest genotypes.
+        archive: the grid of behaviors of MAP-Elites, which replaces CMA-ES where it has axes.
     """
 
     population_size: int = 12
@@ -38,6 +42,8 @@ class SearchConfig:
     restart_after: int | None = 10
     handle_noise: bool = False
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
+    islands: IslandsConfig = field(default_factory=IslandsConfig)
+    archive: ArchiveConfig = field(default_factory=ArchiveConfig)
 
     def __post_init__(self) -> None:
         limits = {"population_size": (4, MAX_GENOTYPES), "trials": (1, MAX_TRIALS)}
@@ -45,6 +51,14 @@ class SearchConfig:
         coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)), RunError)
         if self.restart_after is not None:
             coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)}, RunError)
+        asked = {
+            "handle_noise": self.handle_noise,
+            "islands": self.islands.count > 1,
+            "archive": bool(self.archive.axes),
+        }
+        if sum(asked.values()) > 1:
+            both = " and ".join(name for name, is_asked in asked.items() if is_asked)
+            raise RunError(f"{both} do not go together; leave all but one of them out")
 
 
 @dataclass(frozen=True)

@@ -3,49 +3,124 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from evolution.suite.submission import Submission
+from evolution.suite.submission import Entry, Submission
 from evolution.suite.tasks import BUDGET, EXAM_TRIALS, SUITE, VERSION
 
-COLUMNS = ("task", "submission", "seeds", "successes in truth [%]", "fitness in truth", "fitness on the scan")
+COLUMNS = (
+    "task",
+    "submission",
+    "seeds",
+    f"truth, of {EXAM_TRIALS}",
+    f"scan, of {EXAM_TRIALS}",
+    "fitness, truth",
+    "fitness, scan",
+    "spent [s]",
+)
+SHORT_COLUMNS = ("task", "submission", "seeds", "truth", "scan", "fitness")
+"""Those that a terminal has room for; the fitness is that in the truth."""
+_SHORT_COMMIT = 8
 
 
-def rank(submissions: Sequence[Submission]) -> list[list[Any]]:
-    """Return a row for each task and submission, ordered by success rate in the truth, then fitness there."""
+class Spread(NamedTuple):
+    """A number over the seeds.
+
+    Attributes:
+        mean: its mean.
+        deviation: its standard deviation over seeds; nan with one seed.
+    """
+
+    mean: float
+    deviation: float
+
+    def format(self, digits: int) -> str:
+        """Return "mean ± deviation", or the mean of the only seed."""
+        if np.isnan(self.deviation):
+            return f"{self.mean:.{digits}f}"
+        return f"{self.mean:.{digits}f} ± {self.deviation:.{digits}f}"
+
+
+class Row(NamedTuple):
+    """What a submission has on a task.
+
+    Attributes:
+        task: name of the task.
+        submission: name of the submission.
+        seeds: how many there are.
+        truth_successes: of `EXAM_TRIALS`, in the truth.
+        scan_successes: on the scan.
+        truth_fitness: in the truth.
+        scan_fitness: on the scan.
+        seconds: simulated for it [s].
+    """
+
+    task: str
+    submission: str
+    seeds: int
+    truth_successes: Spread
+    scan_successes: Spread
+    truth_fitness: Spread
+    scan_fitness: Spread
+    seconds: Spread
+
+
+def rank(submissions: Sequence[Submission]) -> list[Row]:
+    """Return a row for each task and submission, ordered by successes in the truth, then fitness there."""
     rows = []
     for task in SUITE:
         own = []
         for submission in submissions:
             entries = [entry for entry in submission.entries if entry.task == task.name]
-            if not entries:
-                continue
-            rate = 100 * float(np.mean([entry.truth.successes for entry in entries])) / EXAM_TRIALS
-            truth, scan = (
-                float(np.mean([getattr(entry, kind).fitness for entry in entries]))
-                for kind in ("truth", "scan")
-            )
-            own.append([task.name, submission.name, len(entries), rate, truth, scan])
-        rows += sorted(own, key=lambda row: (-row[3], -row[4], row[1]))
+            if entries:
+                own.append(_sum_up(submission.name, entries))
+        rows += sorted(
+            own, key=lambda row: (-row.truth_successes.mean, -row.truth_fitness.mean, row.submission)
+        )
     return rows
 
 
 def count_wins(submissions: Sequence[Submission]) -> dict[str, int]:
     """Return of how many tasks each submission leads the ranking."""
     wins = dict.fromkeys((submission.name for submission in submissions), 0)
-    seen = set()
-    for task, name, *_ in rank(submissions):
-        if task not in seen:
-            wins[name] += 1
-            seen.add(task)
+    for _, rows in groupby(rank(submissions), key=lambda row: row.task):
+        wins[next(rows).submission] += 1
     return wins
 
 
-def format_rows(rows: Sequence[Sequence[Any]]) -> list[list[str]]:
+def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
+    """Return a row for each submission: mean successes in the truth over its tasks, tasks led, then each task.
+
+    The best mean first; a submission that has not all tasks comes after those that have, and "–" stands where it has
+    none.
+    """
+    wins, table = count_wins(submissions), {(row.task, row.submission): row for row in rank(submissions)}
+    lines = []
+    for name in wins:
+        cells = [table.get((task.name, name)) for task in SUITE]
+        own = [cell.truth_successes.mean for cell in cells if cell]
+        mean = float(np.mean(own)) if own else 0.0
+        shown = [f"{cell.truth_successes.mean:.1f}" if cell else "–" for cell in cells]
+        lines.append((-len(own), -mean, name, [name, f"{mean:.1f}", str(len(own)), str(wins[name]), *shown]))
+    return [line[-1] for line in sorted(lines)]
+
+
+def format_rows(rows: Sequence[Row]) -> list[list[str]]:
     """Return the rows as text."""
-    return [[row[0], row[1], str(row[2]), f"{row[3]:.0f}", f"{row[4]:.2f}", f"{row[5]:.2f}"] for row in rows]
+    return [[row.task, *_format_row(row)] for row in rows]
+
+
+def shorten_rows(rows: Sequence[Row]) -> list[list[str]]:
+    """Return the rows as text for a terminal, the name of a task in the first of its rows alone."""
+    lines = []
+    for task, own in groupby(rows, key=lambda row: row.task):
+        for index, row in enumerate(own):
+            name, seeds, truth, scan, fitness, *_ = _format_row(row)
+            lines.append([task if index == 0 else "", name, seeds, truth, scan, fitness])
+    return lines
 
 
 def make_page(submissions: Sequence[Submission]) -> Any:
@@ -55,19 +130,57 @@ def make_page(submissions: Sequence[Submission]) -> Any:
     page = Page(
         title=f"Symbrion benchmark suite {VERSION}",
         summary=(
-            f"{len(SUITE)} tasks, {BUDGET:.0f} simulated seconds for a task and seed. A method sees the scanned arena "
-            f"alone; a score is the mean of {EXAM_TRIALS} trials under other conditions, on the scan and in the truth."
+            f"{len(SUITE)} tasks, {BUDGET:,.0f} simulated seconds for a task and seed. A method sees the scanned arena "
+            f"alone; a score is {EXAM_TRIALS} trials under other conditions, on the scan and in the truth."
         ),
     )
-    page.add_section("Tasks led")
-    wins = count_wins(submissions)
+    page.add_section("Overview")
     page.add_table(
-        ["submission", "tasks led"],
-        [[name, str(number)] for name, number in sorted(wins.items(), key=lambda each: -each[1])],
-        "Ranked by successes in the truth, then by fitness there.",
+        ["submission", "mean", "tasks", "led", *(task.name for task in SUITE)],
+        find_overview(submissions),
+        f"Successes of {EXAM_TRIALS} in the truth, mean over seeds; mean over the tasks; number of tasks; tasks led.",
     )
-    page.add_section("Scores")
-    page.add_table(list(COLUMNS), format_rows(rank(submissions)), "Means over seeds.")
+    for name, rows in groupby(rank(submissions), key=lambda row: row.task):
+        page.add_section(name.capitalize())
+        page.add_table(
+            list(COLUMNS[1:]),
+            [_format_row(row) for row in rows],
+            "Successes and fitness, mean ± standard deviation over seeds. Ranked by successes in the truth, then by "
+            "fitness there.",
+        )
     page.add_section("Provenance")
-    page.add_list([f"{each.name}: {dict(each.provenance)}" for each in submissions])
+    page.add_list([_describe(each) for each in submissions])
     return page
+
+
+def _sum_up(name: str, entries: Sequence[Entry]) -> Row:
+    def spread(values: Sequence[float]) -> Spread:
+        return Spread(float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else np.nan)
+
+    return Row(
+        entries[0].task,
+        name,
+        len(entries),
+        spread([entry.truth.successes for entry in entries]),
+        spread([entry.scan.successes for entry in entries]),
+        spread([entry.truth.fitness for entry in entries]),
+        spread([entry.scan.fitness for entry in entries]),
+        spread([entry.seconds for entry in entries]),
+    )
+
+
+def _format_row(row: Row) -> list[str]:
+    successes = [each.format(1) for each in (row.truth_successes, row.scan_successes)]
+    fitness = [each.format(2) for each in (row.truth_fitness, row.scan_fitness)]
+    return [row.submission, str(row.seeds), *successes, *fitness, f"{row.seconds.mean:.0f}"]
+
+
+def _describe(submission: Submission) -> str:
+    """Return in one line where a submission comes from."""
+    known = dict(submission.provenance)
+    commit, versions = known.pop("commit", None), known.pop("versions", {})
+    is_dirty = known.pop("dirty", False)
+    words = [f"commit {commit[:_SHORT_COMMIT]}" if commit else "no commit"]
+    words += ["with changes that are not committed"] * bool(is_dirty)
+    words += [f"{name} {value}" for name, value in {**versions, **known}.items() if name != "method"]
+    return f"{submission.name} (suite {submission.version}): {', '.join(words)}"

@@ -92,7 +92,10 @@ class Submission:
 
     def __post_init__(self) -> None:
         if self.version != VERSION:
-            raise RunError(f"the submission is of suite {self.version!r}, this is suite {VERSION!r}")
+            raise RunError(
+                f"the submission is of suite {self.version!r}, this is suite {VERSION!r}, whose tasks and budget are "
+                "others; run the method again"
+            )
         for entry in self.entries:
             check_entry(entry)
 

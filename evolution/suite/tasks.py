@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 from evolution.backends.parts import BodyConfig
 from evolution.backends.trials import Randomization, Trials
 from evolution.errors import RunError
-from evolution.landscape.places import PLACES, find_published_arena, make_true_arena
+from evolution.landscape.places import PLACES, SUITE_PLACES, find_published_arena, make_true_arena
 from symbrion_gym.arenas.arena import Arena
 
 if TYPE_CHECKING:
     from evolution.backends.trials import ArenaSource
 
-VERSION = "1"
+VERSION = "2"
 """Raised when a task changes, so that scores of different suites are never compared."""
-BUDGET = 2000.0
+BUDGET = 1000.0
 """Simulated time that a method may spend on a task with one seed [s]."""
 EXAM_TRIALS = 10
 """Trials of a score, under conditions that no method has seen."""
@@ -47,7 +47,13 @@ class SuiteTask:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def make_trials(
-        self, body: Any, controller: Any, count: int, seed: tuple[int, ...], in_truth: bool = False
+        self,
+        body: Any,
+        controller: Any,
+        count: int,
+        seed: tuple[int, ...],
+        in_truth: bool = False,
+        descriptors: tuple[str, ...] = (),
     ) -> Trials:
         """Return trials of a genotype.
 
@@ -57,6 +63,7 @@ class SuiteTask:
             count: number of trials.
             seed: seed of their conditions.
             in_truth: whether they take place in the exact arena.
+            descriptors: what outcomes keep beside progress, see `evolution.backends.descriptors`.
         """
         return Trials(
             arena=find_arena(self, in_truth),
@@ -65,28 +72,31 @@ class SuiteTask:
             randomization=Randomization(stretch=(1.0,)),
             count=count,
             seed=seed,
-            **{"track_control": "skid", "duration": 15.0} | dict(self.options),
+            descriptors=descriptors,
+            **self.make_options(),
         )
+
+    def make_options(self) -> dict[str, Any]:
+        """Return the options of the environment, those of all tasks included."""
+        return {"track_control": "skid", "duration": 15.0} | dict(self.options)
 
 
 CROSS = "SBSFSBSF0000SLSF0000SRSF00000000"
 """A module with others on all sides: five modules."""
 _GAP = {"task": "cross_gap", "start": "pit"}
 _WIDE = _GAP | {"duration": 30.0}
-_CLIMB, _ROUGH = {"task": "climb"}, {"task": "traverse"}
+_CLIMB, _FALLEN = {"task": "climb"}, {"task": "recover"}
+_SIDE = {"task": "traverse", "start": (-1.0, 0.55), "duration": 30.0}
+"""Along the side of the rough ground, where hills turn a row of three that only drives ahead."""
 SUITE: tuple[SuiteTask, ...] = (
     SuiteTask("wide pit, 8 in a row", "gsrm", 8, "truth", _WIDE),
-    SuiteTask("wide pit, 8 in a row, growing grid", "gg", 8, "truth", _WIDE),
-    SuiteTask("wide pit, H", "gsrm", "H", "truth", _WIDE),
-    SuiteTask("narrow pit, 4 in a row", "pit", 4, None, _GAP),
-    SuiteTask("narrow pit, cross", "pit", CROSS, None, _GAP),
+    SuiteTask("gap, 4 in a row", "gap", 4, None, _GAP),
+    SuiteTask("stairs, 3 in a row", "stairs", 3, None, _CLIMB),
     SuiteTask("stairs, 5 in a row", "stairs", 5, None, _CLIMB),
-    SuiteTask("stairs, cross", "stairs", CROSS, None, _CLIMB),
-    SuiteTask("rough ground, 5 in a row", "rough", 5, None, _ROUGH),
-    SuiteTask("rough ground, H", "rough", "H", None, _ROUGH),
-    SuiteTask("narrow pit, any body", "pit", None, None, _GAP),
+    SuiteTask("fallen, cross", "stairs", CROSS, None, _FALLEN),
+    SuiteTask("gap, any body", "gap", None, None, _GAP),
     SuiteTask("stairs, any body", "stairs", None, None, _CLIMB),
-    SuiteTask("rough ground, any body", "rough", None, None, _ROUGH),
+    SuiteTask("rough ground, any body", "rough", None, None, _SIDE),
 )
 
 
@@ -107,7 +117,8 @@ def find_suite_task(name: str) -> SuiteTask:
 def find_arena(task: SuiteTask, in_truth: bool) -> ArenaSource:
     """Return the arena of a task."""
     if not in_truth:
-        return str(find_published_arena(task.arena)) if task.arena in PLACES else task.arena
+        is_place = task.arena in (*PLACES, *SUITE_PLACES)
+        return str(find_published_arena(task.arena)) if is_place else task.arena
     return _make_true(task.arena) if task.truth is None else task.truth
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from evolution.suite.submission import Entry, Score, Submission, find_score
@@ -35,7 +36,7 @@ class Check(NamedTuple):
         )
 
 
-def verify(submission: Submission, progress: Progress = silent) -> list[Check]:
+def verify(submission: Submission, progress: Progress = silent, tasks: Sequence[str] = ()) -> list[Check]:
     """Run every genotype of a submission again, on the scan and in the truth.
 
     A controller "module:name" is imported, which runs its code: verify only what you would run.
@@ -43,13 +44,16 @@ def verify(submission: Submission, progress: Progress = silent) -> list[Check]:
     Args:
         submission: what was read.
         progress: called with the task and the share done.
+        tasks: names of the tasks whose entries are verified; empty for all.
 
     Raises:
-        RunError: a genotype cannot be tried.
+        RunError: a genotype cannot be tried, or there is no such task.
     """
+    names = {find_suite_task(name).name for name in tasks}
+    entries = [entry for entry in submission.entries if not names or entry.task in names]
     checks = []
-    for number, entry in enumerate(submission.entries):
-        progress(entry.task, number / len(submission.entries))
+    for number, entry in enumerate(entries):
+        progress(entry.task, number / len(entries))
         task = find_suite_task(entry.task)
         scan, truth = (
             find_score(task, entry.body, entry.controller, entry.genotype, in_truth)

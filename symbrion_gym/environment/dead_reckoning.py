@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -48,12 +48,7 @@ class DeadReckoning:
         self._commands, self._direction, self._dt = commands, direction, world.config.dt
         self._goal = world.task.goal
         self._ahead, self._left, self._turn = find_motion(world.organism)
-        poses = world.organism.find_poses()
-        self._middle = (
-            -float(np.mean([pose.x for pose in poses])),
-            -float(np.mean([pose.y for pose in poses])),
-        )
-        self._tolerance = world.organism.scout.size[0]
+        self._middle = find_middle(world.organism)
         self._pose = np.zeros((num, 3))
         self._places: list[Float[np.ndarray, "C 2"]] = [np.zeros((1, 2))] * num
         self._radii: list[Float[np.ndarray, " C"]] = [np.zeros(1)] * num
@@ -69,6 +64,11 @@ class DeadReckoning:
         """Estimated x, y [m] and heading [rad] of each head."""
         return self._pose
 
+    @property
+    def number(self) -> Int[np.ndarray, " N"]:
+        """Number of the place that each body believes to head for."""
+        return self._number
+
     def begin(self, rows: Sequence[int], scenes: Sequence[Scene]) -> None:
         """Start episodes in some simulations, at the start on the map.
 
@@ -79,23 +79,14 @@ class DeadReckoning:
         for row, scene in zip(rows, scenes, strict=True):
             route = scene.map_route
             self._pose[row] = *route.place(route.start), route.heading
-            self._places[row], self._radii[row] = self._list_places(scene)
+            self._places[row], self._radii[row] = list_places(self._goal, scene)
             self._number[row] = 0
             self._has_driven[row] = False
             self._head_for(row, 0)
 
-    def _list_places(self, scene: Scene) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
-        """Return the places to head for in turn on the map, and how near each is passed [m]."""
-        if isinstance(self._goal, ReachPlaces):
-            return self._goal.list_places(scene.map_route, self._tolerance)
-        route = scene.map_route
-        return np.array([route.place(min(route.finish, route.start + FAR))]), np.zeros(1)
-
     def _head_for(self, row: int, number: int) -> None:
         self._number[row] = number
         self._target[row], self._radius[row] = self._places[row][number], self._radii[row][number]
-        if number == len(self._places[row]) - 1:
-            self._radius[row] = -1.0
 
     def take(self, active: Bool[np.ndarray, " N"] | None) -> None:
         """Note that the tracks of some simulations ran for a tick; None for all."""
@@ -132,6 +123,27 @@ class DeadReckoning:
         self._pose[rows, 0] += c * ahead - s * left
         self._pose[rows, 1] += s * ahead + c * left
         self._pose[rows, 2] += turn
+
+
+def list_places(goal: Any, scene: Scene) -> tuple[Float[np.ndarray, "C 2"], Float[np.ndarray, " C"]]:
+    """Return the places to head for in turn on the map, and how near each is passed [m]; the last one never is.
+
+    Args:
+        goal: goal of the task.
+        scene: arena and way.
+    """
+    route = scene.map_route
+    if not isinstance(goal, ReachPlaces):
+        return np.array([route.place(min(route.finish, route.start + FAR))]), np.full(1, -1.0)
+    places, radii = goal.list_places(route, scene.organism.scout.size[0])
+    radii[-1] = -1.0
+    return places, radii
+
+
+def find_middle(organism: Organism) -> tuple[float, float]:
+    """Return how far ahead and to the left of its middle the head of a straight body is [m]."""
+    poses = organism.find_poses()
+    return -float(np.mean([pose.x for pose in poses])), -float(np.mean([pose.y for pose in poses]))
 
 
 def find_motion(

@@ -44,6 +44,19 @@ class Cells(NamedTuple):
     is_ground: Bool[np.ndarray, " C"]
     disc: Int[np.ndarray, " D"]
 
+    def find_seen(self, xp: Any, place: Float[Any, "M 2"], edge: float) -> Int[Any, "M D"]:
+        """Return the numbers of the cells that are seen from places; one outside the grid counts as at its rim.
+
+        Args:
+            xp: namespace of the arrays.
+            place: (x, y) [m].
+            edge: edge of a cell [m].
+        """
+        index = xp.nan_to_num(xp.round((place - self.origin) / edge))
+        index = xp.clip(index, self.pad, np.array(self.shape) - self.pad - 1).astype(int)
+        middle = index[:, 0] * self.shape[1] + index[:, 1]
+        return middle[:, None] + self.disc
+
 
 @dataclass(frozen=True, eq=False)
 class AreaRoute(Route):
@@ -121,52 +134,42 @@ class SeeGround:
         sight = _SIGHT * organism.scout.size[0] if self.sight is None else self.sight
         return AreaRoute(**given, places=np.unique(inside, axis=0), edge=ground.grid.cell, sight=sight)
 
-    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the area that was seen [m²]."""
-        area = state.remember("explore_area", 0.0)
-        looks = np.flatnonzero(state.tick % _LOOKS == 0)
-        routes = _read_areas(state)
-        for route in {id(routes[row]): routes[row] for row in looks}.values():
-            cells = route.cells
-            count = len(cells.is_ground)
-            seen = state.remember(f"explore_seen_{count}", np.zeros(count, dtype=bool))
-            rows = np.array([row for row in looks if routes[row] is route])
-            index = np.round((state.position[rows, 0, :2] - cells.origin) / route.edge)
-            index = np.clip(np.nan_to_num(index), cells.pad, np.array(cells.shape) - cells.pad - 1).astype(
-                np.int64
-            )
-            middle = index[:, 0] * cells.shape[1] + index[:, 1]
-            seen[rows[:, None], middle[:, None] + cells.disc] = True
-            area[rows] = np.count_nonzero(seen[rows] & cells.is_ground, axis=1) * route.edge**2
-        return area.copy()
+        xp, looks = state.xp, state.tick % _LOOKS == 0
+        state.remember("explore_area", 0.0)
+        for scene, rows in state.group(looks):
+            route = _read_area(scene.route)
+            cells, nothing = route.cells, np.zeros(len(route.cells.is_ground), dtype=bool)
+            name = f"explore_seen_{len(nothing)}"
+            state.remember(name, nothing)
+            seen = cells.find_seen(xp, state.position[rows, 0, :2], route.edge)
+            state.write(name, (rows[:, None], seen), True, looks)
+            seen = state.remember(name, nothing)[rows] & cells.is_ground
+            state.write("explore_area", rows, xp.count_nonzero(seen, axis=1) * route.edge**2, looks)
+        return state.remember("explore_area", 0.0).copy()
 
-    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
         """Return the area that is still to be seen [m²]."""
-        return np.maximum(self._find_least(state) - state.progress, 0.0)
+        return state.xp.maximum(self._find_least(state) - state.progress, 0.0)
 
     def _find_least(self, state: TaskState) -> Float[np.ndarray, " N"]:
-        return self.share * np.array([route.area for route in _read_areas(state)])
+        return self.share * np.array([_read_area(scene.route).area for scene in state.scenes])
 
     def limits(self, state: TaskState) -> dict[str, np.ndarray]:
         """Return the limits within which no body has arrived."""
         return {"progress": self._find_least(state)}
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether enough was seen, and the body stands on the ground."""
         has_arrived = (state.progress >= self._find_least(state)) & find_honest(state)
-        rows = np.flatnonzero(has_arrived)
-        if len(rows):
-            has_arrived[rows] = find_standing(state, rows)
-        return has_arrived
+        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
-def _read_areas(state: TaskState) -> list[AreaRoute]:
-    """Return the ground of each simulation; arenas of different lengths have different ground."""
-    routes = [scene.route for scene in state.scenes]
-    areas = [route for route in routes if isinstance(route, AreaRoute)]
-    if len(areas) < len(routes):
+def _read_area(route: Route) -> AreaRoute:
+    if not isinstance(route, AreaRoute):
         raise TaskError("this goal needs a route with an area, as `SeeGround.find` makes it")
-    return areas
+    return route
 
 
 def make_explore(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class HostArrays:
-    """The answers of NumPy; those of JAX are in `symbrion_gym.warp.device_state`.
+    """The answers of NumPy; those of JAX are in `symbrion_gym.warp.device.state`.
 
     A term that uses operators, methods of arrays, the functions of `xp`, and these methods runs on both. On a device
     all simulations are computed at once: whatever looks at values (`if`, `np.flatnonzero`) belongs in here.
@@ -59,6 +59,30 @@ class HostArrays:
             where: which simulations.
         """
         np.copyto(self.memory[name], values, where=where)
+
+    def group(self, mask: Bool[np.ndarray, " N"]) -> Iterator[tuple[Scene, Int[np.ndarray, " M"]]]:
+        """Yield each scene in which something is so, and in which of its simulations; on a device all of them.
+
+        Args:
+            mask: in which simulations it is so; give it to `write`, too.
+        """
+        groups: dict[int, list[int]] = {}
+        for row in np.flatnonzero(mask).tolist():
+            groups.setdefault(id(self.scenes[row]), []).append(row)
+        for members in groups.values():
+            yield self.scenes[members[0]], np.array(members)
+
+    def write(self, name: str, place: Any, values: Any, where: Bool[np.ndarray, " N"]) -> None:
+        """Change entries of what a term remembers, in simulations that `group` yielded.
+
+        Args:
+            name: as given to `remember`.
+            place: their rows, or a tuple of these and further indices of an entry; none comes twice.
+            values: the entries.
+            where: what `group` was given; a device leaves the other simulations as they are.
+        """
+        del where
+        self.memory[name][place] = values
 
     def find_low(self, rows: Int[np.ndarray, " M"], height: float) -> Bool[np.ndarray, " M"]:
         """Return which of some bodies may have every module lower than this above the ground: a quick look.

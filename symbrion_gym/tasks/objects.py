@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -67,15 +68,15 @@ class ReachObject(ReachPlaces):
         each = find_object(arena.objects, self.site)
         return _find_front_path(arena, organism, start, each, self.places, self.site)
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the body is at the place, the head near the object and turned to it."""
         has_arrived = super().has_arrived(state)
         face, _ = _find_fronts(state)
-        offset = face - state.position[:, 0, :2]
-        away = np.linalg.norm(offset, axis=1)
-        ahead = state.rotation[:, 0, [0, 3]]
+        offset, xp = face - state.position[:, 0, :2], state.xp
+        away = xp.linalg.norm(offset, axis=1)
+        ahead = state.rotation[:, 0, 0:4:3]
         along = (offset * ahead).sum(axis=1)
-        size = np.maximum(away * np.linalg.norm(ahead, axis=1), 1e-9)
+        size = xp.maximum(away * xp.linalg.norm(ahead, axis=1), 1e-9)
         return has_arrived & (along >= np.cos(self.max_angle) * size) & (away <= find_length(state.organism))
 
 
@@ -113,21 +114,17 @@ class DockAtObject(ReachObject):
         size = 2 * find_size(state) + state.organism.scout.arm_reach
         return {"progress": -(self.find_tolerance() + size)}
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the dock is at the front, aligned, every module upright and on the ground."""
         face, front = _find_fronts(state)
-        rotation = state.rotation[:, 0]
-        ahead = rotation[:, [0, 3]]
+        xp, ahead = state.xp, state.rotation[:, 0, 0:4:3]
         offset = state.position[:, 0, :2] + state.organism.scout.arm_reach * ahead - face
         gap = (offset * front).sum(axis=1)
         side = offset[:, 0] * front[:, 1] - offset[:, 1] * front[:, 0]
-        facing = -(ahead * front).sum(axis=1) / np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)
-        near = np.maximum(np.abs(gap), np.abs(side)) <= self.find_tolerance()
+        facing = -(ahead * front).sum(axis=1) / xp.maximum(xp.linalg.norm(ahead, axis=1), 1e-9)
+        near = xp.maximum(xp.abs(gap), xp.abs(side)) <= self.find_tolerance()
         has_arrived = near & (facing >= np.cos(self.max_angle)) & find_honest(state)
-        rows = np.flatnonzero(has_arrived)
-        if len(rows):
-            has_arrived[rows] = find_standing(state, rows)
-        return has_arrived
+        return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
 
 
 def find_length(organism: Organism) -> float:
@@ -168,7 +165,7 @@ def _find_ahead(organism: Organism) -> float:
     return organism.scout.arm_reach + x[0] - float(np.mean(x))
 
 
-def _find_fronts(state: TaskState) -> tuple[Float[np.ndarray, "N 2"], Float[np.ndarray, "N 2"]]:
+def _find_fronts(state: TaskState) -> tuple[Float[Any, "N 2"], Float[Any, "N 2"]]:
     """Return the middle of the front [m] and its direction, of the object of each simulation."""
     face, front = state.remember("object_face", _list_faces), state.remember("object_front", _list_directions)
     return face, front

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from reconstruction.range_checks import check_positive
 from symbrion_gym.arenas.arena import Arena
@@ -101,28 +101,29 @@ class ReachPlaces:
     def _find_tolerance(self, state: TaskState) -> float:
         return self._measure_tolerance(state.organism)
 
-    def find_target(self, state: TaskState) -> Float[np.ndarray, "N 2"]:
+    def find_target(self, state: TaskState) -> Float[Any, "N 2"]:
         """Return (x, y) of the corner or place that each body heads for [m]."""
         corners, _, _ = self._recall(state)
         number = state.remember("reach_number", 0)
         return corners[np.arange(state.num), number]
 
-    def distance_left(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def distance_left(self, state: TaskState) -> Float[Any, " N"]:
         """Return the way from the middle of each body along the path to its end [m]; corners that were passed count."""
         corners, rest, radius = self._recall(state)
         number, rows = state.remember("reach_number", 0), np.arange(state.num)
-        gap = np.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
+        gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
         passes = (gap <= radius[rows, number]) & (rest[rows, number] > 0.0)
-        if passes.any():
-            number += passes
-            gap = np.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
+        if state.may_hold(passes):
+            state.keep("reach_number", number + 1, passes)
+            number = state.remember("reach_number", 0)
+            gap = state.xp.hypot(*(corners[rows, number] - state.middle[:, :2]).T)
         return gap + rest[rows, number]
 
-    def distance_to_goal(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def distance_to_goal(self, state: TaskState) -> Float[Any, " N"]:
         """Return the way that is left [m]."""
         return -state.progress
 
-    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
         """Return the way that is left, below 0 [m]."""
         return -self.distance_left(state)
 
@@ -130,17 +131,18 @@ class ReachPlaces:
         """Return the limits within which no body has arrived."""
         return {"progress": -self._find_tolerance(state)}
 
-    def has_arrived(self, state: TaskState) -> Bool[np.ndarray, " N"]:
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
         """Return whether the middle is at the last place, every module about it, upright and on the ground."""
+        corners, _, _ = self._recall(state)
         tolerance = self._find_tolerance(state)
+
+        def is_about(rows: Int[Any, " M"]) -> Bool[Any, " M"]:
+            offset = state.position[rows, :, :2] - corners[rows, -1][:, None]
+            away = state.xp.linalg.norm(offset, axis=2).max(axis=1)
+            return (away <= tolerance + find_size(state)) & find_standing(state, rows)
+
         has_arrived = (state.progress >= -tolerance) & find_honest(state)
-        rows = np.flatnonzero(has_arrived)
-        if len(rows):
-            corners, _, _ = self._recall(state)
-            goal = corners[rows, -1]
-            away = np.linalg.norm(state.position[rows, :, :2] - goal[:, None], axis=2).max(axis=1)
-            has_arrived[rows] = (away <= tolerance + find_size(state)) & find_standing(state, rows)
-        return has_arrived
+        return state.confirm(has_arrived, is_about)
 
     def _list_radii(self, state: TaskState) -> Float[np.ndarray, "N C"]:
         length = state.organism.scout.size[0]
@@ -148,7 +150,7 @@ class ReachPlaces:
             [_repeat_last(self.list_places(scene.route, length)[1].tolist()) for scene in state.scenes]
         )
 
-    def _recall(self, state: TaskState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _recall(self, state: TaskState) -> tuple[Any, Any, Any]:
         """Return corners `[N, C, 2]`, the way from each to the end [m] `[N, C]`, and how near they are passed [m]."""
         return (
             state.remember("reach_corners", _list_corners),

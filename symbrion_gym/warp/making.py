@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
 from symbrion_gym.errors import OptionError
 
 if TYPE_CHECKING:
+    from symbrion_gym.warp.device.stretched_vector_env import StretchedVectorEnv
     from symbrion_gym.warp.device.vector_env import DeviceVectorEnv
 
 ENGINES = ("mujoco", "warp")
@@ -20,7 +22,7 @@ ARRAYS = ("numpy", "jax", "torch")
 
 def make_vector_env(
     num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
-) -> OrganismVectorEnv | DeviceVectorEnv:
+) -> OrganismVectorEnv | DeviceVectorEnv | StretchedVectorEnv:
     """Make a vector environment.
 
     Args:
@@ -28,7 +30,8 @@ def make_vector_env(
         backend: "mujoco": MuJoCo's C engine, on threads; "warp": MuJoCo Warp, on a GPU.
         array: "numpy"; with "warp" also "jax" or "torch": observations, rewards, endings and automatic resets then
             stay on the device.
-        options: those of `OrganismVectorEnv`, of `WarpVectorEnv`, or of `DeviceVectorEnv`.
+        options: those of `OrganismVectorEnv`, of `WarpVectorEnv`, or of `DeviceVectorEnv`; several `stretches` with
+            arrays on the device make a `StretchedVectorEnv`.
 
     Raises:
         OptionError: there is no such engine, or an option is unknown or out of range.
@@ -48,9 +51,21 @@ def make_vector_env(
         from symbrion_gym.warp.requirements import import_warp
 
         import_warp()
-        from symbrion_gym.warp.device.vector_env import DeviceVectorEnv
-
-        return DeviceVectorEnv(num_envs, array, **options)
+        return _make_device_env(num_envs, array, **options)
     from symbrion_gym.warp.warp_vector_env import WarpVectorEnv
 
     return WarpVectorEnv(num_envs, **options)
+
+
+def _make_device_env(
+    num_envs: int, array: str, stretches: Sequence[float] | None = None, **options: Any
+) -> DeviceVectorEnv | StretchedVectorEnv:
+    """Make an environment on a device: one, or one for each of several stretches side by side."""
+    from symbrion_gym.warp.device.stretched_vector_env import StretchedVectorEnv
+    from symbrion_gym.warp.device.vector_env import DeviceVectorEnv
+
+    if stretches is not None and len(stretches) > 1:
+        return StretchedVectorEnv(num_envs, array, stretches, **options)
+    if stretches:
+        options["stretch"] = stretches[0]
+    return DeviceVectorEnv(num_envs, array, **options)

@@ -10,7 +10,7 @@ from evolution.cli.command import Command, UsageError, require_file, require_wri
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 
-METHODS = Literal["zero", "random", "cmaes"]
+METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,13 +29,14 @@ class BenchSuite(Command):
     seeds: tuple[int, ...] = (0,)
     """Seeds of the baseline."""
     tasks: tuple[str, ...] = ()
-    """Tasks of the baseline; all unless given."""
+    """Tasks of run and verify; all unless given."""
     budget: float | None = None
     """Simulated time for a task and seed [s]; that of the suite unless given."""
     workers: int = 1
     """Number of threads; they change nothing but the time."""
     out: Path | None = None
-    """Output file: the submission (.json) of run, the page (.html) of board."""
+    """Output file: the submission (.json) of run, written after each entry and continued where it exists; the page
+    (.html) of board."""
 
     def __post_init__(self) -> None:
         if self.action in ("verify", "board"):
@@ -77,9 +78,14 @@ class BenchSuite(Command):
         assert self.out is not None
         with console.track(f"Baseline {self.method}") as step:
             submission = run_suite(
-                self.method, self.seeds, self.tasks, self.budget or BUDGET, self.workers, step.progress
+                self.method,
+                self.seeds,
+                self.tasks,
+                self.budget or BUDGET,
+                self.workers,
+                step.progress,
+                out=self.out,
             )
-        submission.save(self.out)
         console.print_line(f"{self.out}: {len(submission.entries)} entries")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 
@@ -91,7 +97,7 @@ class BenchSuite(Command):
         rows = []
         for file in self.files:
             with console.track(f"Verification of {file}") as step:
-                checks = verify(load_submission(file), step.progress)
+                checks = verify(load_submission(file), step.progress, self.tasks)
             for check in checks:
                 failed += not check.holds
                 told, found = check.entry.truth, check.truth
@@ -102,11 +108,12 @@ class BenchSuite(Command):
 
     def _board(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion bench-suite board`", "report")
-        from evolution.suite.leaderboard import COLUMNS, count_wins, format_rows, make_page, rank
+        from evolution.suite.leaderboard import SHORT_COLUMNS, count_wins, make_page, rank, shorten_rows
         from evolution.suite.submission import load_submission
 
         assert self.out is not None
         submissions = [load_submission(file) for file in self.files]
-        console.show_table("Leaderboard", list(COLUMNS), format_rows(rank(submissions)))
+        title = "Successes of 10 in the truth and on the scan, fitness in the truth"
+        console.show_table(title, list(SHORT_COLUMNS), shorten_rows(rank(submissions)))
         make_page(submissions).write(self.out)
         return {"out": self.out, "tasks_led": count_wins(submissions)}

@@ -53,6 +53,14 @@ def convert(array: jax.Array, kind: str) -> Any:
     return array
 
 
+def convert_all(info: dict[str, Any], kind: str) -> dict[str, Any]:
+    """Return `info` with its arrays converted, also those of nested ones."""
+    return {
+        name: convert_all(value, kind) if isinstance(value, dict) else convert(value, kind)
+        for name, value in info.items()
+    }
+
+
 def take_actions(actions: Any, device: Any) -> jax.Array:
     """Return actions of any kind as an array of JAX on a device, without a copy where they are there."""
     if isinstance(actions, jax.Array):

@@ -7,13 +7,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from symbrion_gym.environment.dead_reckoning import FAR, LEAST_LEVEL, find_motion
+from symbrion_gym.environment.dead_reckoning import LEAST_LEVEL, find_middle, find_motion, list_places
 from symbrion_gym.environment.observation import LARGEST_DISTANCE, NOTHING_HIT, Observer
 from symbrion_gym.environment.world import World
 from symbrion_gym.robot.organism_sensors import MEASURED
-from symbrion_gym.tasks.scene import Scene
 from symbrion_gym.warp.device.state import DeviceState, Episode
 
 
@@ -48,7 +47,7 @@ class DeviceObserver:
         if self._reckoning is None:
             return episode
         moved = self._reckoning.integrate(episode.believed, physics, track_speed * self._dt)
-        return episode._replace(believed=moved)
+        return episode._replace(believed=moved, headed=self._reckoning.pass_places(moved, episode.headed))
 
     def read(self, state: DeviceState, episode: Episode, physics: Any) -> Float[jax.Array, "N O"]:
         """Return noiseless observations, within their bounds; not a number becomes 0."""
@@ -73,7 +72,7 @@ class DeviceObserver:
             return _find_goal(state)
         if name == "goal_direction":
             assert self._reckoning is not None
-            return self._reckoning.find_direction(episode.believed)
+            return self._reckoning.find_direction(episode.believed, episode.headed)
         simple: dict[str, Any] = {
             "hinge_angle": lambda: physics.qpos[:, self._world.hinge_qpos],
             "hinge_rate": lambda: physics.qvel[:, self._world.hinge_dof],
@@ -105,13 +104,15 @@ def _find_goal(state: DeviceState) -> Float[jax.Array, "N 2"]:
 
 
 class Reckoning:
-    """Where bodies believe they are, on a straight way; see `DeadReckoning`."""
+    """Where bodies believe they are, and what they head for; see `DeadReckoning`."""
 
     def __init__(self, world: World) -> None:
         self._ahead, self._left, self._turn = (
             np.asarray(each, dtype=np.float32) for each in find_motion(world.organism)
         )
-        self._goal = np.asarray(find_far_goal(world.scene), dtype=np.float32)
+        places, radii = list_places(world.task.goal, world.scene)
+        self._places, self._radii = places.astype(np.float32), radii.astype(np.float32)
+        self._middle = find_middle(world.organism)
 
     def integrate(
         self, pose: Float[jax.Array, "N 3"], physics: Any, way: Float[jax.Array, "N tracks"]
@@ -127,14 +128,20 @@ class Reckoning:
         c, s = jnp.cos(heading), jnp.sin(heading)
         return pose + jnp.stack([c * ahead - s * left, s * ahead + c * left, turn], axis=1)
 
-    def find_direction(self, pose: Float[jax.Array, "N 3"]) -> Float[jax.Array, "N 2"]:
-        """Return bearing [rad] and distance [m] of the goal."""
+    def pass_places(
+        self, pose: Float[jax.Array, "N 3"], headed: Int[jax.Array, " N"]
+    ) -> Int[jax.Array, " N"]:
+        """Return which places bodies head for, which believe that some have been passed by their middle."""
         c, s = jnp.cos(pose[:, 2]), jnp.sin(pose[:, 2])
-        x, y = self._goal[0] - pose[:, 0], self._goal[1] - pose[:, 1]
+        ahead, left = self._middle
+        x, y = (jnp.asarray(self._places)[headed] - pose[:, :2]).T
+        away = jnp.hypot(x + c * ahead - s * left, y + s * ahead + c * left)
+        return headed + (away <= jnp.asarray(self._radii)[headed])
+
+    def find_direction(
+        self, pose: Float[jax.Array, "N 3"], headed: Int[jax.Array, " N"]
+    ) -> Float[jax.Array, "N 2"]:
+        """Return bearing [rad] and distance [m] of the place that is headed for."""
+        c, s = jnp.cos(pose[:, 2]), jnp.sin(pose[:, 2])
+        x, y = (jnp.asarray(self._places)[headed] - pose[:, :2]).T
         return jnp.stack([jnp.arctan2(c * y - s * x, c * x + s * y), jnp.hypot(x, y)], axis=1)
-
-
-def find_far_goal(scene: Scene) -> tuple[float, float]:
-    """Return the place at the end of a straight way on the map [m]."""
-    x, y = scene.map_route.place(min(scene.map_route.finish, scene.map_route.start + FAR))
-    return float(x), float(y)

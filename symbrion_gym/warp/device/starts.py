@@ -92,6 +92,7 @@ class StartingEnv(OrganismVectorEnv):
             track_speed=np.concatenate([track_speed, np.zeros(num - len(track_speed))]),
             track_odometry=odometry,
             believed=np.zeros((num, 3)) if reckoning is None else reckoning.pose,
+            headed=np.zeros(num, dtype=int) if reckoning is None else reckoning.number,
             start_head=episodes.numbers[0],
             start_position=state.start_position,
             start_mean=state.start_mean,
@@ -119,7 +120,7 @@ class StartingEnv(OrganismVectorEnv):
 
 
 def _to_single(values: np.ndarray) -> np.ndarray:
-    return np.array(values, dtype=bool if values.dtype == bool else np.float32)
+    return np.array(values, dtype={"b": bool, "i": np.int32}.get(values.dtype.kind, np.float32))
 
 
 def map_arrays(function: Any, episode: Episode) -> Episode:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -26,6 +26,7 @@ class Episode(NamedTuple):
         track_speed: `[N]` speed of the tracks at an action of 1 [m/s].
         track_odometry: `[N]` position of the head by its tracks [m].
         believed: `[N, 3]` pose of the head by dead reckoning [m, rad].
+        headed: `[N]` number of the place that the body believes to head for.
         start_head: `[N]` position of the head along the way at the start [m].
         start_position: `[N, n, 3]` positions at the start [m].
         start_mean: `[N]` mean position along the way at the start [m].
@@ -46,6 +47,7 @@ class Episode(NamedTuple):
     track_speed: Any
     track_odometry: Any
     believed: Any
+    headed: Any
     start_head: Any
     start_position: Any
     start_mean: Any
@@ -179,6 +181,17 @@ class DeviceState:
         before = self.memory[name]
         mask = where.reshape(where.shape + (1,) * (before.ndim - 1))
         self.memory[name] = jnp.where(mask, values, before).astype(before.dtype)
+
+    def group(self, mask: Bool[jax.Array, " N"]) -> Iterator[tuple[Scene, Int[jax.Array, " N"]]]:
+        """Yield the scene of all simulations, with all of them."""
+        del mask
+        yield self._course.scene, jnp.arange(self.num)
+
+    def write(self, name: str, place: Any, values: Any, where: Bool[jax.Array, " N"]) -> None:
+        """Change entries of what a term remembers, in the simulations where `where` holds."""
+        before, rows = self.memory[name], place[0] if isinstance(place, tuple) else place
+        after = jnp.where(where[rows], values, before[place]).astype(before.dtype)
+        self.memory[name] = before.at[place].set(after, unique_indices=True)
 
     def may_hold(self, mask: Bool[jax.Array, " N"]) -> bool:
         """Return True: looking would wait for the device."""

@@ -12,10 +12,10 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from symbrion_gym.environment.randomization import split_options
+from symbrion_gym.environment.randomization import Domain, split_options
 from symbrion_gym.errors import OptionError
 from symbrion_gym.warp.device.batch import DeviceBatch
-from symbrion_gym.warp.device.handover import convert, take_actions
+from symbrion_gym.warp.device.handover import convert, convert_all, take_actions
 from symbrion_gym.warp.device.run import DeviceRun, RunState
 from symbrion_gym.warp.device.starts import StartingEnv, Starts, map_arrays, spread_rows
 
@@ -33,7 +33,8 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
     simulations. Simulation i begins at start i, modulo their number, which is that of an `OrganismEnv` with seed
     `seed + i`. An automatic reset begins at one of them at random.
 
-    It takes the options of `WarpVectorEnv`, without `render_mode`, `recorders` and `stretches`, and these:
+    It takes the options of `WarpVectorEnv`, without `render_mode` and `recorders`; several `stretches` make a
+    `StretchedVectorEnv`. And these:
 
     | argument     | meaning                                                                                       |
     |--------------|-----------------------------------------------------------------------------------------------|
@@ -113,7 +114,8 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
             raise OptionError(
                 f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
             )
-        if self._state is None and not mask.all() and self.autoreset_mode is not AutoresetMode.DISABLED:
+        is_partial_first = self.is_before_reset and not mask.all()
+        if is_partial_first and not (mask.any() and self.autoreset_mode is AutoresetMode.DISABLED):
             raise OptionError("the first reset is one of all simulations; leave out reset_mask")
         split = split_options(options, self.num_envs)
         is_alike = all(each == split[0] for each in split)
@@ -123,12 +125,19 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
                 'reset options of each simulation\'s own need autoreset_mode="Disabled"; give numbers or ranges'
             )
         rows = np.flatnonzero(mask)
+        if not len(rows):
+            return self._show(mask, {name: np.zeros(self.num_envs) for name in Domain._fields})
         is_pool = not is_kept and len(rows) == self.num_envs
         count = self._count_starts(split[0]) if is_pool else len(rows)
         starts = self._host.draw(
             self._list_seeds(seed, rows, count), [split[rows[i % len(rows)]] for i in range(count)]
         )
         return self._begin(starts, mask, rows, is_pool, seed)
+
+    @property
+    def is_before_reset(self) -> bool:
+        """Whether no episode has begun yet."""
+        return self._state is None
 
     def _count_starts(self, options: Mapping[str, Any]) -> int:
         """Return how many starts are drawn; one where nothing is random."""
@@ -168,11 +177,18 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
             first = int(self._entropy.generate_state(1)[0]) if first is None else int(first)
             self._state = self._run.make_state(episode, first, device)
         self._state = self._run.restart(self._state, episode, where, which)
+        return self._show(mask, {name: values[numbers] for name, values in starts.domains.items()})
+
+    def _show(self, mask: np.ndarray, domains: Mapping[str, np.ndarray]) -> tuple[Any, dict[str, Any]]:
+        """Return what a reset of some simulations returns."""
+        assert self._state is not None
+        device = self.batch.jax_device
+        where = jax.device_put(mask, device)
         info = self._run.describe(self._state, where)
-        for name, values in starts.domains.items():
-            own = np.where(mask, values[numbers], 0.0).astype(np.float32)
+        for name, values in domains.items():
+            own = np.where(mask, values, 0.0).astype(np.float32)
             info |= {name: jax.device_put(own, device), f"_{name}": where}
-        return self._convert(self._state.episode.observation), self._convert_all(info)
+        return self._convert(self._state.episode.observation), convert_all(info, self.array)
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Move the targets of the hinges and let a tick pass in every simulation that is not done.
@@ -195,7 +211,7 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
         self.batch.begin(fields, out.stale, out.numbers)
         found = (out.observation, out.reward, out.terminated, out.truncated)
         observation, reward, terminated, truncated = map(self._convert, found)
-        return observation, reward, terminated, truncated, self._convert_all(out.info)
+        return observation, reward, terminated, truncated, convert_all(out.info, self.array)
 
     def time_parts(self, actions: Any) -> tuple[float, float, float]:
         """Take a step and return what commands, physics, and terms with resets take, one after the other [s]."""
@@ -221,12 +237,6 @@ class DeviceVectorEnv(VectorEnv[Any, Any, Any]):
     def _convert(self, array: jax.Array) -> Any:
         return convert(array, self.array)
 
-    def _convert_all(self, info: dict[str, Any]) -> dict[str, Any]:
-        return {
-            name: self._convert_all(value) if isinstance(value, dict) else self._convert(value)
-            for name, value in info.items()
-        }
-
     def close_extras(self, **kwargs: Any) -> None:
         """Say whether contacts were dropped."""
         self.batch.warn_of_overflow()
@@ -242,6 +252,6 @@ def _refuse_options(options: Mapping[str, Any], array: str) -> None:
     Raises:
         OptionError: with the first of them.
     """
-    for name in ("render_mode", "recorders", "stretches", "timers"):
+    for name in ("render_mode", "recorders", "timers"):
         if options.get(name):
             raise OptionError(f"array={array!r} has no {name}; leave out array, or {name}")

@@ -5,7 +5,7 @@ import pytest
 
 from reconstruction.geometry.manifold import find_hinges, group_sides
 from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction.surfaces.unfolding import find_folded, find_tangled, unfold_faces
+from reconstruction.surfaces.unfolding import find_folded, find_tangled, unfold_faces, unfold_part
 
 
 def make_lattice(size: int = 7) -> tuple[np.ndarray, np.ndarray]:
@@ -77,3 +77,19 @@ def test_what_is_found_again_after_a_move_is_what_a_whole_search_finds():
         np.testing.assert_array_equal(again.pairs, whole.pairs)
         known, found_any = again, found_any or len(again.pairs) > 0
     assert found_any
+
+
+@pytest.mark.parametrize("height", [1.7, 4.0])
+def test_a_spike_leaves_a_sheet_that_it_has_no_edge_in_common_with(height):
+    vertices, faces = make_lattice(9)
+    spike = int(np.argmin(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))
+    above = vertices + np.array([0.37, 0.37, 0.2])
+    both = np.concatenate([vertices, above])
+    sheets = np.concatenate([faces, faces + len(vertices)])
+    both[spike, 2] = height
+    assert len(find_intersections(both, sheets)) > 10
+    is_movable = np.arange(len(both)) == spike
+    mended = unfold_part(both, sheets, is_movable)
+    assert len(find_intersections(mended, sheets)) == 0
+    np.testing.assert_array_equal(mended[~is_movable], both[~is_movable])
+    np.testing.assert_array_equal(mended, unfold_faces(both, sheets, is_movable=is_movable))

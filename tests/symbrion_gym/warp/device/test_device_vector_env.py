@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+from symbrion_gym.environment.config import EnvironmentConfig
+from symbrion_gym.environment.world import World
 from symbrion_gym.errors import OptionError, TaskError
+from symbrion_gym.tasks.terms import Termination
 from symbrion_gym.warp.making import make_vector_env
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
@@ -21,13 +24,13 @@ def make(backend="warp", **options):
     return make_vector_env(NUM, backend=backend, **more | usual | options)
 
 
-def compare_steps(one, two, ticks):
+def compare_steps(one, two, ticks, low=-0.7):
     """Step both with the same random actions; return what they returned last."""
     rng = np.random.default_rng(0)
     span = one.single_observation_space.high - one.single_observation_space.low
     for tick in range(ticks):
         if tick % 25 == 0:
-            actions = rng.uniform(-0.7, 1.0, one.action_space.shape)
+            actions = rng.uniform(low, 1.0, one.action_space.shape)
         first, second = one.step(actions), two.step(actions)
         assert (np.abs(first[0] - np.asarray(second[0])) / span).max() < 1e-3
         np.testing.assert_allclose(first[1], second[1], atol=1e-4)
@@ -151,9 +154,48 @@ def test_torch_tensors_share_the_memory():
     assert torch.isfinite(reward).all()
 
 
-@pytest.mark.parametrize("task", ["explore", "reach"])
-def test_tasks_that_need_the_host_are_refused_by_name(task):
-    with pytest.raises(TaskError, match=f"task '{task}' has a term that does not run on a device"):
+@slow
+@pytest.mark.parametrize("task", ["reach", "explore"])
+def test_reaching_and_exploring_follow_the_c_engine(task):
+    """Bodies drive on their tracks; shares and distances are such that they arrive within the ticks."""
+    near = {"places": ((-2.04, 0.0),), "goal": (-1.98, 0.0), "tolerance": 0.03}
+    goal = {"reach": near, "explore": {"share": 0.108}}[task]
+    options = {"arena": "gsrm", "task": task, "modules": 1, "start": (-2.1, 0.0), "pit": None, **goal}
+    options |= {"track_control": "skid", "sensors": ("pitch", "roll", "goal", "goal_direction")}
+    one, two = (make(backend, autoreset_mode="Disabled", **options) for backend in ("mujoco", "warp"))
+    for envs in (one, two):
+        envs.reset(seed=3)
+    before, _ = compare_steps(one, two, 1, 0.7)
+    last, found = compare_steps(one, two, 90, 0.7)
+    np.testing.assert_allclose(last[4]["progress"], found[4]["progress"], atol=1e-4)
+    assert (last[4]["progress"] > before[4]["progress"] + 0.02).all(), "they have moved on"
+    np.testing.assert_array_equal(last[4]["success"], found[4]["success"])
+    assert last[4]["success"].any()
+    assert last[4]["time"].min() > 0.8, "not at the start"
+
+
+@slow
+def test_what_was_seen_is_forgotten_at_an_automatic_reset():
+    options = {"arena": "gsrm", "task": "explore", "modules": 1, "start": (-2.0, 0.0), "pit": None}
+    options |= {"track_control": "skid", "sensors": ("pitch",), "randomize": {}}
+    envs = make(autoreset_mode="SameStep", max_episode_steps=25, **options)
+    envs.reset(seed=0)
+    actions, progress = np.ones(envs.action_space.shape), []
+    for _ in range(49):
+        progress.append(np.asarray(envs.step(actions)[4]["progress"]))
+    assert (progress[23] > progress[4] + 0.02).all(), "they see more"
+    np.testing.assert_array_equal(progress[25:], progress[:24])
+
+
+def look_at_each(state):
+    """Return whether bodies are low: a term of a user that looks at single simulations."""
+    return np.array([each < -1.0 for each in state.lowest])
+
+
+def test_terms_that_need_the_host_are_refused_by_name():
+    task = World(EnvironmentConfig(modules=2, pit=0.0)).task
+    task = task.replace(name="own", terminations=(Termination("low", look_at_each),))
+    with pytest.raises(TaskError, match="task 'own' has a term that does not run on a device"):
         make_vector_env(2, backend="warp", array="jax", device="cpu", modules=2, task=task)
 
 

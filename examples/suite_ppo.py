@@ -1,0 +1,117 @@
+"""Submit to the benchmark suite: train PPO (stable-baselines3) on each task, and write what it learns as a submission.
+
+    pip install "symbrion-gym[rl]"
+    python examples/suite_ppo.py --seeds 0 1 --out ppo.json
+    symbrion bench-suite verify ppo.json
+
+The policy is a network of 2 x 32 units (tanh). It is trained on the scanned arena alone, for the budget of the suite.
+Its weights are the genotype of the controller `evolution.controllers.policy_network:PolicyNetwork`, in pure NumPy, so
+that it is verified without PyTorch. Where the body is free, a row of three is trained. A run that was stopped goes on.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
+
+from evolution.backends.rollout import make_environment_options
+from evolution.controllers.policy_network import HOLD, UNITS, PolicyNetwork
+from evolution.search.run import describe_origin
+from evolution.suite.running import fill_submission
+from evolution.suite.submission import Entry, find_score
+from evolution.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
+from symbrion_gym.adapters.stable_baselines_env import StableBaselinesEnv
+from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym.robot.body_plans import organism_to_text
+
+CONTROLLER = "evolution.controllers.policy_network:PolicyNetwork"
+TICK, NUM_ENVS, STEPS, ROW = 0.02, 8, 64, 3
+"""Seconds of a tick; simulations side by side, decisions of each between updates; modules where the body is free."""
+POLICY = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}
+SETTINGS: dict[str, Any] = {"n_steps": STEPS, "batch_size": 128, "gamma": 0.995, "learning_rate": 1e-3}
+
+
+class Steered(VecEnvWrapper):
+    """An environment whose actions are the outputs of the network: hinges, a change of the speed ahead, a turn."""
+
+    def __init__(self, envs: VecEnv, network: PolicyNetwork) -> None:
+        super().__init__(envs, action_space=spaces.Box(-1.0, 1.0, (network.sizes[-1],)))
+        self._network = network
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Drive the tracks as the controller will."""
+        self.venv.step_async(self._network.find_actions(actions))
+
+    def step_wait(self):
+        """Step all environments."""
+        return self.venv.step_wait()
+
+    def reset(self):
+        """Reset all environments."""
+        return self.venv.reset()
+
+
+def make_envs(task: SuiteTask, trials: Any, network: PolicyNetwork, seed: int) -> VecNormalize:
+    """Return the environments of a task: its scanned arena, under the conditions of its trials."""
+    random = trials.randomization
+    ranges = {name: getattr(random, name) for name in ("friction", "torque_scale", "start_offset", "yaw")}
+    options = make_environment_options(trials) | {"frame_skip": 4 * HOLD, "randomize": ranges}
+    envs = StableBaselinesEnv(
+        SnakePitVectorEnv(NUM_ENVS, num_threads=1, autoreset_mode=AutoresetMode.SAME_STEP, **options)
+    )
+    envs.seed(1000 * (seed + 1))
+    return VecNormalize(Steered(envs, network), clip_obs=np.inf, gamma=SETTINGS["gamma"])
+
+
+def train(task: SuiteTask, seed: int, seconds: float = BUDGET) -> Entry:
+    """Return what PPO learns within a simulated time."""
+    body = ROW if task.body is None else task.body
+    trials = task.make_trials(body, CONTROLLER, 1, EXAM_SEED)
+    organism = trials.body.find_organism()
+    network = PolicyNetwork(organism, 2 * organism.num_modules)
+    envs = make_envs(task, trials, network, seed)
+    model = PPO("MlpPolicy", envs, policy_kwargs=POLICY, seed=seed, device="cpu", **SETTINGS)
+    model.learn(int(seconds / (HOLD * TICK)) // (STEPS * NUM_ENVS) * STEPS * NUM_ENVS)  # whole rollouts
+    spent = model.num_timesteps * HOLD * TICK
+    genes = extract_weights(model, envs)
+    envs.close()
+    plan = organism_to_text(organism)
+    scan, truth = (find_score(task, plan, CONTROLLER, genes, in_truth) for in_truth in (False, True))
+    return Entry(task.name, seed, plan, CONTROLLER, tuple(genes.tolist()), spent, scan, truth)
+
+
+def extract_weights(model: PPO, envs: VecNormalize) -> np.ndarray:
+    """Return the weights of the policy, layer by layer, with the scaling of the observations in the first."""
+    actor = model.policy
+    layers = [*(each for each in actor.mlp_extractor.policy_net if hasattr(each, "weight")), actor.action_net]
+    pairs = [(each.weight.detach().numpy(), each.bias.detach().numpy()) for each in layers]
+    (weight, bias), rest = pairs[0], pairs[1:]
+    scale = 1.0 / np.sqrt(envs.obs_rms.var + envs.epsilon)
+    first = weight * scale, bias - (weight * scale) @ envs.obs_rms.mean
+    return np.concatenate([np.concatenate([w.ravel(), b]) for w, b in (first, *rest)]).astype(float)
+
+
+def main() -> None:
+    """Train on tasks with seeds, and write the submission after each."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
+    parser.add_argument("--tasks", nargs="+", default=[task.name for task in SUITE])
+    parser.add_argument("--out", type=Path, default=Path("ppo.json"))
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    pairs = [(find_suite_task(name), seed) for seed in options.seeds for name in options.tasks]
+    provenance = describe_origin() | {"method": "ppo", "settings": SETTINGS, "budget": BUDGET}
+    done = fill_submission("ppo", train, pairs, provenance, options.out, lambda what, share: print(what))
+    print(f"{options.out}: {len(done.entries)} entries")
+
+
+if __name__ == "__main__":
+    main()

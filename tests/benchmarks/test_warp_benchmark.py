@@ -1,0 +1,111 @@
+"""The benchmark of Warp runs to its end, without a GPU as well, and where only Warp sees one."""
+
+import numpy as np
+import pytest
+
+import benchmarks.warp as benchmark
+from benchmarks.material import warp_speed
+from benchmarks.material.warp_ppo import QUICK
+from evolution.backends import rollout
+from evolution.backends.trials import Job, Trials, find_trial_controller
+from symbrion_gym.errors import OptionError
+
+DETERMINISM = {
+    "simulations",
+    "rounds",
+    "ticks",
+    "array",
+    "usual",
+    "deterministic",
+    "processor_ratio",
+    "ratio",
+}
+
+
+@pytest.fixture
+def stored(monkeypatch):
+    """Parts that were stored, in place of the file of results."""
+    kept = {}
+
+    class Kept:
+        def __init__(self, name):
+            assert name == "warp"
+
+        content = kept
+
+        def put(self, part, figures):
+            kept[part] = figures
+
+    monkeypatch.setattr(benchmark, "Results", Kept)
+    return kept
+
+
+@pytest.fixture
+def needs_gpu():
+    pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
+
+
+def test_a_part_that_fails_stops_no_other(monkeypatch, capsys, stored):
+    def fail(setting):
+        raise ValueError("no such kernel")
+
+    parts = {"ticks": fail, "speed": lambda setting: setting.results.put("speed", {"device": setting.device})}
+    monkeypatch.setattr(benchmark, "PARTS", parts)
+    monkeypatch.setattr(benchmark, "find_missing", lambda *_: ())
+    assert benchmark.run(device="cuda:7") == ["ticks"]
+    assert stored == {"speed": {"device": "cuda:7"}}
+    assert "no such kernel" in capsys.readouterr().err
+    assert benchmark.run(device="cuda:7", only=("speed",)) == []
+
+
+def test_without_the_extra_nothing_is_measured(monkeypatch, capsys, stored):
+    monkeypatch.setattr(benchmark, "find_missing", lambda *_: ("warp",))
+    assert benchmark.run() == []
+    assert "pip install 'symbrion-gym[gpu]'" in capsys.readouterr().out
+    assert not stored
+
+
+def test_a_scanned_place_is_driven_from_place_to_place():
+    assert warp_speed.find_task("truth") == {}
+    assert warp_speed.find_task("arenas/room")["task"] == "traverse"
+
+
+@pytest.mark.slow
+def test_ppo_learns_on_the_c_engine_as_well(monkeypatch, stored):
+    monkeypatch.setattr(benchmark, "find_missing", lambda *_: ())
+    assert benchmark.run(True, "cpu", only=("ppo_host",)) == []
+    (found,) = stored["ppo_host"]["runs"]
+    assert [row["decisions"] for row in found["curve"]] == [128, 256]
+    assert {"zero", "random", "judged"} <= set(found)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_gpu")
+@pytest.mark.parametrize("part", ["ticks", "crossings", "determinism", "speed", "generation", "ppo"])
+def test_every_part_runs_without_a_gpu(part, stored):
+    assert benchmark.run(True, "cpu", worlds=(2,), only=(part,), arenas=("truth",)) == []
+    found = stored[part]
+    if part == "determinism":
+        assert set(found["2 worlds"]) == DETERMINISM
+        assert found["2 worlds"]["deterministic"]["equal"] == 2
+    if part == "ppo":
+        assert len(found["curve"]) == QUICK.updates
+        assert {"zero", "random", "judged"} <= set(found)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_gpu")
+def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
+    import symbrion_gym.warp.device.batch
+    import symbrion_gym.warp.device.handover
+
+    def refuse(device):
+        raise OptionError("JAX does not see device")
+
+    for module in (symbrion_gym.warp.device.batch, symbrion_gym.warp.device.handover):
+        monkeypatch.setattr(module, "find_jax_device", refuse)
+    assert benchmark.run(True, "cpu", worlds=(2,), only=("speed", "determinism"), arenas=("truth",)) == []
+    assert stored["speed_numpy"]["array"] == stored["determinism"]["2 worlds"]["array"] == "numpy"
+    trials = Trials(arena="truth", modules=3, controller="travelling", count=1, duration=0.5, start="pit")
+    genotype = np.zeros(len(find_trial_controller(trials).parameters))
+    assert rollout.simulate_on_device([Job(genotype, trials)])[0].seconds > 0.0
