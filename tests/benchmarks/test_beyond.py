@@ -107,7 +107,7 @@ def test_rubble_is_made_of_the_blocks_it_names():
     assert not np.allclose(blocks[1].vertices, rubble.make_blocks(4)[1].vertices)
     tops = np.array([block.bounds[1, 2] for block in blocks[1:]])
     assert np.all(tops > rubble.HEIGHTS[0])
-    longest = np.hypot(*2 * [rubble.EDGES[1]])
+    longest = np.hypot(rubble.EDGES[1], rubble.EDGES[1])
     assert np.all(tops < rubble.HEIGHTS[1] + longest * rubble.MAX_TILT)
     widths = np.array([np.ptp(block.bounds, axis=0)[:2].min() for block in blocks[1:]])
     assert np.all(widths > rubble.EDGES[0] + 2 * rubble.HEIGHTS[0] / rubble.SLOPE)
