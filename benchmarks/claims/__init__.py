@@ -5,6 +5,7 @@ One file per benchmark. `python -m benchmarks.table` turns these lists into text
 
 from benchmarks.claims.arena import ARENA
 from benchmarks.claims.baselines import BASELINES
+from benchmarks.claims.beyond import BEYOND
 from benchmarks.claims.cheap_trials import CHEAP_TRIALS
 from benchmarks.claims.color import COLOR
 from benchmarks.claims.environment import ENVIRONMENT
@@ -48,6 +49,7 @@ GROUPS: dict[str, tuple[Claim, ...]] = {
     "Cheaper trials of a search": CHEAP_TRIALS,
     "Searches at an equal budget": SEARCHES,
     "The landscape of bodies": LANDSCAPE,
+    **({"Bodies beyond the landscape": BEYOND} if BEYOND else {}),  # once a place is measured whole
     "A real staircase": STAIRCASE,
     "Swarms": SWARM,
     "Startup time": IMPORTS,

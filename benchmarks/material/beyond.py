@@ -59,6 +59,7 @@ class Place:
         options: of the environment.
         genes: at which founders begin.
         sigma: initial step size of CMA-ES.
+        rungs: generations that a body has learned at the end of each rung.
         snake: options in which the run of a snake differs.
     """
 
@@ -68,6 +69,7 @@ class Place:
     options: Mapping[str, Any]
     genes: tuple[tuple[str, float], ...] = ()
     sigma: float = 0.4
+    rungs: tuple[int, ...] = (1, 4)
     snake: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -77,11 +79,12 @@ PLACES: dict[str, Place] = {
         Place("stairs", 2000.0, "oscillators", {"task": "climb", "duration": 35.0}),
         Place(
             "pit",
-            4000.0,
+            12_000.0,
             "travelling",
             {"task": "cross_gap", "start": "pit", "duration": 90.0},
             genes=_HINT,
             sigma=0.2,
+            rungs=(1, 4, 16),
             # in a row all tracks look ahead; the hint of steering that goes with "skid" stops rows at this pit
             snake={"track_control": "body", "origin": "hint"},
         ),
@@ -129,7 +132,7 @@ def make_search(place: Place, arena: str, seed: int) -> ev.BodyEvolutionConfig:
             population_size=len(ROWS),
             max_seconds=place.seconds,
         ),
-        learning=ev.LearningConfig(rungs=(1, 4), is_inherited=True, sigma=place.sigma),
+        learning=ev.LearningConfig(rungs=place.rungs, is_inherited=True, sigma=place.sigma),
         iterations=1000,
         **place.options,
     )

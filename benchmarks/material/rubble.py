@@ -42,7 +42,8 @@ def make_blocks(seed: int) -> list[trimesh.Trimesh]:
     solids = [floor]
     for _ in range(NUM_BLOCKS):
         height = rng.uniform(*HEIGHTS)
-        block = _make_block(*rng.uniform(*EDGES, size=2), height)
+        length, width = rng.uniform(*EDGES, size=2)
+        block = _make_block(length, width, height)
         roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, size=2)
         turn = trimesh.transformations.euler_matrix(roll, pitch, rng.uniform(0.0, np.pi))
         block.apply_transform(turn)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import beyond
+from benchmarks.claims.beyond import make_claims
 from benchmarks.evolution_runs import Results
 from benchmarks.material import beyond as material
 from benchmarks.material import rubble
@@ -29,6 +30,14 @@ def test_better_means_better_than_every_snake():
         make_row_of_figures(4, (17, 1.9), (10, 1.0), random=(17, 1.9)),
     ]
     assert beyond.summarize(rows) == {"of": 5, "hold": 4, "snakes_hold": 3, "better": 2, "rows": 1}
+
+
+def test_claims_read_the_summary():
+    rows = [make_row_of_figures(seed, (20, 1.9), (18, 2.0)) for seed in range(5)]
+    records = {"beyond": {"results": {"pit": beyond.summarize(rows)}}}
+    hold, better = make_claims("pit")
+    assert (hold.format(records), better.format(records)) == ("5 of 5 (5)", "5 of 5 (0)")
+    assert "met" in hold.check_bar(records)
 
 
 def test_a_measured_row_stays(tmp_path, monkeypatch):
@@ -98,7 +107,7 @@ def test_rubble_is_made_of_the_blocks_it_names():
     assert not np.allclose(blocks[1].vertices, rubble.make_blocks(4)[1].vertices)
     tops = np.array([block.bounds[1, 2] for block in blocks[1:]])
     assert np.all(tops > rubble.HEIGHTS[0])
-    longest = np.hypot(*2 * [rubble.EDGES[1]])
+    longest = np.hypot(rubble.EDGES[1], rubble.EDGES[1])
     assert np.all(tops < rubble.HEIGHTS[1] + longest * rubble.MAX_TILT)
     widths = np.array([np.ptp(block.bounds, axis=0)[:2].min() for block in blocks[1:]])
     assert np.all(widths > rubble.EDGES[0] + 2 * rubble.HEIGHTS[0] / rubble.SLOPE)
