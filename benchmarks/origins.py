@@ -36,9 +36,9 @@ def find_runs(results: dict[str, Any], part: str) -> list[dict[str, Any]]:
 
 
 def find_origins(record: dict[str, Any], part: str) -> list[Origin]:
-    """Return what is known of the measuring of a part: of each run where it contains runs or is computed from them."""
-    rows = find_runs(record["results"], part)
-    return [row["origin"] for row in rows] or [record["origins"][part]]
+    """Return what is known of the measuring of a part: of each run where these say it, or are what it is computed from."""
+    own = [row["origin"] for row in find_runs(record["results"], part) if "origin" in row]
+    return own or [record["origins"][part]]
 
 
 def describe_measuring(
