@@ -28,7 +28,7 @@ def _speed_up(way: str, words: str) -> Claim:
 
 def _full() -> Claim:
     return Claim(
-        "The same with full trials: processor time to a confirmed champion, median [s] (champions that hold, of seeds)",
+        "Processor time to a confirmed champion with full trials, median [s] (champions that hold, of seeds)",
         "{0:.0f} ({1} of {2})",
         tuple(Value("cheap_trials", f"summary/full/{name}") for name in ("cpu_seconds", "held", "seeds")),
     )
