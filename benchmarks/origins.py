@@ -36,7 +36,7 @@ def find_runs(results: dict[str, Any], part: str) -> list[dict[str, Any]]:
 
 
 def find_origins(record: dict[str, Any], part: str) -> list[Origin]:
-    """Return what is known of the measuring of a part: of each run where these say it, or are what it is computed from."""
+    """Return what is known of the measuring of a part: of each run, where runs are what it contains or rests on."""
     own = [row["origin"] for row in find_runs(record["results"], part) if "origin" in row]
     return own or [record["origins"][part]]
 
