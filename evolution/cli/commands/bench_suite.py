@@ -101,9 +101,13 @@ class BenchSuite(Command):
             for check in checks:
                 failed += not check.holds
                 told, found = check.entry.truth, check.truth
-                rows.append([check.entry.task, str(check.entry.seed), f"{told.fitness:.3f}",
-                             f"{found.fitness:.3f}", "yes" if check.holds else "NO"])  # fmt: skip
-        console.show_table("Verified", ["task", "seed", "truth, submitted", "truth, again", "holds"], rows)
+                pairs = (told, found), (check.entry.scan, check.scan)
+                scores = [f"{each.successes}, {each.fitness:.3f}" for pair in pairs for each in pair]
+                rows.append(
+                    [check.entry.task, str(check.entry.seed), *scores, "yes" if check.holds else "NO"]
+                )
+        head = [f"{place}, {when}" for place in ("truth", "scan") for when in ("submitted", "again")]
+        console.show_table("Verified: successes of 10, fitness", ["task", "seed", *head, "holds"], rows)
         return {"entries": len(rows), "failed": failed, "ok": not failed}
 
     def _board(self, console: Console) -> dict[str, Any]:

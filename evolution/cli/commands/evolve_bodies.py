@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import evolution as ev
+from evolution.backends.making import EXACT_BACKENDS
 from evolution.cli.command import UsageError
 from evolution.cli.config_options import name_flag
 from evolution.cli.console import Console
 from evolution.errors import RunError
+from evolution.limits import MAX_MODULES
 from reconstruction.extras import find_missing
 from reconstruction.files.atomic_write import write_atomically
 
@@ -52,6 +54,14 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
     if own["controller"] == type(parts["control"])().controller:
         own["controller"] = DEFAULT_CONTROLLER
     smallest, largest = fields["bodies"]
+    if not 1 <= smallest <= largest <= MAX_MODULES:
+        raise UsageError(
+            f"--bodies {smallest} {largest}: give the smallest and the largest number of modules, 1 to {MAX_MODULES}"
+        )
+    if parts["execution"].backend not in EXACT_BACKENDS:
+        raise UsageError(
+            f"--backend {parts['execution'].backend}: --bodies needs one of {', '.join(EXACT_BACKENDS)}"
+        )
     environment = dict(fields["environment"])
     if smallest == 1:
         environment = {"track_control": "skid"} | environment

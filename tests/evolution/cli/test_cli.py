@@ -192,6 +192,10 @@ def test_a_search_for_bodies_is_replayed_and_has_no_curve(
     assert (told["trials"], told["arena"]) == (1, arena)
     assert "see" in refuse(["compare", folder], 2, capsys)
     assert "give --bodies" in refuse(["evolve", "--algorithm", "random", "--folder", f"{folder}2"], 2, capsys)
+    for wrong in (["0", "3"], ["8", "1"]):
+        assert f"--bodies {' '.join(wrong)}: give" in refuse(["evolve", "--bodies", *wrong], 2, capsys)
+    on_device = ["evolve", "--bodies", "1", "3", "--backend", "warp"]
+    assert "--backend warp: --bodies needs one of batch" in refuse(on_device, 2, capsys)
 
 
 def test_evolution_may_choose_the_length_of_the_body(
