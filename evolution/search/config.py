@@ -58,6 +58,7 @@ KINDS: Kinds = SHARED_KINDS | {
     "stage_sigma": float,
     "restart_after": int | None,
     "handle_noise": bool,
+    "is_start_tried": bool,
     "cmaes": CmaesConfig,
     "islands": IslandsConfig,
     "archive": ArchiveConfig,
@@ -73,6 +74,7 @@ KINDS: Kinds = SHARED_KINDS | {
 _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
 _ADDED = {
+    "is_start_tried": False,
     "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
     "islands": asdict(IslandsConfig(), dict_factory=drop_none),
     "archive": asdict(ArchiveConfig(), dict_factory=drop_none),

@@ -34,6 +34,7 @@ class Elites:
         self._config, self._rng = archive, np.random.default_rng(seed)
         self._lower, self._upper = np.asarray(space.lower), np.asarray(space.upper)
         self._cells = make_archive(archive, len(space.names))
+        self._injected: list[Float[np.ndarray, " G"]] = []
 
     @property
     def mean(self) -> Float[np.ndarray, " G"]:
@@ -49,6 +50,13 @@ class Elites:
 
     def ask(self) -> Float[np.ndarray, "P G"]:
         """Return genotypes for the next generation."""
+        genotypes = self._draw()
+        for index, genotype in enumerate(self._injected[: len(genotypes)]):
+            genotypes[index] = genotype
+        self._injected = []
+        return genotypes
+
+    def _draw(self) -> Float[np.ndarray, "P G"]:
         shape = self.population_size, len(self._lower)
         if not self._cells.stats.num_elites:
             spread = self.sigma * np.asarray(self.space.spread)
@@ -84,6 +92,10 @@ class Elites:
         for genotype, value, outcome in zip(genotypes, fitness, outcomes, strict=True):
             if not outcome.error:
                 self._cells.add_single(genotype, value, self._config.measure(outcome))
+
+    def inject(self, genotype: Float[np.ndarray, " G"]) -> None:
+        """Let the next generation contain a genotype from elsewhere."""
+        self._injected.append(self._clip(np.array(genotype, dtype=float)))
 
     def widen(self, sigma: float) -> None:
         """Do nothing: an archive has no step size."""

@@ -131,6 +131,10 @@ class Islands:
         for each in self._islands:
             each.widen(sigma)
 
+    def inject(self, genotype: Float[np.ndarray, " G"]) -> None:
+        """Let the next generation of the first island contain a genotype from elsewhere."""
+        self._islands[0].inject(genotype)
+
     def restart(self, start: Float[np.ndarray, " G"], sigma: float) -> None:
         """Restart all islands around a genotype."""
         for each in self._islands:

@@ -30,6 +30,8 @@ class SearchConfig:
             which the search restarts: where it began, or, with `body_lengths` or `stages`, around the fittest genotype
             of the stage, to keep what was learned before. None means never.
         handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
+        is_start_tried: whether the first generation contains the genotype at which the search begins: CMA-ES only
+            samples around it, and hinges held straight may be better than all of its neighbors.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
         islands: several populations that exchange their fittest genotypes.
         archive: the grid of behaviors of MAP-Elites, which replaces CMA-ES where it has axes.
@@ -41,6 +43,7 @@ class SearchConfig:
     stage_sigma: float = 0.15
     restart_after: int | None = 10
     handle_noise: bool = False
+    is_start_tried: bool = False
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
     islands: IslandsConfig = field(default_factory=IslandsConfig)
     archive: ArchiveConfig = field(default_factory=ArchiveConfig)

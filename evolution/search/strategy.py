@@ -76,6 +76,10 @@ class SearchStrategy(Protocol):
         """Restart around a genotype."""
         ...
 
+    def inject(self, genotype: Float[np.ndarray, " G"]) -> None:
+        """Let the next generation contain a genotype from elsewhere, as its first one."""
+        ...
+
 
 def make_strategy(config: SearchConfig, space: Space, seed: int) -> SearchStrategy:
     """Make the search of a run.
@@ -88,6 +92,13 @@ def make_strategy(config: SearchConfig, space: Space, seed: int) -> SearchStrate
     Raises:
         MissingExtraError: MAP-Elites needs the extra `ribs`, which is not installed.
     """
+    strategy = _make_strategy(config, space, seed)
+    if config.is_start_tried:
+        strategy.inject(np.asarray(space.initial, dtype=float))
+    return strategy
+
+
+def _make_strategy(config: SearchConfig, space: Space, seed: int) -> SearchStrategy:
     if config.archive.axes:
         return Elites(config.archive, space, config.sigma, config.population_size, seed)
     if config.islands.count > 1:

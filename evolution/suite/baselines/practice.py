@@ -64,11 +64,11 @@ class Practice:
 
     def run(self, body: Organism, genotypes: Float[np.ndarray, "P G"]) -> list[Outcome]:
         """Try each genotype once, keep the best, and return the outcomes."""
+        self.generation += 1  # from 1: a seed that ends in 0 would be that of the exam
         seed = (*EXAM_SEED, self.generation)
         trials = self.task.make_trials(body, CONTROLLER, 1, seed, descriptors=self._descriptors)
         outcomes = self.backend.run([Job(genotype, trials) for genotype in genotypes])
         self.seconds += sum(outcome.seconds for outcome in outcomes)
-        self.generation += 1
         self.offer(body, genotypes, score_all(outcomes))
         return outcomes
 

@@ -18,7 +18,7 @@ from evolution.suite.baselines.methods import METHODS, run_baseline
 from evolution.suite.baselines.practice import Practice, find_law
 from evolution.suite.running import fill_submission, run_suite
 from evolution.suite.submission import Entry, Score, load_submission
-from evolution.suite.tasks import find_suite_task
+from evolution.suite.tasks import EXAM_SEED, EXAM_TRIALS, find_suite_task
 from reconstruction.extras import MissingExtraError
 
 FIXED, FREE = "gap, 4 in a row", "gap, any body"
@@ -175,3 +175,21 @@ def test_a_file_of_another_run_is_not_continued(tmp_path, monkeypatch):
     monkeypatch.setattr(running, "describe_origin", lambda: {"commit": "another"})
     with pytest.raises(RunError, match="name another file"):
         run("random", out=tmp_path / "a.json")
+
+
+def test_no_generation_of_learning_has_a_seed_of_the_exam():
+    """NumPy pads seeds with zeros: a generation 0 would have that of the exam's first trial."""
+    asked = []
+
+    def watch(jobs, threads):
+        asked.extend(job.trials.seed for job in jobs)
+        return simulate(jobs, threads)
+
+    task = find_suite_task(FIXED)
+    practice = Practice(task, make_backend("batch", 1, simulate=watch), 60.0)
+    body = task.make_trials(task.body, "oscillators", 1, (0,)).body.find_organism()
+    while practice.has_time():
+        practice.try_all(body, np.zeros((1, len(find_law(task, body).parameters))))
+    learned = {int(np.random.SeedSequence(list(seed)).generate_state(1)[0]) for seed in asked}
+    exam = set(np.random.SeedSequence(list(EXAM_SEED)).generate_state(EXAM_TRIALS).tolist())
+    assert len(learned) == len(asked) and not learned & exam
