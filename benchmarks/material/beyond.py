@@ -31,6 +31,8 @@ LARGEST = 12
 """Modules of the largest body."""
 DOFS = 2
 """Rotational degrees of freedom of each module."""
+CANDIDATES = 8
+"""Bodies of a search that are tried again."""
 ROWS = (4, 6, 8, 10, 12)
 """Modules of the rows with which a search begins."""
 HELD_OUT = 7
@@ -76,7 +78,7 @@ class Place:
 PLACES: dict[str, Place] = {
     place.name: place
     for place in (
-        Place("stairs", 2000.0, "oscillators", {"task": "climb", "duration": 35.0}),
+        Place("stairs", 3000.0, "oscillators", {"task": "climb", "duration": 35.0}),
         Place(
             "pit",
             12_000.0,
@@ -88,7 +90,7 @@ PLACES: dict[str, Place] = {
             # in a row all tracks look ahead; the hint of steering that goes with "skid" stops rows at this pit
             snake={"track_control": "body", "origin": "hint"},
         ),
-        Place("rubble", 2000.0, "oscillators", {"task": "traverse", "duration": 45.0}),
+        Place("rubble", 3000.0, "oscillators", {"task": "traverse", "duration": 45.0}),
     )
 }
 
@@ -155,7 +157,7 @@ class Found(NamedTuple):
 def search_body(place: Place, arena: str, seed: int) -> Found:
     """Search for a body, and confirm the champion on the scan."""
     run: BodyRun = ev.evolve_bodies(make_search(place, arena, seed))
-    confirmed = confirm(run)
+    confirmed = confirm(run, CANDIDATES)
     body = confirmed.lesson.pupil.body
     figures = {
         "genome": body.text,
@@ -175,7 +177,7 @@ class _Spent(Exception):
 def search_snake(place: Place, arena: str, seed: int, modules: int, seconds: float) -> Found:
     """Evolve the controller of a row of modules by CMA-ES, with validation, for a simulated time.
 
-    A confirmed champion ends it earlier.
+    It begins with the genotype that founders begin with, as these do. A confirmed champion ends it earlier.
     """
     config = make_snake_run(place, arena, seed, modules)
     latest: list[Run] = []
@@ -206,6 +208,7 @@ def make_snake_run(place: Place, arena: str, seed: int, modules: int) -> ev.Evol
         sigma=place.sigma,
         population_size=8,
         trials=1,
+        is_start_tried=True,
         generations=1000,
         **options,
     )
