@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from evolution.backends.trials import Randomization, RolloutConfig
     from evolution.bodies.genome import BodyGenome
     from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
+    from evolution.body_search.confirmation import confirm
     from evolution.body_search.learning import LearningConfig
     from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
     from evolution.champions.playback import Recording, judge, play
@@ -60,6 +61,7 @@ __all__ = [
     "Scoring",
     "Stage",
     "Validation",
+    "confirm",
     "evaluate",
     "evaluate_grid",
     "evolve",

@@ -44,7 +44,7 @@ from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
 ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
-RUNTIME_FIELDS = ("iterations", "workers", "backend", "address", "folder")
+RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 _ADDED = ("axes", "dofs", "founders", "founder_genes")
 """Fields that earlier versions lacked: by default they are left out of a digest, so that their runs keep theirs."""
@@ -79,7 +79,8 @@ class BodiesConfig:
         axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
             used) and "energy".
         operators: mutations, see `evolution.bodies.variation`.
-        max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone.
+        max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone. A resumed
+            run may have another one.
 
     Raises:
         RunError: a value is out of range.
@@ -292,7 +293,14 @@ class BodyEvolutionConfig(Nested):
 
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
-        content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
+        return self._digest(RUNTIME_FIELDS)
+
+    def former_digest(self) -> str:
+        """Return the fingerprint of earlier versions, of which the limit of simulated time was a part."""
+        return self._digest(tuple(name for name in RUNTIME_FIELDS if name != "max_seconds"))
+
+    def _digest(self, left_out: tuple[str, ...]) -> str:
+        content = {name: value for name, value in self.to_json().items() if name not in left_out}
         for name in _ADDED:
             if getattr(self.bodies, name) == getattr(BodiesConfig, name):
                 del content[name]

@@ -6,49 +6,50 @@ conditions that no body has met, round by round, and drop out once they fail too
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from evolution.backends.making import Backend, make_backend
 from evolution.backends.outcome import check_tried
 from evolution.backends.simulation import Simulate
-from evolution.backends.trials import Job
+from evolution.backends.trials import Job, Trials
 from evolution.body_search.config import BodyEvolutionConfig
+from evolution.body_search.fresh_trials import FreshTrials, find_candidates
 from evolution.body_search.learning import Lesson
-from evolution.body_search.run import BodyRun
+from evolution.body_search.run import (
+    BodyRun,
+    Confirmation,
+    read_folder,
+    read_fresh_trials,
+    write_champion,
+    write_fresh_trials,
+)
 from evolution.errors import RunError
-from evolution.search.validation import Champion, Validation, expect_success
+from evolution.search.run import RunFolder
+from evolution.search.validation import Validation
+from reconstruction.progress import Progress, silent
 from reconstruction.range_checks import as_integers
 
 CONFIRMATION = 3
 """A kind of trials with conditions that are neither those of learning nor those of an exam."""
+CANDIDATES = 8
+"""Bodies that are tried again unless another number is given."""
 _MOST = 1000
-
-
-class Confirmation(NamedTuple):
-    """A champion that has been tried again.
-
-    Attributes:
-        champion: the body and its controller, with the successes of these trials.
-        lesson: what it had learned.
-        seconds: simulated for all candidates [s].
-    """
-
-    champion: Champion
-    lesson: Lesson
-    seconds: float
 
 
 def confirm(
     run: BodyRun,
-    candidates: int = 4,
+    candidates: int = CANDIDATES,
     validation: Validation | None = None,
     simulate: Simulate | None = None,
+    progress: Progress = silent,
 ) -> Confirmation:
     """Try the fittest bodies of a search again, on its arena, and return the most reliable one.
+
+    Of a run with a folder, the trials are stored there, `champion.json` becomes the confirmed champion, and what is
+    stored already is not tried again: neither after an interruption nor for bodies that were candidates before.
 
     Args:
         run: a search for bodies.
@@ -56,53 +57,83 @@ def confirm(
         validation: rounds of trials, the share of successes needed to go on, and where trials start unless the task or
             the run has a place of its own; None for the defaults.
         simulate: the function that tries jobs; None means physics.
+        progress: called with the round and the share done.
 
     Returns:
-        The candidate of the highest expected success rate; of equal ones the fittest.
+        The candidate of the highest expected success rate; of equal ones the fittest. Equal runs give equal results,
+        with any number of workers.
 
     Raises:
-        RunError: no body has learned yet, or there is no candidate.
+        RunError: no body has learned yet, there is no candidate, or the folder is being written or has changed since
+            the run was read.
     """
     (candidates,) = as_integers("candidates", [candidates], 1, _MOST, RunError)
-    chosen = find_candidates(run.record.lessons, candidates)
-    if not chosen:
+    if not run.record.lessons:
         raise RunError("no body has learned yet; resume the run")
-    backend = make_backend("batch", run.config.execution.workers, None, simulate)
-    try:
-        tried = [_try_again(run.config, backend, each, validation or Validation()) for each in chosen]
-    finally:
-        backend.close()
-    rates = [expect_success(successes, trials) for successes, trials, _ in tried]
-    best = int(np.argmax(rates))
-    successes, trials, _ = tried[best]
-    champion = replace(run.make_champion(chosen[best]), successes=successes, trials=trials)
-    return Confirmation(champion, chosen[best], sum(seconds for *_, seconds in tried))
+    fresh = FreshTrials(candidates, validation or Validation())
+    with nullcontext() if run.folder is None else RunFolder(run.folder).lock():
+        if run.folder is not None:
+            fresh = _take_stored(run, fresh)
+        found = replace(run, fresh=_try_again(run, fresh.begin(run.record.lessons), simulate, progress))
+        write_champion(found)
+    confirmation = found.confirmation
+    assert confirmation is not None
+    return confirmation
 
 
-def find_candidates(lessons: Sequence[Lesson], count: int) -> list[Lesson]:
-    """Return the fittest lesson of each of the fittest bodies, among lessons with an exam if there are such."""
-    examined = [lesson for lesson in lessons if lesson.trials] or list(lessons)
-    order = sorted(examined, key=lambda each: (-each.fitness, -each.rung, each.pupil.key))
-    fittest: dict[str, Lesson] = {}
-    for lesson in order:
-        fittest.setdefault(lesson.pupil.body.canonical_text, lesson)
-    return list(fittest.values())[:count]
+def _take_stored(run: BodyRun, fresh: FreshTrials) -> FreshTrials:
+    """Return fresh trials with those that the folder of a run knows, if they follow the same rules."""
+    assert run.folder is not None
+    if read_folder(run.folder)[1].num_lessons != run.record.num_lessons:
+        raise RunError(f"{run.folder} has changed since it was read; read it again by ev.load_bodies")
+    known = read_fresh_trials(run.folder, run.config)
+    return replace(fresh, tried=known.tried) if known and known.has_rules(fresh.rules) else fresh
 
 
 def _try_again(
-    config: BodyEvolutionConfig, backend: Backend, lesson: Lesson, validation: Validation
-) -> tuple[int, int, float]:
-    """Return successes, trials and simulated time of a candidate."""
-    successes, trials, seconds = 0, 0, 0.0
-    for number, count in enumerate(validation.rounds):
-        if trials and successes < validation.continue_share * trials:
-            break
-        conditions = config.make_trials(lesson.pupil.body, count, (CONFIRMATION, number))
-        start = conditions.episode.find_start()
-        if isinstance(start, str):  # as in the final test: close before a gap is easier
-            conditions = replace(conditions, episode=replace(conditions.episode, start=validation.start))
-        outcomes = backend.run([Job(np.array(lesson.genotype), conditions)])
+    run: BodyRun, fresh: FreshTrials, simulate: Simulate | None, progress: Progress
+) -> FreshTrials:
+    """Return the complete fresh trials of candidates, of which some may be known."""
+    if fresh.is_complete:
+        write_fresh_trials(run.folder, run.config, fresh)
+        return fresh
+    execution = run.config.execution
+    backend = make_backend(execution.backend, execution.workers, execution.address, simulate)
+    try:
+        for number in range(len(fresh.rules.rounds)):
+            due = fresh.find_due(number)
+            for begin in range(0, len(due), execution.workers):
+                _show(progress, fresh, number, len(due))
+                fresh = _try_round(run, backend, fresh, number, due[begin : begin + execution.workers])
+                write_fresh_trials(run.folder, run.config, fresh)
+    finally:
+        backend.close()
+    return fresh
+
+
+def _show(progress: Progress, fresh: FreshTrials, number: int, left: int) -> None:
+    done = sum(fresh.count_trials(each) for each in fresh.tried)
+    text = f"round {number + 1} of {len(fresh.rules.rounds)}, candidates left: {left}"
+    progress(text, done / (len(fresh.tried) * fresh.rules.trials))
+
+
+def _try_round(
+    run: BodyRun, backend: Backend, fresh: FreshTrials, number: int, indices: list[int]
+) -> FreshTrials:
+    """Return fresh trials with a round of some candidates."""
+    lessons = find_candidates(run.record.lessons, fresh.count)
+    jobs = [_make_job(run.config, lessons[index], number, fresh.rules) for index in indices]
+    outcomes = backend.run(jobs)
+    if not any(each.successes for each in fresh.tried):  # later on, a body may be to blame
         check_tried(outcomes)
-        successes, trials = successes + outcomes[0].successes, trials + count
-        seconds += outcomes[0].seconds
-    return successes, trials, seconds
+    for index, outcome in zip(indices, outcomes, strict=True):
+        fresh = fresh.add_round(index, outcome.successes, outcome.seconds)
+    return fresh
+
+
+def _make_job(config: BodyEvolutionConfig, lesson: Lesson, number: int, rules: Validation) -> Job:
+    """Return a round of fresh trials of a lesson."""
+    trials: Trials = config.make_trials(lesson.pupil.body, rules.rounds[number], (CONFIRMATION, number))
+    if isinstance(trials.episode.find_start(), str):  # as in the final test: close before a gap is easier
+        trials = replace(trials, episode=replace(trials.episode, start=rules.start))
+    return Job(np.array(lesson.genotype), trials)

@@ -22,7 +22,14 @@ from evolution.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
 from evolution.body_search.learner import Learner
 from evolution.body_search.learning import Lesson
 from evolution.body_search.record import BodyRecord
-from evolution.body_search.run import BodyRun, begin_folder, change_folder, read_folder, write_run
+from evolution.body_search.run import (
+    BodyRun,
+    begin_folder,
+    change_folder,
+    read_folder,
+    read_fresh_trials,
+    write_run,
+)
 from evolution.errors import RunError
 from evolution.search.run import RunFolder
 from reconstruction.progress import Progress, silent
@@ -79,7 +86,7 @@ def resume_bodies(
         simulate: the function that tries jobs; None means physics.
         on_iteration: called with the run so far after each new iteration.
         progress: called with the progress of the run.
-        changes: new values of `iterations`, `workers`, `backend` or `address`.
+        changes: new values of `iterations`, `max_seconds` (None for no limit), `workers`, `backend` or `address`.
 
     Raises:
         RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
@@ -95,10 +102,10 @@ def resume_bodies(
         if simulate is None:
             prepare_arena(config.arena, progress)
         if config != stored:
-            change_folder(run_folder.path, config)
+            change_folder(run_folder.path, config, record)
         run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
     if run.is_spent and run.record.num_lessons == known:
-        logger.warning("%s: max_seconds is spent, nothing more is tried; begin another run with more", folder)
+        logger.warning("%s: max_seconds is spent, nothing more is tried; resume with more, or None", folder)
     return run
 
 
@@ -137,7 +144,8 @@ def _iterate(
 ) -> BodyRun:
     """Go through the iterations; those that the record knows cost nothing. Without a backend there are no others."""
     algorithm, learner = make_algorithm(config), Learner(config, record, backend)
-    run = BodyRun(config, record, (), folder)
+    fresh = None if folder is None else read_fresh_trials(folder, config)
+    run = BodyRun(config, record, (), folder, fresh)
     used: dict[tuple[str, int], Lesson] = {}
     for iteration in range(config.iterations):
         limit, assignments = config.bodies.max_seconds, algorithm.ask()
@@ -149,7 +157,7 @@ def _iterate(
         algorithm.tell(lessons)
         for lesson in lessons:
             used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
-        run = BodyRun(config, record, (*run.history, (_sum_seconds(used), _find_best(config, used))), folder)
+        run = replace(run, history=(*run.history, (_sum_seconds(used), _find_best(config, used))))
         if record.num_lessons > before:
             if folder is not None:
                 write_run(folder, run)

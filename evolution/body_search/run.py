@@ -3,7 +3,8 @@
     config.json     the configuration; versions, commit and machine the run began with
     record.json     what every body has learned: the checkpoint
     bodies.csv      one row per lesson
-    champion.json   the fittest body and its controller
+    confirmation.json   fresh trials of the fittest bodies, once the champion has been confirmed
+    champion.json   the confirmed body and its controller; before, the fittest one
 
 Reading a folder runs no code from it.
 """
@@ -13,13 +14,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from evolution.backends.parts import BodyConfig
 from evolution.body_search.config import BodyEvolutionConfig
 from evolution.body_search.descriptors import DESCRIPTORS
+from evolution.body_search.fresh_trials import FreshTrials
 from evolution.body_search.learning import Lesson
 from evolution.body_search.record import BodyRecord
 from evolution.errors import RunError
@@ -29,9 +31,24 @@ from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.typed_json import JsonError, read_json
 
 CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
+FRESH = "confirmation.json"
 KIND = BODIES
 """What `config.json` says the folder is a run of."""
 COLUMNS = ("body", "plan", "modules", "rung", "fitness", "successes", "trials", "effort", "seconds")
+
+
+class Confirmation(NamedTuple):
+    """A champion that has been tried again.
+
+    Attributes:
+        champion: the body and its controller, with the successes of these trials.
+        lesson: what it had learned.
+        seconds: simulated for all candidates [s].
+    """
+
+    champion: Champion
+    lesson: Lesson
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -44,12 +61,14 @@ class BodyRun:
         history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
             has learned to the last rung; -inf before there is one.
         folder: folder of the run; None if it is in memory only.
+        fresh: fresh trials of bodies that are stored; they may be those of an earlier state of the run.
     """
 
     config: BodyEvolutionConfig
     record: BodyRecord
     history: tuple[tuple[float, float], ...]
     folder: Path | None = None
+    fresh: FreshTrials | None = None
 
     @property
     def best(self) -> Lesson | None:
@@ -59,9 +78,31 @@ class BodyRun:
 
     @property
     def champion(self) -> Champion | None:
-        """The fittest body and its controller, as `judge`, `play` and `symbrion replay` take it."""
+        """The body and controller that `judge`, `play` and `symbrion replay` take.
+
+        The confirmed one, with the successes of its fresh trials; before a confirmation the fittest, with those of its
+        exam.
+        """
+        if self.confirmation is not None:
+            return self.confirmation.champion
         best = self.best
         return None if best is None else self.make_champion(best)
+
+    @property
+    def confirmation(self) -> Confirmation | None:
+        """The champion by fresh trials; None where the fittest bodies have not been tried again (`ev.confirm`)."""
+        lessons = self.record.lessons
+        if self.fresh is None or not lessons or self.fresh.begin(lessons).tried != self.fresh.tried:
+            return None
+        if not self.fresh.is_complete:
+            return None
+        best = self.fresh.tried[self.fresh.find_best()]
+        lesson = self.record.find(best.key, best.rung)
+        assert lesson is not None
+        champion = replace(
+            self.make_champion(lesson), successes=sum(best.successes), trials=self.fresh.count_trials(best)
+        )
+        return Confirmation(champion, lesson, sum(each.seconds for each in self.fresh.tried))
 
     def make_champion(self, lesson: Lesson) -> Champion:
         """Return what a body has learned, as `judge` and `play` take it."""
@@ -125,15 +166,19 @@ def begin_folder(folder: Path, config: BodyEvolutionConfig) -> None:
     Raises:
         RunError: the folder contains a run, or files that a run would replace.
     """
-    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION) if (folder / name).exists()]
+    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION, FRESH) if (folder / name).exists()]
     if taken:
         raise RunError(f"{folder} contains {', '.join(taken)}; resume the run there, or name another folder")
     _replace(folder / RECORD, BodyRecord().to_bytes(config.digest()))
     _write_config(folder, describe_origin(), config)
 
 
-def change_folder(folder: Path, config: BodyEvolutionConfig) -> None:
-    """Write the configuration of a run that is resumed with changes. Call it only with the lock."""
+def change_folder(folder: Path, config: BodyEvolutionConfig, record: BodyRecord) -> None:
+    """Write the configuration of a run that is resumed with changes. Call it only with the lock.
+
+    The record comes first: a digest of an earlier version would not fit a changed limit of simulated time.
+    """
+    _replace(folder / RECORD, record.to_bytes(config.digest()))
     _write_config(folder, read_json(folder / CONFIG), config)
 
 
@@ -152,7 +197,8 @@ def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
         content = (folder / RECORD).read_bytes()
     except OSError as error:
         raise RunError(f"{folder / RECORD} cannot be read ({error}); restore it from a copy") from error
-    return config, BodyRecord.from_bytes(content, config.digest(), str(folder / RECORD))
+    source = str(folder / RECORD)
+    return config, BodyRecord.from_bytes(content, config.digest(), source, config.former_digest())
 
 
 def write_run(folder: Path, run: BodyRun) -> None:
@@ -163,8 +209,43 @@ def write_run(folder: Path, run: BodyRun) -> None:
     """
     _replace(folder / RECORD, run.record.to_bytes(run.config.digest()))
     _replace(folder / TABLE, format_table(run.record).encode())
-    if run.champion is not None:
-        _replace(folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
+    write_champion(run)
+
+
+def write_champion(run: BodyRun) -> None:
+    """Write the champion into the folder of a run, if it has a folder and a champion.
+
+    Raises:
+        RunError: the disk is full or read-only.
+    """
+    if run.folder is not None and run.champion is not None:
+        _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
+
+
+def read_fresh_trials(folder: Path, config: BodyEvolutionConfig) -> FreshTrials | None:
+    """Read the fresh trials of bodies; None where there are none.
+
+    Raises:
+        RunError: they are damaged, or contradict the configuration.
+    """
+    path = folder / FRESH
+    if not path.exists():
+        return None
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RunError(f"{path} cannot be read ({error}); remove it, and resume the run") from error
+    return FreshTrials.from_bytes(content, config.digest(), str(path))
+
+
+def write_fresh_trials(folder: Path | None, config: BodyEvolutionConfig, fresh: FreshTrials) -> None:
+    """Write the fresh trials of bodies, if the run has a folder.
+
+    Raises:
+        RunError: the disk is full or read-only; what was tried before is kept.
+    """
+    if folder is not None:
+        _replace(folder / FRESH, fresh.to_bytes(config.digest()))
 
 
 def format_table(record: BodyRecord) -> str:

@@ -80,9 +80,11 @@ class Evolve(SeededCommand):
     algorithm: Literal[ALGORITHMS] = "halving"  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
     max_seconds: float | None = None
-    """Simulated time after which no new iteration of --bodies begins [s]."""
+    """Simulated time after which no new iteration of --bodies begins [s]; `symbrion resume` can raise it."""
     dofs: Literal[1, 2] = 1
     """Rotational degrees of freedom of each module of --bodies: 2 adds the rotation of the arm."""
+    confirm: bool = True
+    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials select the champion."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -95,9 +97,11 @@ class Evolve(SeededCommand):
         require_writable_folder(self._folder, "--folder")
         _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
-            if self.algorithm != "halving" or self.max_seconds is not None or self.dofs != 1:
+            own = (self.algorithm, self.max_seconds, self.dofs, self.confirm)
+            if own != ("halving", None, 1, True):
                 raise UsageError(
-                    "--algorithm, --max-seconds and --dofs are of a search for bodies; give --bodies MIN MAX"
+                    "--algorithm, --max-seconds, --dofs and --no-confirm are of a search for bodies; give --bodies "
+                    "MIN MAX"
                 )
             self.make_config()
         else:
@@ -151,7 +155,7 @@ class Evolve(SeededCommand):
         for arena in self.stages or (self.arena,):
             check_arena_folder(arena)
         if self.bodies is not None:
-            return run_bodies(self.make_bodies_config(), console)
+            return run_bodies(self.make_bodies_config(), console, self.confirm)
         config = self.make_config()
         with (
             console.track(f"Evolution, {describe_body(config)}") as step,
@@ -184,7 +188,11 @@ class Resume(Command):
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
     """The run folder."""
     generations: int | None = None
-    """New limit on the generations. Default: as recorded."""
+    """New limit on the generations, or on the iterations of a search for bodies. Default: as recorded."""
+    max_seconds: float | Literal["unlimited"] | None = None
+    """New limit on the simulated time of a search for bodies [s]. Default: as recorded."""
+    confirm: bool = True
+    """Whether the fittest bodies of a search for bodies are tried again at the end, as by `symbrion evolve`."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray", "warp"] | None = None
@@ -198,12 +206,20 @@ class Resume(Command):
         require_run(self.folder)
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
+        if (self.max_seconds, self.confirm) != (None, True) and not has_bodies(self.folder):
+            raise UsageError(
+                f"--max-seconds and --no-confirm are of a search for bodies, and {self.folder} is none; leave them out"
+            )
+        if isinstance(self.max_seconds, float) and not self.max_seconds > 0:
+            raise UsageError(f"--max-seconds {self.max_seconds:g} is no time; give more than 0, or unlimited")
 
     def run(self, console: Console) -> dict[str, Any]:
         options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
         changes = {name: value for name, value in options.items() if value is not None}
         if has_bodies(self.folder):
-            return resume_run_of_bodies(self.folder, changes, console)
+            if self.max_seconds is not None:
+                changes["max_seconds"] = None if self.max_seconds == "unlimited" else self.max_seconds
+            return resume_run_of_bodies(self.folder, changes, console, self.confirm)
         with (
             console.track(f"Evolution in {self.folder}") as step,
             _open_tensorboard(self.folder, self.tensorboard) as callback,

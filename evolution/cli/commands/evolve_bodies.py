@@ -16,6 +16,7 @@ from evolution.errors import RunError
 from evolution.limits import MAX_MODULES
 from reconstruction.extras import find_missing
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 
 if TYPE_CHECKING:
     from evolution.body_search.learning import Lesson
@@ -83,27 +84,42 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
         raise UsageError(name_flag(str(error), values)) from error
 
 
-def run_bodies(config: ev.BodyEvolutionConfig, console: Console) -> dict[str, Any]:
-    """Search for bodies and return a summary."""
+def run_bodies(config: ev.BodyEvolutionConfig, console: Console, confirm: bool = True) -> dict[str, Any]:
+    """Search for bodies, confirm the champion if wanted, and return a summary."""
     title = (
         f"Bodies of {config.bodies.smallest} to {config.bodies.largest} modules, {config.bodies.algorithm}"
     )
     with console.track(title) as step:
         run = ev.evolve_bodies(config, progress=step.progress)
-    return report_bodies(run, console)
+    return report_bodies(_confirm(run, console) if confirm else run, console)
 
 
-def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Console) -> dict[str, Any]:
-    """Continue a search for bodies and return a summary."""
+def resume_run_of_bodies(
+    folder: Path, changes: Mapping[str, Any], console: Console, confirm: bool = True
+) -> dict[str, Any]:
+    """Continue a search for bodies, confirm the champion if wanted, and return a summary."""
     own = {"iterations" if name == "generations" else name: value for name, value in changes.items()}
     with console.track(f"Bodies in {folder}") as step:
         run = ev.resume_bodies(folder, progress=step.progress, **own)
-    return report_bodies(run, console)
+    return report_bodies(_confirm(run, console) if confirm else run, console)
+
+
+def _confirm(run: BodyRun, console: Console) -> BodyRun:
+    """Try the fittest bodies again, and return the run with what is known of them then."""
+    from evolution.body_search.confirmation import CANDIDATES
+    from evolution.body_search.run import read_fresh_trials
+
+    if run.folder is None or run.best is None:
+        return run
+    with console.track(f"Fresh trials of the fittest bodies, {CANDIDATES} at most") as step:
+        ev.confirm(run, CANDIDATES, progress=step.progress)
+    return dataclasses.replace(run, fresh=read_fresh_trials(run.folder, run.config))
 
 
 def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
     """Print the results of a search for bodies, and return them as a summary."""
-    best, lessons = run.best, run.record.lessons
+    lessons, confirmation = run.record.lessons, run.confirmation
+    best = run.best if confirmation is None else confirmation.lesson
     summary: dict[str, Any] = {
         "folder": run.folder,
         "iterations": len(run.history),
@@ -117,22 +133,37 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
     )
     if run.is_spent:
         console.print_line(
-            f"the simulated time of this run is spent (--max-seconds {run.config.bodies.max_seconds:g}): resumed, it "
-            "tries nothing more; begin another with more"
+            f"the simulated time of this run is spent (--max-seconds {run.config.bodies.max_seconds:g}); to go on: "
+            f"symbrion resume {run.folder} --max-seconds {2 * run.history[-1][0]:.0f}"
         )
     if best is not None:
-        modules = best.pupil.body.num_modules
-        unit = "module" if modules == 1 else "modules"
+        modules = format_count(best.pupil.body.num_modules, "module")
         summary["plan"] = best.pupil.body.to_plan()
-        console.print_line(
-            f"best body, {modules} {unit}, {summary['plan']}: succeeds in {best.successes} of {best.trials} trials of "
-            f"its exam, fitness {best.fitness:.2f}"
-        )
+        summary["confirmed"] = confirmation is not None
+        console.print_line(f"best body, {modules}, {summary['plan']}: {describe_success(run)}")
         if run.folder is not None and not find_missing("report"):
             _draw_best(run, run.folder / PICTURE)
             console.print_line(f"the best bodies: {run.folder / PICTURE}")
+        if run.confirmation is not None and not run.confirmation.champion.successes:
+            more = f"symbrion resume {run.folder} --generations {2 * len(run.history)}"
+            console.print_line(f"more learning may help: {more}; or an easier way (--start, --goal)")
         console.print_line(f"next: symbrion replay {run.folder} --video champion.mp4")
     return summary
+
+
+def describe_success(run: BodyRun) -> str:
+    """Return in words how often the champion of a run succeeded, in which trials, and its fitness."""
+    champion = run.champion
+    assert champion is not None
+    rate, fitness = (
+        f"{champion.successes} of {champion.trials}",
+        f"fitness {champion.fitness:.2f} in its exam",
+    )
+    if run.confirmation is None:
+        return f"succeeded in {rate} trials of its exam, not confirmed by fresh trials; {fitness}"
+    if champion.successes:
+        return f"succeeded in {rate} fresh trials; {fitness}"
+    return f"no success: {rate} fresh trials, and no other candidate did better; {fitness}"
 
 
 def _draw_best(run: BodyRun, path: Path) -> None:

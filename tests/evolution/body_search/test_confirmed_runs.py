@@ -1,0 +1,183 @@
+"""Confirmation in a run folder: stored, never repeated, the same after any interruption; limits that are raised."""
+
+import json
+from dataclasses import replace
+
+import made_bodies
+import pytest
+
+import evolution as ev
+from evolution.backends.outcome import Outcome
+from evolution.bodies.genome import genome_of
+from evolution.body_search.confirmation import CONFIRMATION
+from evolution.body_search.fresh_trials import FreshTrials, Retrial
+from evolution.body_search.run import CHAMPION, FRESH, RECORD, TABLE
+from evolution.errors import RunError
+
+FILES = (RECORD, TABLE, CHAMPION, FRESH)
+COUNT = 8
+"""Candidates."""
+RELIABLE = 2
+"""Modules of bodies that always succeed in fresh trials; the others succeed in three of four."""
+
+
+LARGE = ev.BodiesConfig(algorithm="random", largest=8, children=3)
+
+
+class Physics:
+    """Larger bodies go farther, and do not hold; counts fresh trials, and is killed after some."""
+
+    def __init__(self, most=10**6):
+        self.most, self.fresh, self.jobs = most, 0, 0
+
+    def __call__(self, jobs, threads):
+        outcomes = []
+        for job in jobs:
+            modules, count = genome_of(job.trials.body.find_organism()).num_modules, job.trials.count
+            is_fresh = job.trials.seed[1] == CONFIRMATION
+            self.fresh += count * is_fresh
+            self.jobs += 1
+            if self.jobs > self.most:
+                raise KeyboardInterrupt
+            won = count if modules == RELIABLE or not is_fresh else 3 * count // 4
+            progress = 0.1 * modules + 1e-3 * float(job.genotype.sum())
+            outcomes.append(
+                Outcome(progress, 0.0, (True,) * won + (False,) * (count - won), seconds=0.1 * count)
+            )
+        return outcomes
+
+
+def make_config(**changes):
+    bodies = ev.BodiesConfig(algorithm="halving", largest=3, children=4, population_size=4)
+    return made_bodies.make_config(**{"bodies": bodies, "iterations": 4} | changes)
+
+
+def read_files(folder):
+    return [(folder / name).read_bytes() for name in FILES]
+
+
+def search(folder, simulate=None, workers=1, **changes):
+    simulate = simulate or Physics()
+    run = ev.evolve_bodies(make_config(folder=folder, workers=workers, **changes), simulate=simulate)
+    ev.confirm(run, COUNT, simulate=simulate)
+    return run
+
+
+def test_the_folder_keeps_the_confirmed_champion(tmp_path):
+    run = search(tmp_path / "run")
+    found = ev.load_bodies(tmp_path / "run")
+    assert run.champion.modules == 3
+    assert (found.champion.modules, found.champion.successes, found.champion.trials) == (RELIABLE, 48, 48)
+    assert found.confirmation.lesson.pupil.body.num_modules == RELIABLE
+    assert ev.load_champion(tmp_path / "run") == found.champion
+    assert found.best == run.best
+
+
+def test_what_is_confirmed_is_not_tried_again(tmp_path):
+    search(tmp_path / "run")
+    before, physics = read_files(tmp_path / "run"), Physics(0)
+    run = ev.load_bodies(tmp_path / "run")
+    again = ev.confirm(run, COUNT, simulate=physics)
+    assert (again, physics.fresh) == (run.confirmation, 0)
+    assert read_files(tmp_path / "run") == before
+    more = ev.confirm(run, COUNT + 1, simulate=(counting := Physics()))
+    assert 0 < counting.fresh <= 48
+    assert more.champion == again.champion
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_any_interruption_gives_the_same_files(tmp_path, workers):
+    whole = Physics()
+    search(tmp_path / "whole", whole)
+    expected = read_files(tmp_path / "whole")
+    for most in (5, whole.jobs // 2, whole.jobs - 9, whole.jobs - 2):
+        folder = tmp_path / str(most)
+        with pytest.raises(KeyboardInterrupt):
+            search(folder, Physics(most), workers)
+        run = ev.resume_bodies(folder, simulate=Physics(), workers=4 - workers)
+        ev.confirm(run, COUNT, simulate=Physics())
+        assert read_files(folder) == expected
+
+
+def test_a_longer_run_is_confirmed_anew(tmp_path):
+    search(tmp_path / "whole")
+    search(tmp_path / "parts", iterations=1)
+    first = ev.load_bodies(tmp_path / "parts")
+    assert first.confirmation is not None
+    run = ev.resume_bodies(tmp_path / "parts", iterations=4, simulate=Physics())
+    assert (run.confirmation is None) == (
+        FreshTrials(COUNT).begin(run.record.lessons).tried
+        != FreshTrials(COUNT).begin(first.record.lessons).tried
+    )
+    ev.confirm(run, COUNT, simulate=Physics())
+    assert read_files(tmp_path / "parts") == read_files(tmp_path / "whole")
+
+
+def test_an_unfinished_confirmation_counts_for_nothing(tmp_path):
+    run = search(tmp_path / "run")
+    stored = ev.load_bodies(tmp_path / "run").fresh
+    cut = replace(stored, tried=(*stored.tried[:-1], stored.tried[-1]._replace(successes=())))
+    assert replace(run, fresh=cut).confirmation is None
+    assert replace(run, fresh=replace(stored, tried=())).confirmation is None
+    assert replace(run, fresh=stored).confirmation is not None
+
+
+def test_other_rules_begin_anew(tmp_path):
+    search(tmp_path / "run")
+    run, physics = ev.load_bodies(tmp_path / "run"), Physics()
+    rules = ev.Validation(rounds=(4, 4))
+    assert ev.confirm(run, COUNT, rules, physics).champion.trials == 8
+    assert physics.fresh > 0
+    assert ev.load_bodies(tmp_path / "run").champion.trials == 8
+
+
+def test_fresh_trials_survive_a_file():
+    fresh = FreshTrials(3, tried=(Retrial("b(.)", 0, (8, 7), 1.5), Retrial("b(b(.))", 1)))
+    content = fresh.to_bytes("d")
+    assert FreshTrials.from_bytes(content, "d", "f") == fresh
+    with pytest.raises(RunError, match="another configuration"):
+        FreshTrials.from_bytes(content, "e", "f")
+    for damaged in (b"", b"[]", content.replace(b'"key"', b'"lock"')):
+        with pytest.raises(RunError, match=r"f is damaged.*remove it"):
+            FreshTrials.from_bytes(damaged, "d", "f")
+
+
+def test_a_folder_that_has_gone_on_is_refused(tmp_path):
+    run = search(tmp_path / "run", iterations=1)
+    ev.resume_bodies(tmp_path / "run", iterations=3, simulate=Physics())
+    with pytest.raises(RunError, match="read it again"):
+        ev.confirm(run, simulate=Physics())
+
+
+def test_a_raised_limit_equals_one_from_the_start(tmp_path):
+    def limit(seconds):
+        return replace(LARGE, max_seconds=seconds)
+
+    config = {"iterations": 50}
+    whole = search(tmp_path / "whole", bodies=limit(9.0), **config)
+    search(tmp_path / "parts", bodies=limit(3.0), **config)
+    short = ev.load_bodies(tmp_path / "parts")
+    assert len(short.history) < len(whole.history) < 50
+    run = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=9.0)
+    ev.confirm(run, COUNT, simulate=Physics())
+    assert run.history == whole.history
+    assert read_files(tmp_path / "parts") == read_files(tmp_path / "whole")
+    assert run.config.digest() == short.config.digest()
+    free = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=None, iterations=30)
+    assert len(free.history) == 30
+
+
+def test_a_limit_of_an_earlier_version_can_be_raised(tmp_path):
+    """Its digest included the limit."""
+    bodies = replace(LARGE, max_seconds=3.0)
+    folder = tmp_path / "run"
+    run = ev.evolve_bodies(make_config(bodies=bodies, folder=folder, iterations=9), simulate=Physics())
+    former = run.config.former_digest()
+    assert former != run.config.digest()
+    (folder / RECORD).write_bytes(run.record.to_bytes(former))
+    assert ev.load_bodies(folder).history == run.history
+    ev.resume_bodies(folder, max_seconds=9.0, iterations=0, simulate=Physics())
+    assert json.loads((folder / RECORD).read_bytes())["digest"] == run.config.digest()
+    more = ev.resume_bodies(folder, iterations=9, simulate=Physics())
+    assert len(more.history) > len(run.history)
+    assert make_config().former_digest() == make_config().digest()

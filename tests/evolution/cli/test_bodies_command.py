@@ -1,0 +1,93 @@
+"""`symbrion evolve --bodies` and `resume` of such a run: confirmation, limits, what is printed."""
+
+import json
+
+import made_bodies
+import pytest
+
+import evolution as ev
+from evolution.backends.outcome import Outcome
+from evolution.body_search.confirmation import CONFIRMATION
+from evolution.cli.commands.evolve_bodies import describe_success
+from evolution.cli.main import run
+
+SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]
+SEARCH += ["--max-seconds", "1", "--quiet"]
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
+    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
+    monkeypatch.setattr("evolution.body_search.loop.warm_up", lambda *_: None)
+
+
+def search(folder, *more):
+    return run([*SEARCH, "--folder", str(folder), *more])
+
+
+def test_the_champion_is_confirmed_and_said_to_be(tmp_path, capsys, made):
+    assert search(tmp_path / "run") == 0
+    text = capsys.readouterr().out
+    assert "no success: 0 of 8 fresh trials" in text
+    assert f"symbrion resume {tmp_path / 'run'} --generations 2" in text
+    assert f"symbrion resume {tmp_path / 'run'} --max-seconds" in text
+    champion = ev.load_champion(tmp_path / "run")
+    assert (champion.successes, champion.trials) == (0, 8)
+    assert ev.load_bodies(tmp_path / "run").champion == champion
+
+
+def test_confirmation_can_be_left_out_and_made_up_for(tmp_path, capsys, made):
+    assert search(tmp_path / "run", "--no-confirm", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["confirmed"], told["champion"]["trials"]) == (False, 4)
+    assert not (tmp_path / "run" / "confirmation.json").exists()
+    assert run(["resume", str(tmp_path / "run"), "--no-confirm"]) == 0
+    assert "not confirmed by fresh trials" in capsys.readouterr().out
+    assert run(["resume", str(tmp_path / "run"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["confirmed"], told["champion"]["trials"]) == (True, 8)
+
+
+def test_the_limit_of_time_can_be_raised_and_lifted(tmp_path, capsys, made):
+    assert search(tmp_path / "run", "--generations", "3", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["iterations"] == 1
+    folder = str(tmp_path / "run")
+    assert run(["resume", folder, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iterations"] == 1
+    seconds = ev.load_bodies(folder).history[0][0]
+    assert run(["resume", folder, "--max-seconds", str(seconds + 1), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iterations"] == 2
+    assert run(["resume", folder, "--max-seconds", "unlimited", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iterations"] == 3
+    assert ev.load_bodies(folder).config.max_seconds is None
+
+
+@pytest.mark.parametrize("limit", ["0", "-3", "nan"])
+def test_what_is_no_time_is_refused(tmp_path, capsys, made, limit):
+    assert search(tmp_path / "run", "--no-confirm") == 0
+    capsys.readouterr()
+    assert run(["resume", str(tmp_path / "run"), "--max-seconds", limit]) == 2
+    assert "give more than 0, or unlimited" in capsys.readouterr().err
+
+
+def test_options_of_bodies_are_refused_elsewhere(tmp_path, capsys):
+    assert run(["evolve", "--no-confirm", "--folder", str(tmp_path / "run")]) == 2
+    assert "--no-confirm are of a search for bodies" in capsys.readouterr().err
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "config.json").write_text("{}")
+    for option in (["--max-seconds", "5"], ["--no-confirm"]):
+        assert run(["resume", str(tmp_path / "run"), *option]) == 2
+        assert "is none; leave them out" in capsys.readouterr().err
+
+
+def test_successes_are_said_in_plain_words(tmp_path):
+    def simulate(jobs, threads):
+        counts = [(job.trials.count, job.trials.count - (job.trials.seed[1] == CONFIRMATION)) for job in jobs]
+        return [Outcome(1.0, 0.0, (True,) * won + (False,) * (count - won)) for count, won in counts]
+
+    found = ev.evolve(made_bodies.make_config(), simulate=simulate)
+    assert "succeeded in 1 of 1 trials of its exam, not confirmed" in describe_success(found)
+    found = ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
+    ev.confirm(found, simulate=simulate)
+    assert "succeeded in 7 of 8 fresh trials" in describe_success(ev.load_bodies(tmp_path / "run"))
