@@ -19,10 +19,12 @@ from evolution.cli.command import Command, SeededCommand, UsageError, require_wr
 from evolution.cli.commands.evolve_bodies import make_bodies_config, resume_run_of_bodies, run_bodies
 from evolution.cli.config_options import make_config, make_options, read_environment
 from evolution.cli.console import Console
+from evolution.cli.way_warning import warn_of_way
 from evolution.search.search_config import ExecutionConfig, SearchConfig
 from evolution.search.validation import Validation
 from reconstruction.quantities import format_count
 from symbrion_gym.assets import SCANNED_PITS
+from symbrion_gym.robot.organism import snake
 
 if TYPE_CHECKING:
     from evolution.search.loop import OnGeneration
@@ -155,8 +157,12 @@ class Evolve(SeededCommand):
         for arena in self.stages or (self.arena,):
             check_arena_folder(arena)
         if self.bodies is not None:
-            return run_bodies(self.make_bodies_config(), console, self.confirm)
+            found = self.make_bodies_config()
+            warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
+            return run_bodies(found, console, self.confirm)
         config = self.make_config()
+        shortest, longest = config.body_lengths or (config.modules, config.modules)
+        warn_of_way(config, config.body.find_organism(shortest), config.body.find_organism(longest))
         with (
             console.track(f"Evolution, {describe_body(config)}") as step,
             _open_tensorboard(self._folder, self.tensorboard) as callback,

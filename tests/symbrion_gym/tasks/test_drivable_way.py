@@ -1,0 +1,41 @@
+"""Ways that leave drivable ground are found, and others proposed on it."""
+
+import pytest
+
+import symbrion_gym as sg
+from symbrion_gym.tasks.drivable_way import find_broken_traverse, find_other
+
+
+def find(arena, modules=8, **options):
+    return find_broken_traverse(sg.load_arena(arena), sg.snake(1), sg.snake(modules), **options)
+
+
+def test_stairs_break_the_way_and_the_way_below_them_is_proposed():
+    way = find("stairs")
+    assert way is not None
+    assert way.start[0] < 0.0 < way.finish[0]
+    start, goal = way.other
+    assert find("stairs", start=start, goal=goal) is None
+    assert max(start[0], goal[0]) < 0.0
+    assert find("stairs") == way
+
+
+@pytest.mark.parametrize("arena", ["truth", "gsrm", "gg"])
+def test_a_way_that_ends_before_a_pit_is_whole(arena):
+    assert find(arena) is None
+
+
+def test_a_goal_beyond_the_pit_breaks_the_way():
+    assert find("gsrm", start=(-0.9, 0.0), goal=(-0.5, 0.0)) is None
+    assert find("gsrm", start=(-0.9, 0.0), goal=(0.9, 0.0)) is not None
+
+
+def test_without_drivable_ground_no_way_is_proposed():
+    ground = sg.load_arena("stairs").traversability(sg.Footprint(length=9.0, width=9.0))
+    assert ground.num_regions == 0
+    assert find_other(ground, 1.0) is None
+
+
+def test_a_start_off_the_surface_is_refused():
+    with pytest.raises(sg.ArenaError, match="start"):
+        find("stairs", start=(50.0, 0.0), goal=(0.0, 0.0))
