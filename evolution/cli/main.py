@@ -9,7 +9,6 @@ import io
 import json
 import logging
 import os
-import re
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -21,6 +20,7 @@ from evolution.cli.command import Command, UsageError
 from evolution.cli.commands import COMMANDS
 from evolution.cli.console import Console
 from evolution.cli.streams import flush_streams, is_unread, prepare_streams
+from evolution.cli.usage_errors import flatten_report
 from evolution.errors import RunError
 from reconstruction.errors import ReconstructionError, ScanError
 from reconstruction.extras import MissingExtraError
@@ -122,21 +122,10 @@ def _parse(arguments: Sequence[str]) -> Command:
         sys.exit(_fail(error, 2))
     except SystemExit as end:
         if end.code:
-            _fail(_flatten(errors.getvalue()), 2)
+            _fail(flatten_report(errors.getvalue(), arguments), 2)
         else:
             sys.stderr.write(errors.getvalue())
         raise
-
-
-def _flatten(report: str) -> str:
-    """Return the boxed report of the parser as one line: what is wrong, and where the help is."""
-    lines = [re.sub(r"[╭╮╰╯│]", " ", line).strip() for line in report.splitlines()]
-    lines = [line for line in lines[1:] if line.strip("─- ")]
-    text = " ".join(lines)
-    text = re.sub(r"For full helptext, (?:run|see):? ", "See ", text)
-    text = re.sub(r"Argument helptext:.*?(?=See )", "", text)
-    text = re.sub(r"\s+", " ", re.sub(r"\[/?bold\]", "", text)).strip()
-    return re.sub(r"(?<![.:;]) See (?=symbrion\b)", "; see ", text)
 
 
 def _fail(error: object, code: int) -> int:
