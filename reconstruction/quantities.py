@@ -18,9 +18,9 @@ def format_share(share: float) -> str:
     return "below 0.01 %" if 0.0 < percent < 0.01 else f"{_round(percent)} %"
 
 
-def format_count(count: int, noun: str) -> str:
-    """Return a number of things as text: "1 module", "2 modules"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+def format_count(count: int, noun: str, plural: str = "") -> str:
+    """Return a number of things as text: "1 module", "2 modules", and "2 bodies" where the plural is given."""
+    return f"{count} {noun}" if count == 1 else f"{count} {plural or noun + 's'}"
 
 
 def _round(value: float) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import reconstruction as rc
 from evolution.cli.command import UsageError, require_writable_folder
 from evolution.cli.console import Console
+from reconstruction.quantities import format_count
 from reconstruction.scans.frames import UNITS
 
 _NOT_IN_TILES = ("crop", "thin", "units", "up", "scale", "intrinsics", "vertices")
@@ -82,7 +83,7 @@ class TileOptions:
                 run_jobs=run_jobs,
                 progress=step.progress,
             )
-        console.print_line(f"{len(tiles.places)} tiles of {tiles.tile:g} m in {out}")
+        console.print_line(f"{format_count(len(tiles.places), 'tile')} of {tiles.tile:g} m in {out}")
         return {
             "tiles": out,
             "number": len(tiles.places),

@@ -21,6 +21,7 @@ from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
 from evolution.report.touchable import find_touchable
+from reconstruction.quantities import format_count
 from symbrion_gym.arenas.spec import make_piece_colors
 
 if TYPE_CHECKING:
@@ -82,7 +83,11 @@ def draw_arena(
         dpi=DPI,
         layout="constrained",
     )
-    contact = f"{arena.quality.num_pieces} contact pieces" if arena.height_field is None else "a height field"
+    contact = (
+        format_count(arena.quality.num_pieces, "contact piece")
+        if arena.height_field is None
+        else "a height field"
+    )
     figure.suptitle(f"{arena.name}: {contact}", fontsize=10)
     for axes, view in zip(figure.subplots(1, 2), views, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)

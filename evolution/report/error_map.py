@@ -17,7 +17,7 @@ from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
 from evolution.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
 from evolution.report.touchable import find_touchable
-from reconstruction.quantities import format_distance
+from reconstruction.quantities import format_count, format_distance
 from symbrion_gym.contact.offsets import find_nearest, find_offsets
 from symbrion_gym.contact.quality import ArenaQuality
 
@@ -96,7 +96,8 @@ def _find_limit(values: Sequence[np.ndarray]) -> float:
 
 def describe_quality(quality: ArenaQuality) -> str:
     """Return the figures that go with an error map, in one or two lines."""
-    pieces = f"{quality.num_pieces} pieces; " if quality.num_pieces else ""  # none with a height field
+    count = format_count(quality.num_pieces, "piece")
+    pieces = f"{count}; " if quality.num_pieces else ""  # none with a height field
     lines = [
         f"{pieces}surface to contact: mean {format_distance(quality.mean)}, "
         f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "

@@ -8,6 +8,7 @@ import numpy as np
 
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 from symbrion_gym.traversability.drivable import TraversabilityMap
 from symbrion_gym.traversability.routes import DrivingRoute
 
@@ -44,7 +45,7 @@ def draw_traversability(
     axes[0].imshow(ground.picture(), extent=extent, interpolation="nearest")
     areas = ground.region_areas
     largest = f", the largest {areas[0]:.1f} m² (green)" if len(areas) else ""
-    axes[0].set_title(f"{ground.num_regions} drivable regions, {areas.sum():.1f} m²{largest}")
+    axes[0].set_title(f"{format_count(ground.num_regions, 'drivable region')}, {areas.sum():.1f} m²{largest}")
     image = axes[1].imshow(_find_heights(ground), extent=extent, interpolation="nearest", cmap="viridis")
     figure.colorbar(image, ax=axes[1], label="height of the ground [m]")
     axes[1].set_title(f"{ground.level.max(initial=-1) + 1} levels of ground")

@@ -31,3 +31,4 @@ def test_shares(share, text):
 
 def test_one_thing_is_not_many():
     assert [format_count(count, "module") for count in (0, 1, 2)] == ["0 modules", "1 module", "2 modules"]
+    assert [format_count(count, "body", "bodies") for count in (1, 2)] == ["1 body", "2 bodies"]

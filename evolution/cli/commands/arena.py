@@ -22,6 +22,7 @@ from evolution.cli.console import Console
 from evolution.cli.quality_table import make_quality_rows
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.accuracy import AccuracyReport
@@ -125,7 +126,7 @@ class Arena(SeededCommand):
         if self.picture is not None:
             with console.track(f"Picture {self.picture.name}"):
                 self._draw(arena)
-        contact = f"{len(arena.pieces)} pieces" if arena.height_field is None else "a height field"
+        contact = format_count(len(arena.pieces), "piece") if arena.height_field is None else "a height field"
         console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
         if kept:
             console.print_line(kept)

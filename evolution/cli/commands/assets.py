@@ -7,6 +7,7 @@ from typing import Any
 from evolution.cli.command import SeededCommand, require_writable_folder
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
+from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,6 @@ class Assets(SeededCommand):
             arenas = make_ready_made(self.out, seed=self.seed, progress=step.progress)
         for name, arena in arenas.items():
             console.print_line(
-                f"{self.out / name}: {len(arena.pieces)} pieces, {len(arena.surface.faces)} faces"
+                f"{self.out / name}: {format_count(len(arena.pieces), 'piece')}, {len(arena.surface.faces)} faces"
             )
         return {"arenas": {name: self.out / name for name in arenas}, "seconds": step.seconds}

@@ -9,6 +9,7 @@ import tyro
 from evolution.cli.command import Command, UsageError, require_file, require_writable_file
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
+from reconstruction.quantities import format_count
 
 METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate"]
 
@@ -86,7 +87,7 @@ class BenchSuite(Command):
                 step.progress,
                 out=self.out,
             )
-        console.print_line(f"{self.out}: {len(submission.entries)} entries")
+        console.print_line(f"{self.out}: {format_count(len(submission.entries), 'entry', 'entries')}")
         return {"out": self.out, "entries": len(submission.entries), "seconds": step.seconds}
 
     def _verify(self, console: Console) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from evolution.cli.console import Console
 from evolution.report.comparison import COLUMNS, draw_comparison, make_comparison_page, tabulate
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,5 +64,5 @@ class Compare(Command):
 
             with write_atomically(self.out) as beside:
                 beside.write_bytes(to_png(draw_comparison(runs)))
-        console.print_line(f"{self.out}: {len(runs)} runs")
+        console.print_line(f"{self.out}: {format_count(len(runs), 'run')}")
         return summary

@@ -261,7 +261,7 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(
-        f"{summary['generations']} generations, {summary['evaluations']} genotypes in {run.folder}"
+        f"{format_count(summary['generations'], 'generation')}, {summary['evaluations']} genotypes in {run.folder}"
     )
     if run.champion and run.champion.trials:
         rate = f"{run.champion.successes} of {run.champion.trials}"

@@ -128,8 +128,8 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(
-        f"{summary['iterations']} iterations, {summary['bodies']} bodies, {run.record.seconds:.0f} s simulated in "
-        f"{run.folder}"
+        f"{format_count(summary['iterations'], 'iteration')}, {format_count(summary['bodies'], 'body', 'bodies')}, "
+        f"{run.record.seconds:.0f} s simulated in {run.folder}"
     )
     if run.is_spent:
         console.print_line(

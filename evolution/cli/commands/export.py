@@ -11,6 +11,7 @@ from evolution.cli.arguments import check_arena
 from evolution.cli.command import Command, UsageError, require_writable_folder
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
+from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -50,8 +51,11 @@ class Export(Command):
         with console.track(f"Export to {self.to}"):
             arena = sg.load_arena(self.arena)
             about = arena.export(self.out, self.to, self.max_vertices)
+        solids, pieces = (
+            format_count(about["num_solids"], "convex solid"),
+            format_count(about["num_pieces"], "piece"),
+        )
         console.print_line(
-            f"{about['num_solids']} convex solids in {self.out} (from {about['num_pieces']} pieces); "
-            f"{self.out}/README.md says how to load it"
+            f"{solids} in {self.out} (from {pieces}); {self.out}/README.md says how to load it"
         )
         return {"folder": self.out, **about}

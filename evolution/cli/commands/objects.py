@@ -12,6 +12,7 @@ from evolution.cli.command import UsageError, require_file, require_writable_fol
 from evolution.cli.console import Console
 from evolution.cli.scan_source import ScanCommand
 from reconstruction.extras import require_extras
+from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -70,10 +71,10 @@ class Objects(ScanCommand):
             ]
             for each in found
         ]
-        console.show_table(f"{len(found)} objects in {self.source}", columns, rows)
+        console.show_table(f"{format_count(len(found), 'object')} in {self.source}", columns, rows)
         if arena is not None and self.add_to is not None:
             sg.place_objects(arena, found, meshes).save(self.add_to)
-            console.print_line(f"{self.add_to}: {len(found)} objects added")
+            console.print_line(f"{self.add_to}: {format_count(len(found), 'object')} added")
         listed = [
             {
                 **each._asdict(),

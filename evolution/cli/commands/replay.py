@@ -15,6 +15,7 @@ from evolution.cli.commands.evolve import find_replay_arena, require_run
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -79,7 +80,7 @@ class Replay(SeededCommand):
         arena = self.arena or (find_replay_arena(champion.arena) if has_bodies(self.folder) else "truth")
         summary: dict[str, Any] = {"arena": arena, "trials": self.trials, "champion": champion.as_dict()}
         if self.trials:
-            with console.track(f"{self.trials} trials in {arena}"):
+            with console.track(f"{format_count(self.trials, 'trial')} in {arena}"):
                 outcome = ev.judge(
                     champion,
                     arena,

@@ -12,6 +12,7 @@ from evolution.cli.command import SeededCommand, UsageError, require_writable_fi
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_count
 from symbrion_gym.headless import has_display
 
 if TYPE_CHECKING:
@@ -65,7 +66,9 @@ class View(SeededCommand):
             summary["ground"] = ground.as_dict()
             areas = ground.region_areas
             text = f", the largest {areas[0]:.1f} m²" if len(areas) else ""
-            console.print_line(f"{len(areas)} drivable regions, {areas.sum():.1f} m² in all{text}")
+            console.print_line(
+                f"{format_count(len(areas), 'drivable region')}, {areas.sum():.1f} m² in all{text}"
+            )
         if route is not None:
             summary["route"] = {"start": route.start, "goal": route.goal, "length": route.length}
         if self.picture is None:
