@@ -14,6 +14,7 @@ from evolution.suite.tasks import BUDGET, EXAM_TRIALS, SUITE, VERSION
 COLUMNS = (
     "task",
     "submission",
+    "place",
     "seeds",
     f"truth, of {EXAM_TRIALS}",
     f"scan, of {EXAM_TRIALS}",
@@ -21,9 +22,11 @@ COLUMNS = (
     "fitness, scan",
     "spent [s]",
 )
-SHORT_COLUMNS = ("task", "submission", "seeds", "truth", "scan", "fitness")
+SHORT_COLUMNS = ("task", "submission", "place", "seeds", "truth", "scan", "fitness")
 """Those that a terminal has room for; the fitness is that in the truth."""
 _SHORT_COMMIT = 8
+ALONE, SHARED, NOWHERE = "1", "1=", "–"
+"""Places: the first, the first with others, and that of submissions without any success."""
 
 
 class Spread(NamedTuple):
@@ -56,6 +59,7 @@ class Row(NamedTuple):
         truth_fitness: in the truth.
         scan_fitness: on the scan.
         seconds: simulated for it [s].
+        place: by mean successes in the truth: "1", "2=" where several have as many, and "–" without any success.
     """
 
     task: str
@@ -66,10 +70,14 @@ class Row(NamedTuple):
     truth_fitness: Spread
     scan_fitness: Spread
     seconds: Spread
+    place: str = NOWHERE
 
 
 def rank(submissions: Sequence[Submission]) -> list[Row]:
-    """Return a row for each task and submission, ordered by successes in the truth, then fitness there."""
+    """Return a row for each task and submission, ordered by successes in the truth, then fitness there.
+
+    The place of a row is by successes alone: who succeeds as often as another is tied with it.
+    """
     rows = []
     for task in SUITE:
         own = []
@@ -77,27 +85,36 @@ def rank(submissions: Sequence[Submission]) -> list[Row]:
             entries = [entry for entry in submission.entries if entry.task == task.name]
             if entries:
                 own.append(_sum_up(submission.name, entries))
+        means = [row.truth_successes.mean for row in own]
+        own = [row._replace(place=_find_place(row.truth_successes.mean, means)) for row in own]
         rows += sorted(
             own, key=lambda row: (-row.truth_successes.mean, -row.truth_fitness.mean, row.submission)
         )
     return rows
 
 
-def count_wins(submissions: Sequence[Submission]) -> dict[str, int]:
-    """Return of how many tasks each submission leads the ranking."""
+def _find_place(mean: float, means: Sequence[float]) -> str:
+    if mean <= 0.0:
+        return NOWHERE
+    return f"{1 + sum(each > mean for each in means)}{'=' * (means.count(mean) > 1)}"
+
+
+def count_wins(submissions: Sequence[Submission], place: str = ALONE) -> dict[str, int]:
+    """Return on how many tasks each submission has a place: alone at the top, or `SHARED` with others."""
     wins = dict.fromkeys((submission.name for submission in submissions), 0)
-    for _, rows in groupby(rank(submissions), key=lambda row: row.task):
-        wins[next(rows).submission] += 1
+    for row in rank(submissions):
+        wins[row.submission] += row.place == place
     return wins
 
 
 def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
-    """Return a row for each submission: mean successes in the truth, tasks, seeds, tasks led, then each task.
+    """Return a row for each submission: mean successes in the truth, tasks, seeds, tasks led, tied, then each task.
 
     The best mean first; a submission that has not all tasks comes after those that have, and "–" stands where it has
     none.
     """
-    wins, table = count_wins(submissions), {(row.task, row.submission): row for row in rank(submissions)}
+    wins, ties = count_wins(submissions), count_wins(submissions, SHARED)
+    table = {(row.task, row.submission): row for row in rank(submissions)}
     lines = []
     for name in wins:
         cells = [table.get((task.name, name)) for task in SUITE]
@@ -105,7 +122,8 @@ def find_overview(submissions: Sequence[Submission]) -> list[list[str]]:
         mean = float(np.mean(own)) if own else 0.0
         shown = [f"{cell.truth_successes.mean:.1f}" if cell else "–" for cell in cells]
         seeds = sorted({cell.seeds for cell in cells if cell})
-        counts = [str(len(own)), "-".join(map(str, seeds[:: max(len(seeds) - 1, 1)])), str(wins[name])]
+        counts = [str(len(own)), "-".join(map(str, seeds[:: max(len(seeds) - 1, 1)]))]
+        counts += [str(wins[name]), str(ties[name])]
         lines.append((-len(own), -mean, name, [name, f"{mean:.1f}", *counts, *shown]))
     return [line[-1] for line in sorted(lines)]
 
@@ -120,8 +138,7 @@ def shorten_rows(rows: Sequence[Row]) -> list[list[str]]:
     lines = []
     for task, own in groupby(rows, key=lambda row: row.task):
         for index, row in enumerate(own):
-            name, seeds, truth, scan, fitness, *_ = _format_row(row)
-            lines.append([task if index == 0 else "", name, seeds, truth, scan, fitness])
+            lines.append([task if index == 0 else "", *_format_row(row)[: len(SHORT_COLUMNS) - 1]])
     return lines
 
 
@@ -138,18 +155,19 @@ def make_page(submissions: Sequence[Submission]) -> Any:
     )
     page.add_section("Overview")
     page.add_table(
-        ["submission", "mean", "tasks", "seeds", "led", *(task.name for task in SUITE)],
+        ["submission", "mean", "tasks", "seeds", "led", "tied", *(task.name for task in SUITE)],
         find_overview(submissions),
         f"Successes of {EXAM_TRIALS} in the truth, mean over seeds and its tasks; how many tasks and seeds it has; "
-        "tasks led; then each task.",
+        "tasks led by more successes than all others, and tied for the lead; then each task. Nobody leads where nobody "
+        "succeeds.",
     )
     for name, rows in groupby(rank(submissions), key=lambda row: row.task):
         page.add_section(name.capitalize())
         page.add_table(
             list(COLUMNS[1:]),
             [_format_row(row) for row in rows],
-            "Successes and fitness, mean ± standard deviation over seeds. Ranked by successes in the truth, then by "
-            "fitness there.",
+            "Successes and fitness, mean ± standard deviation over seeds. The place is by successes in the truth: 1= is a "
+            "tie for the first, – has no success. Rows of one place are ordered by fitness in the truth.",
         )
     page.add_section("Provenance")
     page.add_list([_describe(each) for each in submissions])
@@ -175,7 +193,7 @@ def _sum_up(name: str, entries: Sequence[Entry]) -> Row:
 def _format_row(row: Row) -> list[str]:
     successes = [each.format(1) for each in (row.truth_successes, row.scan_successes)]
     fitness = [each.format(2) for each in (row.truth_fitness, row.scan_fitness)]
-    return [row.submission, str(row.seeds), *successes, *fitness, f"{row.seconds.mean:.0f}"]
+    return [row.submission, row.place, str(row.seeds), *successes, *fitness, f"{row.seconds.mean:.0f}"]
 
 
 def _describe(submission: Submission) -> str:

@@ -113,7 +113,14 @@ class BenchSuite(Command):
 
     def _board(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion bench-suite board`", "report")
-        from evolution.suite.leaderboard import SHORT_COLUMNS, count_wins, make_page, rank, shorten_rows
+        from evolution.suite.leaderboard import (
+            SHARED,
+            SHORT_COLUMNS,
+            count_wins,
+            make_page,
+            rank,
+            shorten_rows,
+        )
         from evolution.suite.submission import load_submission
 
         assert self.out is not None
@@ -121,4 +128,5 @@ class BenchSuite(Command):
         title = "Successes of 10 in the truth and on the scan, fitness in the truth"
         console.show_table(title, list(SHORT_COLUMNS), shorten_rows(rank(submissions)))
         make_page(submissions).write(self.out)
-        return {"out": self.out, "tasks_led": count_wins(submissions)}
+        wins, ties = count_wins(submissions), count_wins(submissions, SHARED)
+        return {"out": self.out, "tasks_led": wins, "tasks_tied": ties}

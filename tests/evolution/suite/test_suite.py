@@ -15,7 +15,7 @@ from evolution.landscape.places import GAP, find_published_arena, make_true_aren
 from evolution.suite import submission as submission_module
 from evolution.suite import tasks as tasks_module
 from evolution.suite import verification
-from evolution.suite.leaderboard import count_wins, find_overview, format_rows, rank
+from evolution.suite.leaderboard import SHARED, count_wins, find_overview, format_rows, make_page, rank
 from evolution.suite.running import run_suite
 from evolution.suite.submission import Score, Submission, load_submission
 from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
@@ -140,7 +140,7 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
     rows = rank([low, high])
     assert [row.submission for row in rows] == ["high", "low"]
     fitness = f"{entry.scan.fitness:.2f}"
-    assert format_rows(rows)[0] == [FIXED, "high", "1", "9.0", "0.0", "0.50", fitness, "0"]
+    assert format_rows(rows)[0] == [FIXED, "high", "1", "1", "9.0", "0.0", "0.50", fitness, "0"]
     assert count_wins([low, high]) == {"low": 0, "high": 1}
     low.save(tmp_path / "low.json")
     from evolution.cli.console import Console
@@ -160,14 +160,36 @@ def test_rows_have_mean_and_deviation_over_seeds_and_the_overview_says_what_is_m
     row = rank([Submission("two", entries)])[0]
     assert row.seeds == 2
     assert row.truth_successes == pytest.approx((4.0, 8.0**0.5))
-    assert format_rows([row])[0][3:] == ["4.0 ± 2.8", "0.0 ± 0.0", "1.50 ± 0.71", f"{entry.scan.fitness:.2f} ± 0.00",
+    assert format_rows([row])[0][4:] == ["4.0 ± 2.8", "0.0 ± 0.0", "1.50 ± 0.71", f"{entry.scan.fitness:.2f} ± 0.00",
                                          "1000"]  # fmt: skip
     both = Submission("both", (entry, replace(run("zero", tasks=(FREE,)).entries[0])))
     overview = find_overview([Submission("two", entries), both])
-    assert [line[:5] for line in overview] == [["both", "0.0", "2", "1", "1"], ["two", "4.0", "1", "2", "1"]]
+    assert [line[:6] for line in overview] == [
+        ["both", "0.0", "2", "1", "0", "0"],
+        ["two", "4.0", "1", "2", "1", "0"],
+    ]
     uneven = Submission("uneven", (*entries, both.entries[1]))
     assert find_overview([uneven])[0][3] == "1-2"
     assert overview[1].count("–") == len(SUITE) - 1
+
+
+def test_ties_are_ties_and_nobody_leads_without_a_success(tmp_path):
+    entry = run("zero", tasks=(FIXED,)).entries[0]
+    scores = {"a": (0.3, 0), "b": (0.2, 7), "c": (0.9, 7), "d": (0.1, 4)}
+    boards = [Submission(name, (replace(entry, truth=Score(*score)),)) for name, score in scores.items()]
+    assert [(row.submission, row.place) for row in rank(boards)] == [
+        *(("c", "1="), ("b", "1="), ("d", "3"), ("a", "–")),
+    ]
+    assert count_wins(boards) == dict.fromkeys(scores, 0)
+    assert count_wins(boards, SHARED) == {"a": 0, "b": 1, "c": 1, "d": 0}
+    alone = [each for each in boards if each.name in "ad"]
+    assert count_wins(alone) == {"a": 0, "d": 1}
+    failed = [replace(boards[0], name=name) for name in "xyz"]
+    assert {row.place for row in rank(failed)} == {"–"}
+    assert {tuple(line[4:6]) for line in find_overview(failed)} == {("0", "0")}
+    make_page(boards).write(tmp_path / "board.html")
+    html = (tmp_path / "board.html").read_text()
+    assert html.count('<div class="scroll"><table>') == html.count("<table>") == 2
 
 
 @pytest.mark.parametrize(
