@@ -31,13 +31,15 @@ class Card:
         picture: figure, or PNG.
         label: below the picture.
         text: shown when it is open.
-        video: H.264 in MP4, likewise; None for none.
+        video: H.264 in MP4, likewise; None for none. The closed card says that there is one.
+        mark: a word on the card, which is framed; empty for none.
     """
 
     picture: bytes | Figure
     label: str
     text: str
     video: bytes | None = None
+    mark: str = ""
 
 
 @dataclasses.dataclass
@@ -97,6 +99,7 @@ class Page:
                 "source": _inline(_as_png(card.picture), "image/png"),
                 "label": card.label,
                 "text": card.text,
+                "mark": card.mark,
                 "video": _inline(card.video, "video/mp4") if card.video else "",
             }
             for card in cards

@@ -166,8 +166,8 @@ def make_page(submissions: Sequence[Submission]) -> Any:
         page.add_table(
             list(COLUMNS[1:]),
             [_format_row(row) for row in rows],
-            "Successes and fitness, mean ± standard deviation over seeds. The place is by successes in the truth: 1= is "
-            "a tie for the first, – has no success. Rows of one place are ordered by fitness in the truth.",
+            "Successes and fitness, mean ± standard deviation over seeds. The place is by successes in the truth: 1= "
+            "is a tie for the first, – has no success. Rows of one place are ordered by fitness in the truth.",
         )
     page.add_section("Provenance")
     page.add_list([_describe(each) for each in submissions])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import evolution as ev
 from evolution.backends.making import EXACT_BACKENDS
+from evolution.body_search.description import describe_success
 from evolution.cli.command import UsageError
 from evolution.cli.config_options import name_flag
 from evolution.cli.console import Console
@@ -149,21 +150,6 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
             console.print_line(f"more learning may help: {more}; or an easier way (--start, --goal)")
         console.print_line(f"next: symbrion replay {run.folder} --video champion.mp4")
     return summary
-
-
-def describe_success(run: BodyRun) -> str:
-    """Return in words how often the champion of a run succeeded, in which trials, and its fitness."""
-    champion = run.champion
-    assert champion is not None
-    rate, fitness = (
-        f"{champion.successes} of {champion.trials}",
-        f"fitness {champion.fitness:.2f} in its exam",
-    )
-    if run.confirmation is None:
-        return f"succeeded in {rate} trials of its exam, not confirmed by fresh trials; {fitness}"
-    if champion.successes:
-        return f"succeeded in {rate} fresh trials; {fitness}"
-    return f"no success: {rate} fresh trials, and no other candidate did better; {fitness}"
 
 
 def _draw_best(run: BodyRun, path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 import evolution as ev
 from evolution.backends.outcome import Outcome
 from evolution.body_search.confirmation import CONFIRMATION
-from evolution.cli.commands.evolve_bodies import describe_success
+from evolution.body_search.description import describe_success
 from evolution.cli.main import run
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]

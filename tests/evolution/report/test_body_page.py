@@ -1,9 +1,13 @@
 """The page of bodies: a card for each elite, which opens."""
 
+from dataclasses import replace
+
 import made_bodies
 import pytest
 
 import evolution as ev
+from evolution.bodies.genome import genome_of
+from evolution.body_search.confirmation import CONFIRMATION
 from evolution.body_search.record import BodyRecord
 from evolution.body_search.run import BodyRun
 from evolution.errors import RunError
@@ -15,7 +19,7 @@ def test_every_elite_has_a_card_with_its_plan(tmp_path):
     make_body_page(run).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
     elites = run.find_elites()
-    assert html.count("<details>") == len(elites)
+    assert html.count("<details") == len(elites)
     assert all(lesson.pupil.body.to_plan() in html for lesson in elites.values())
     assert "<video" not in html
 
@@ -32,4 +36,37 @@ def test_bodies_of_an_unfinished_rung_are_shown(tmp_path):
     elites = run.find_elites()
     assert {lesson.rung for lesson in elites.values()} == {0}
     make_body_page(run).write(tmp_path / "bodies.html")
-    assert (tmp_path / "bodies.html").read_text().count("<details>") == len(elites)
+    html = (tmp_path / "bodies.html").read_text()
+    assert html.count("<details") == len(elites)
+    assert "champion, not confirmed" in html
+
+
+def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
+    def simulate(jobs, threads):
+        """Bodies of two modules alone succeed in fresh trials."""
+        outcomes = []
+        for job, outcome in zip(jobs, made_bodies.simulate(jobs, threads), strict=True):
+            is_fresh = job.trials.seed[1] == CONFIRMATION
+            modules = genome_of(job.trials.body.find_organism()).num_modules
+            outcomes.append(replace(outcome, succeeded=(is_fresh and modules == 2,) * job.trials.count))
+        return outcomes
+
+    ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
+    ev.confirm(ev.load_bodies(tmp_path / "run"), 20, simulate=simulate)
+    run = ev.load_bodies(tmp_path / "run")
+    monkeypatch.setattr("evolution.report.body_page._film", lambda *_: b"film")
+    make_body_page(run, num_films=2).write(tmp_path / "bodies.html")
+    html = (tmp_path / "bodies.html").read_text()
+    first, *others = html.split("<details")[1:]
+    assert run.confirmation.lesson.pupil.body.num_modules == 2
+    assert "class=marked" in first
+    assert ">champion<" in first
+    assert "48 of 48 fresh trials" in first
+    assert f"fitness {run.confirmation.lesson.fitness:.2f} m" in first
+    assert not any("champion<" in card for card in others)
+    assert [">&#9654; film<" in card for card in (first, *others)][:3] == [True, True, False]
+    assert "succeeded in 48 of 48 fresh trials" in html
+    assert "Fitness, in meters" in html
+    champion = (run.confirmation.lesson.pupil.key, run.confirmation.lesson.rung)
+    elites = {(lesson.pupil.key, lesson.rung) for lesson in run.find_elites().values()}
+    assert len(others) + 1 == len(elites | {champion})
