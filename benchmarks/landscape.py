@@ -1,13 +1,16 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map longer replays] [--folder FOLDER] [--out FOLDER] [--workers N]
+    python -m benchmarks.landscape [--quick] [--only map longer again replays]
+        [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
 folder after every twelve bodies and goes on there when it is called again. `longer` lets the fittest 20 bodies of each
-task try ten times as many genotypes. `replays` measures the searches on the table.
+task try ten times as many genotypes. `again` makes the places and some random bodies of the published table from
+nothing, and counts those whose bits are all equal. `replays` measures the searches on the table.
 """
 
 import argparse
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,17 +21,20 @@ from evolution.landscape.config import TASKS, LandscapeConfig
 from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
-from evolution.landscape.places import save_places
+from evolution.landscape.places import find_published_arena, save_places
 from evolution.landscape.reliability import describe_reliability
+from evolution.landscape.remaking import draw_places, find_differences
 from evolution.landscape.scores import score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "longer", "replays")
+PARTS = ("map", "longer", "again", "replays")
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
 SEEDS = 10
+AGAIN = 12
+"""Random bodies that are made again."""
 
 
 def run(
@@ -63,6 +69,9 @@ def run(
         results.put("map", describe_reliability(table))
     if not only or "longer" in only:
         make_longer(load_landscape(out), folder, out, workers, results, count=2 if quick else COUNT)
+    if not only or "again" in only:
+        published = load_landscape(OUT if quick else out)
+        results.put("again", make_again(published, folder / "again", workers, 2 if quick else AGAIN))
     if not only or "replays" in only:
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
@@ -114,6 +123,42 @@ def make_longer(
     for name, row in describe_longer(found, table).items():
         results.put(f"longer of {name}", {"times": times} | row)
         print(name, row, flush=True)
+
+
+def make_again(table: Landscape, folder: Path, workers: int, count: int) -> dict[str, Any]:
+    """Make the places and some bodies of a table from nothing, and return how many are equal to the bit."""
+
+    def show(text: str, share: float) -> None:
+        print(f"{text} ({share:.0%})", flush=True)
+
+    shutil.rmtree(folder, ignore_errors=True)
+    arenas, truths = save_places(folder, table.tasks, show)
+    places = draw_places(table, count)
+    found = {
+        name: find_differences(table, name, arenas[name], truths[name], places, workers)
+        for name in table.tasks
+    }
+    return {
+        "of": len(table.tasks) * count,
+        "same": sum(not each for row in found.values() for each in row.values()),
+        "differ": {
+            f"{name} {table.bodies[place].text}": list(names)
+            for name, row in found.items()
+            for place, names in row.items()
+            if names
+        },
+        "places": len(arenas),
+        "same_places": sum(_is_same(path, find_published_arena(name)) for name, path in arenas.items()),
+    }
+
+
+def _is_same(first: Path, second: Path) -> bool:
+    """Return whether two folders contain the same files."""
+    contents = [
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (first, second)
+    ]
+    return contents[0] == contents[1]
 
 
 def main() -> None:

@@ -27,6 +27,14 @@ def _repeat(task: str, place: str) -> Claim:
     )
 
 
+_AGAIN = Claim(
+    "The published table of bodies, random bodies of all tasks and the arenas made again from nothing: equal to the bit "
+    "(arenas)",
+    "{0} of {1} ({2} of {3})",
+    tuple(Value("landscape", f"again/{name}") for name in ("same", "of", "same_places", "places")),
+)
+
+
 def _lengthen(task: str, place: str) -> Claim:
     return Claim(
         f"The 20 fittest bodies of {place} with ten times the genotypes: place of the best of before; place before of "
@@ -63,8 +71,11 @@ def _beat(task: str, place: str) -> Claim:
     )
 
 
-LANDSCAPE = tuple(
-    make(task, place)
-    for task, place in _TASKS.items()
-    for make in (_trust, _repeat, _lengthen, _reach, _beat)
+LANDSCAPE = (
+    _AGAIN,
+    *(
+        make(task, place)
+        for task, place in _TASKS.items()
+        for make in (_trust, _repeat, _lengthen, _reach, _beat)
+    ),
 )
