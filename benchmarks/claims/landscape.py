@@ -28,8 +28,8 @@ def _repeat(task: str, place: str) -> Claim:
 
 
 _AGAIN = Claim(
-    "The published table of bodies, random bodies of all tasks and the arenas made again from nothing: equal to the bit "
-    "(arenas)",
+    "The published table of bodies, random bodies of all tasks and the arenas made again from nothing: equal to the "
+    "bit (arenas)",
     "{0} of {1} ({2} of {3})",
     tuple(Value("landscape", f"again/{name}") for name in ("same", "of", "same_places", "places")),
 )
