@@ -12,7 +12,7 @@ import evolution as ev
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
 from evolution.backends.scoring import Scoring
 from evolution.backends.trials import TrialConfig
-from evolution.body_search.config import ALGORITHMS
+from evolution.body_search.config import ALGORITHMS, BodiesConfig
 from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena, check_arena_folder
 from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
@@ -77,7 +77,7 @@ class Evolve(SeededCommand):
     validation: Validation = dataclasses.field(default_factory=Validation)
     bodies: tuple[int, int] | None = None
     """Search for bodies of this many modules at least and at most; each of them learns its controller."""
-    algorithm: Literal[ALGORITHMS] = "halving"  # pyright: ignore[reportInvalidTypeForm]
+    algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
     max_seconds: float | None = None
     """Simulated time after which no new iteration of --bodies begins [s]."""
@@ -95,7 +95,7 @@ class Evolve(SeededCommand):
         require_writable_folder(self._folder, "--folder")
         _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
-            if self.algorithm != "halving" or self.max_seconds is not None or self.dofs != 1:
+            if self.algorithm != BodiesConfig.algorithm or self.max_seconds is not None or self.dofs != 1:
                 raise UsageError(
                     "--algorithm, --max-seconds and --dofs are of a search for bodies; give --bodies MIN MAX"
                 )
