@@ -51,8 +51,8 @@ def _lengthen(task: str, place: str) -> Claim:
 def _reach(task: str, place: str) -> Claim:
     return Claim(
         f"Search for a body for {place}, looked up in the map of all small bodies: seeds of 10 that come within 5 % of "
-        "the known optimum with a tenth of the exhaustive search's time (a prediction from shapes; successive halving alone; random "
-        "search)",
+        "the known optimum with a tenth of the exhaustive search's time (a prediction from shapes; "
+        "successive halving alone; random search)",
         "{0} ({1}; {2}; {3})",
         tuple(
             Value("landscape", f"replays of {task}/searches/{name}/reached")

@@ -59,9 +59,7 @@ def find_bytes(run):
     return run.record.to_bytes(run.config.digest())
 
 
-@pytest.mark.parametrize(
-    "algorithm", ["niches", "surrogate", "halving", "genetic", "random", "exhaustive"]
-)
+@pytest.mark.parametrize("algorithm", ["niches", "surrogate", "halving", "genetic", "random", "exhaustive"])
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
     first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))

@@ -8,6 +8,8 @@ import toys
 from histories import TOY, find_samples, without_times
 
 from evolution.controllers.controller import REACTIVE_HINT
+from evolution.errors import RunError
+from evolution.search.config import EvolutionConfig
 from evolution.search.islands import IslandsConfig
 from evolution.search.loop import evolve, resume
 from evolution.search.record import SAMPLE, VALIDATION
@@ -43,6 +45,28 @@ def test_a_run_that_tries_its_start_resumes_to_the_bit(tmp_path):
     again = resume(tmp_path, generations=6, simulate=toys.bowl)
     np.testing.assert_array_equal(again.record.columns()["genotype"], whole.record.columns()["genotype"])
     assert config.digest() != replace(config, is_start_tried=False).digest()
+
+
+def test_a_search_begins_at_the_genes_of_a_champion():
+    genes = tuple(0.1 * value for value in REACTIVE_HINT)
+    config = replace(TOY, generations=1, sigma=1e-6, initial_genotype=genes)
+    assert np.allclose(evolve(config, simulate=toys.bowl).record.columns()["genotype"], genes, atol=1e-4)
+    assert EvolutionConfig.from_json(config.to_json()) == config
+    assert config.digest() != replace(config, initial_genotype=()).digest()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"initial_genotype": (0.0, 0.0)}, "initial_genotype has 2 genes; reactive has 8 for this body: "),
+        ({"initial_genotype": (99.0,) * 8}, "initial_genotype: .* is 99; .* is needed"),
+        ({"initial_genotype": (float("nan"),) * 8}, "initial_genotype must be a number .* got nan"),
+        ({"initial_genotype": (0.0,) * 8, "body_lengths": (4, 5)}, "the genes of one body"),
+    ],
+)
+def test_genes_of_something_else_are_refused(changes, message):
+    with pytest.raises(RunError, match=message):
+        replace(TOY, **changes)
 
 
 def test_a_search_without_success_restarts_where_it_began():
