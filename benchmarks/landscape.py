@@ -1,12 +1,13 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map longer again replays]
+    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out]
         [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
 folder after every twelve bodies and goes on there when it is called again. `longer` lets the fittest 20 bodies of each
 task try ten times as many genotypes. `again` makes the places and some random bodies of the published table from
 nothing, and counts those whose bits are all equal. `replays` measures the searches on the table.
+`held_out` makes tables of three other places, on which nothing was developed, and measures the searches there.
 """
 
 import argparse
@@ -17,7 +18,7 @@ from typing import Any
 from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
 from evolution.landscape.assembly import assemble
-from evolution.landscape.config import TASKS, LandscapeConfig
+from evolution.landscape.config import HELD_OUT_TASKS, TASKS, LandscapeConfig
 from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
@@ -28,7 +29,7 @@ from evolution.landscape.scores import score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "longer", "again", "replays")
+PARTS = ("map", "longer", "again", "replays", "held_out")
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
@@ -62,8 +63,8 @@ def run(
     results = Results("landscape")
     folder = folder or FOLDER / ("quick" if quick else "whole")
     out = out or (folder / "table" if quick else OUT)
+    default = 2 if quick else LandscapeConfig().largest
     if not only or "map" in only:
-        default = 2 if quick else LandscapeConfig().largest
         table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks, kinds)
         table.save(out)
         results.put("map", describe_reliability(table))
@@ -75,12 +76,26 @@ def run(
     if not only or "replays" in only:
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
-        scores = score_searches(table, range(2 if quick else SEEDS))
-        for task, rows in scores.items():
-            results.put(f"replays of {task}", rows)
-            for name, row in rows["searches"].items():
-                print(task, name, row, flush=True)
+        _score(table, "replays of", results, quick)
+    if not only or "held_out" in only:
+        config = LandscapeConfig(largest=largest or default)
+        _score(make_held_out(config, folder / "held_out", workers), "held out:", results, quick)
     return results.content
+
+
+def _score(table: Landscape, title: str, results: Results, quick: bool) -> None:
+    for task, rows in score_searches(table, range(2 if quick else SEEDS)).items():
+        results.put(f"{title} {task}", rows)
+        for name, row in rows["searches"].items():
+            print(task, name, row, flush=True)
+
+
+def make_held_out(config: LandscapeConfig, folder: Path, workers: int) -> Landscape:
+    """Let all bodies learn in places on which no search was developed; nothing is judged in the truth."""
+    tasks = tuple(HELD_OUT_TASKS)
+    arenas, _ = save_places(folder / "arenas", tasks)
+    runs = let_bodies_learn(config, arenas, folder / "runs", workers)
+    return assemble(config, runs, {name: {} for name in tasks}, {})
 
 
 def make_map(
