@@ -11,8 +11,8 @@ nothing, and counts those whose bits are all equal. `replays` measures the searc
 """
 
 import argparse
-import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.evolution_runs import Results
@@ -72,7 +72,8 @@ def run(
         make_longer(load_landscape(out), folder, out, workers, results, count=2 if quick else COUNT)
     if not only or "again" in only:
         published = load_landscape(OUT if quick else out)
-        results.put("again", make_again(published, folder / "again", workers, 2 if quick else AGAIN))
+        with TemporaryDirectory() as temporary:
+            results.put("again", make_again(published, Path(temporary), workers, 2 if quick else AGAIN))
     if not only or "replays" in only:
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
@@ -146,7 +147,6 @@ def make_again(table: Landscape, folder: Path, workers: int, count: int) -> dict
     def show(text: str, share: float) -> None:
         print(f"{text} ({share:.0%})", flush=True)
 
-    shutil.rmtree(folder, ignore_errors=True)
     arenas, truths = save_places(folder, table.tasks, show)
     places = draw_places(table, count)
     found = {
