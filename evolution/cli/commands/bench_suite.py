@@ -10,7 +10,7 @@ from evolution.cli.command import Command, UsageError, require_file, require_wri
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 
-METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate"]
+METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate", "niches"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -89,7 +89,7 @@ def test_what_learns_is_never_worse_than_zero(method):
 
 
 def test_searches_for_bodies_find_large_ones_where_these_are_better():
-    for method in ("genetic", "surrogate"):
+    for method in ("genetic", "surrogate", "niches"):
         assert (
             run(method).entries[-1].body.count("S") == 2 * 5 - 1
             or run(method).entries[-1].truth.fitness > 1.0
