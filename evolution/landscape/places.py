@@ -38,7 +38,7 @@ GAP = Course(pit=0.25, height=0.25, floor=1.2, ramp=0.8, plateau=0.8)
 """A row of five modules crosses it without control, rows of three and four do not."""
 STAIRS = StairsCourse(steps=2, rise=0.05, run=0.30, floor=1.2, plateau=1.2)
 """Steps four times the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
-LOW_STAIRS = StairsCourse(steps=3, rise=0.03, run=0.30, floor=1.2, plateau=1.2)
+LOW_STAIRS = StairsCourse(steps=2, rise=0.04, run=0.35, floor=1.2, plateau=1.2)
 GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0
 """Size of the rough ground [m]."""
 HILLS_FROM, HILLS_TO = -0.6, 1.4
