@@ -1,6 +1,6 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out]
+    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out real]
         [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
@@ -8,32 +8,39 @@ folder after every twelve bodies and goes on there when it is called again. `lon
 task try ten times as many genotypes. `again` makes the places and some random bodies of the published table from
 nothing, and counts those whose bits are all equal. `replays` measures the searches on the table.
 `held_out` makes tables of three other places, on which nothing was developed, and measures the searches there.
+`real` searches by physics instead of a look-up, in a tenth of the exhaustive time, with learning of its own.
 """
 
 import argparse
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
+from evolution.body_search.loop import evolve_bodies
 from evolution.landscape.assembly import assemble
-from evolution.landscape.config import HELD_OUT_TASKS, TASKS, LandscapeConfig
+from evolution.landscape.config import HELD_OUT_TASKS, TASKS, LandscapeConfig, make_search
 from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
 from evolution.landscape.places import find_published_arena, save_places
-from evolution.landscape.reliability import describe_reliability
+from evolution.landscape.reliability import describe_reliability, find_goal
 from evolution.landscape.remaking import draw_places, find_differences
-from evolution.landscape.scores import score_searches
+from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "longer", "again", "replays", "held_out")
+PARTS = ("map", "longer", "again", "replays", "held_out", "real")
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
 SEEDS = 10
+MAX_ITERATIONS = 1000
+"""More than the time allows."""
+REAL_SEEDS = 5
 AGAIN = 12
 """Random bodies that are made again."""
 
@@ -81,6 +88,12 @@ def run(
     if not only or "held_out" in only:
         config = LandscapeConfig(largest=largest or default)
         _score(make_held_out(config, folder / "held_out", workers), "held out:", results, quick)
+    if not only or "real" in only:
+        table = load_landscape(out)
+        for task in table.tasks:
+            found = search_really(table, task, range(1 if quick else REAL_SEEDS), workers)
+            results.put(f"real {task}", found)
+            print(task, found, flush=True)
     return results.content
 
 
@@ -165,6 +178,40 @@ def make_again(table: Landscape, folder: Path, workers: int, count: int) -> dict
         "places": len(arenas),
         "same_places": sum(_is_same(path, find_published_arena(name)) for name, path in arenas.items()),
     }
+
+
+def search_really(table: Landscape, task: str, seeds: Iterable[int], workers: int) -> dict[str, Any]:
+    """Search for a body by physics, with the first search of the replays, and return what each seed found."""
+    place = table.find_task(task)
+    goal, limit = find_goal(table, place), BUDGET * float(table.seconds[place].sum())
+    base = make_search(table.config, task, find_published_arena(task), workers=workers)
+    rungs = (1, table.config.generations[-1])
+    rows = []
+    for seed in seeds:
+        run = evolve_bodies(
+            replace(
+                base,
+                seed=seed,
+                bodies=replace(SMALL, algorithm=SEARCHES[0], largest=table.config.largest, max_seconds=limit),
+                learning=replace(base.learning, rungs=rungs, is_examined_early=False),
+                iterations=MAX_ITERATIONS,
+            )
+        )
+        last = [lesson for lesson in run.record.lessons if lesson.rung == 1]
+        best = max(last, key=lambda each: each.fitness)
+        rows.append(
+            {
+                "seed": seed,
+                "body": best.pupil.body.text,
+                "is_optimum": best.pupil.body == table.bodies[int(table.fitness[place].argmax())],
+                "fitness": best.fitness,
+                "learned": len(last),
+                "share": run.record.seconds / limit * BUDGET,
+            }
+        )
+    reached = sum(row["fitness"] >= goal for row in rows)
+    optima = sum(row["is_optimum"] for row in rows)
+    return {"reached": reached, "optima": optima, "of": len(rows), "goal": goal, "runs": rows}
 
 
 def _is_same(first: Path, second: Path) -> bool:
