@@ -2,8 +2,9 @@
 
     python -m benchmarks.beyond [--quick] [--places stairs pit rubble] [--seeds 0 1 2 3 4] [--again]
 
-For each place and seed a body is searched on the scan; then the controller of a row of as many modules, in as much
-simulated time. Each row is stored at once with its commit, and is measured again with `--again` alone.
+For each place and seed a body is searched on the scan, and the best one goes on learning; then the controller of a row
+of as many modules is evolved, in as much simulated time or more. Each row is stored at once with its commit, and is
+measured again with `--again` alone.
 """
 
 import argparse
@@ -73,7 +74,8 @@ def measure(name: str, seed: int, quick: bool = False) -> Row:
     began = time.process_time()
     body = search_body(place, scanned, seed)
     body_cpu = time.process_time() - began
-    snake = search_snake(place, scanned, seed, body.figures["modules"], body.seconds)
+    seconds = max(place.seconds, body.seconds)
+    snake = search_snake(place, scanned, seed, body.figures["modules"], seconds)
     judged = {"body": body.champion, "snake": snake.champion, **make_plain_snakes(snake.champion, seed)}
     scores = {who: _judge(champion, exact, seed) for who, champion in judged.items()}
     return {

@@ -1,34 +1,48 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map longer replays] [--folder FOLDER] [--out FOLDER] [--workers N]
+    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out real]
+        [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
 folder after every twelve bodies and goes on there when it is called again. `longer` lets the fittest 20 bodies of each
-task try ten times as many genotypes. `replays` measures the searches on the table.
+task try ten times as many genotypes. `again` makes the places and some random bodies of the published table from
+nothing, and counts those whose bits are all equal. `replays` measures the searches on the table.
+`held_out` makes tables of three other places, on which nothing was developed, and measures the searches there.
+`real` searches by physics instead of a look-up, in a tenth of the exhaustive time, with learning of its own.
 """
 
 import argparse
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
+from evolution.body_search.loop import evolve_bodies
 from evolution.landscape.assembly import assemble
-from evolution.landscape.config import TASKS, LandscapeConfig
+from evolution.landscape.config import HELD_OUT_TASKS, TASKS, LandscapeConfig, make_search
 from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
-from evolution.landscape.places import save_places
-from evolution.landscape.reliability import describe_reliability
-from evolution.landscape.scores import score_searches
+from evolution.landscape.places import find_published_arena, save_places
+from evolution.landscape.reliability import describe_reliability, find_goal
+from evolution.landscape.remaking import draw_places, find_differences
+from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "longer", "replays")
+PARTS = ("map", "longer", "again", "replays", "held_out", "real")
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
 SEEDS = 10
+MAX_ITERATIONS = 1000
+"""More than the time allows."""
+REAL_SEEDS = 5
+AGAIN = 12
+"""Random bodies that are made again."""
 
 
 def run(
@@ -56,22 +70,46 @@ def run(
     results = Results("landscape")
     folder = folder or FOLDER / ("quick" if quick else "whole")
     out = out or (folder / "table" if quick else OUT)
+    default = 2 if quick else LandscapeConfig().largest
     if not only or "map" in only:
-        default = 2 if quick else LandscapeConfig().largest
         table = make_map(LandscapeConfig(largest=largest or default), folder, workers, tasks, kinds)
         table.save(out)
         results.put("map", describe_reliability(table))
     if not only or "longer" in only:
         make_longer(load_landscape(out), folder, out, workers, results, count=2 if quick else COUNT)
+    if not only or "again" in only:
+        published = load_landscape(OUT if quick else out)
+        with TemporaryDirectory() as temporary:
+            results.put("again", make_again(published, Path(temporary), workers, 2 if quick else AGAIN))
     if not only or "replays" in only:
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
-        scores = score_searches(table, range(2 if quick else SEEDS))
-        for task, rows in scores.items():
-            results.put(f"replays of {task}", rows)
-            for name, row in rows["searches"].items():
-                print(task, name, row, flush=True)
+        _score(table, "replays of", results, quick)
+    if not only or "held_out" in only:
+        config = LandscapeConfig(largest=largest or default)
+        _score(make_held_out(config, folder / "held_out", workers), "held out:", results, quick)
+    if not only or "real" in only:
+        table = load_landscape(out)
+        for task in table.tasks:
+            found = search_really(table, task, range(1 if quick else REAL_SEEDS), workers)
+            results.put(f"real {task}", found)
+            print(task, found, flush=True)
     return results.content
+
+
+def _score(table: Landscape, title: str, results: Results, quick: bool) -> None:
+    for task, rows in score_searches(table, range(2 if quick else SEEDS)).items():
+        results.put(f"{title} {task}", rows)
+        for name, row in rows["searches"].items():
+            print(task, name, row, flush=True)
+
+
+def make_held_out(config: LandscapeConfig, folder: Path, workers: int) -> Landscape:
+    """Let all bodies learn in places on which no search was developed; nothing is judged in the truth."""
+    tasks = tuple(HELD_OUT_TASKS)
+    arenas, _ = save_places(folder / "arenas", tasks)
+    runs = let_bodies_learn(config, arenas, folder / "runs", workers)
+    return assemble(config, runs, {name: {} for name in tasks}, {})
 
 
 def make_map(
@@ -114,6 +152,75 @@ def make_longer(
     for name, row in describe_longer(found, table).items():
         results.put(f"longer of {name}", {"times": times} | row)
         print(name, row, flush=True)
+
+
+def make_again(table: Landscape, folder: Path, workers: int, count: int) -> dict[str, Any]:
+    """Make the places and some bodies of a table from nothing, and return how many are equal to the bit."""
+
+    def show(text: str, share: float) -> None:
+        print(f"{text} ({share:.0%})", flush=True)
+
+    arenas, truths = save_places(folder, table.tasks, show)
+    places = draw_places(table, count)
+    found = {
+        name: find_differences(table, name, arenas[name], truths[name], places, workers)
+        for name in table.tasks
+    }
+    return {
+        "of": len(table.tasks) * count,
+        "same": sum(not each for row in found.values() for each in row.values()),
+        "differ": {
+            f"{name} {table.bodies[place].text}": list(names)
+            for name, row in found.items()
+            for place, names in row.items()
+            if names
+        },
+        "places": len(arenas),
+        "same_places": sum(_is_same(path, find_published_arena(name)) for name, path in arenas.items()),
+    }
+
+
+def search_really(table: Landscape, task: str, seeds: Iterable[int], workers: int) -> dict[str, Any]:
+    """Search for a body by physics, with the first search of the replays, and return what each seed found."""
+    place = table.find_task(task)
+    goal, limit = find_goal(table, place), BUDGET * float(table.seconds[place].sum())
+    base = make_search(table.config, task, find_published_arena(task), workers=workers)
+    rungs = (1, table.config.generations[-1])
+    rows = []
+    for seed in seeds:
+        run = evolve_bodies(
+            replace(
+                base,
+                seed=seed,
+                bodies=replace(SMALL, algorithm=SEARCHES[0], largest=table.config.largest, max_seconds=limit),
+                learning=replace(base.learning, rungs=rungs, is_examined_early=False),
+                iterations=MAX_ITERATIONS,
+            )
+        )
+        last = [lesson for lesson in run.record.lessons if lesson.rung == 1]
+        best = max(last, key=lambda each: each.fitness)
+        rows.append(
+            {
+                "seed": seed,
+                "body": best.pupil.body.text,
+                "is_optimum": best.pupil.body == table.bodies[int(table.fitness[place].argmax())],
+                "fitness": best.fitness,
+                "learned": len(last),
+                "share": run.record.seconds / limit * BUDGET,
+            }
+        )
+    reached = sum(row["fitness"] >= goal for row in rows)
+    optima = sum(row["is_optimum"] for row in rows)
+    return {"reached": reached, "optima": optima, "of": len(rows), "goal": goal, "runs": rows}
+
+
+def _is_same(first: Path, second: Path) -> bool:
+    """Return whether two folders contain the same files."""
+    contents = [
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (first, second)
+    ]
+    return contents[0] == contents[1]
 
 
 def main() -> None:

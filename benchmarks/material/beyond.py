@@ -20,6 +20,7 @@ from evolution.controllers.config import ControllerConfig
 from evolution.controllers.controller import U_SHAPE_HINT
 from evolution.landscape.places import SPACING, TIME_LIMIT, UNITS
 from evolution.search.run import Run
+from evolution.search.search_config import SearchConfig
 from reconstruction.reconstruct import reconstruct
 from reconstruction.scans.preprocess import preprocess, thin
 from symbrion_gym.arenas.arena import Arena
@@ -31,8 +32,12 @@ LARGEST = 12
 """Modules of the largest body."""
 DOFS = 2
 """Rotational degrees of freedom of each module."""
-CANDIDATES = 8
+CANDIDATES = 4
 """Bodies of a search that are tried again."""
+SEARCH_SHARE = 0.5
+"""Share of the time after which no iteration of the search begins; the rest confirms, and trains the best body."""
+TRAINING_SIGMA = 0.2
+"""Step size with which the best body goes on learning."""
 ROWS = (4, 6, 8, 10, 12)
 """Modules of the rows with which a search begins."""
 HELD_OUT = 7
@@ -40,6 +45,8 @@ HELD_OUT = 7
 STAIRS = StairsCourse(steps=3, rise=0.07, run=0.30, floor=2.0, plateau=2.4)
 """Room for twelve modules in a row before and behind the steps: on the stairs of the landscape such a row begins beyond
 the near end, and drives over the far end before all of it is on top."""
+GENERATIONS = 1000
+"""More than the time allows."""
 FOLDER = Path("runs/beyond")
 _UNSTRETCHED = Randomization(stretch=(1.0,))
 _STUCK_TIME = 3.0
@@ -56,7 +63,7 @@ class Place:
 
     Attributes:
         name: its name.
-        seconds: simulated time after which no iteration of the search begins [s].
+        seconds: simulated time for a body and its controller [s]; what has begun is finished.
         controller: the law of all bodies.
         options: of the environment.
         genes: at which founders begin.
@@ -78,7 +85,7 @@ class Place:
 PLACES: dict[str, Place] = {
     place.name: place
     for place in (
-        Place("stairs", 3000.0, "oscillators", {"task": "climb", "duration": 35.0}),
+        Place("stairs", 5000.0, "oscillators", {"task": "climb", "duration": 35.0}),
         Place(
             "pit",
             12_000.0,
@@ -90,7 +97,7 @@ PLACES: dict[str, Place] = {
             # in a row all tracks look ahead; the hint of steering that goes with "skid" stops rows at this pit
             snake={"track_control": "body", "origin": "hint"},
         ),
-        Place("rubble", 3000.0, "oscillators", {"task": "traverse", "duration": 45.0}),
+        Place("rubble", 5000.0, "oscillators", {"task": "traverse", "duration": 45.0}),
     )
 }
 
@@ -132,10 +139,10 @@ def make_search(place: Place, arena: str, seed: int) -> ev.BodyEvolutionConfig:
             founder_genes=place.genes,
             children=6,
             population_size=len(ROWS),
-            max_seconds=place.seconds,
+            max_seconds=SEARCH_SHARE * place.seconds,
         ),
         learning=ev.LearningConfig(rungs=place.rungs, is_inherited=True, sigma=place.sigma),
-        iterations=1000,
+        iterations=GENERATIONS,
         **place.options,
     )
 
@@ -155,7 +162,10 @@ class Found(NamedTuple):
 
 
 def search_body(place: Place, arena: str, seed: int) -> Found:
-    """Search for a body, and confirm the champion on the scan."""
+    """Search for a body, confirm the champion on the scan, and let it learn on in the time that is left.
+
+    The champion is the more reliable one of both, on the scan.
+    """
     run: BodyRun = ev.evolve_bodies(make_search(place, arena, seed))
     confirmed = confirm(run, CANDIDATES)
     body = confirmed.lesson.pupil.body
@@ -167,7 +177,32 @@ def search_body(place: Place, arena: str, seed: int) -> Found:
         "exam_fitness": confirmed.lesson.fitness,
         "bodies": len({lesson.pupil.body.canonical_text for lesson in run.record.lessons}),
     }
-    return Found(confirmed.champion, run.record.seconds + confirmed.seconds, figures)
+    seconds = run.record.seconds + confirmed.seconds
+    trained = _evolve(make_training(run.config, confirmed.champion), place.seconds - seconds)
+    champion = max(confirmed.champion, trained.champion, key=lambda each: each.score)
+    figures["trained_seconds"] = round(trained.seconds, 1)
+    figures["is_trained"] = champion is trained.champion
+    return Found(champion, seconds + trained.seconds, figures)
+
+
+def make_training(search: ev.BodyEvolutionConfig, champion: ev.Champion) -> ev.EvolutionConfig:
+    """Return the run in which the body of a champion goes on learning where its controller stands."""
+    return ev.EvolutionConfig(
+        arena=search.arena,
+        seed=search.seed,
+        body=champion.body,
+        episode=champion.episode,
+        control=champion.control,
+        trial=search.trial,
+        scoring=search.scoring,
+        search=replace(make_controller_search(TRAINING_SIGMA), initial_genotype=champion.genotype),
+        generations=GENERATIONS,
+    )
+
+
+def make_controller_search(sigma: float) -> SearchConfig:
+    """Return how the controller of one body is searched, that of a snake or of the best body."""
+    return SearchConfig(population_size=8, sigma=sigma, trials=1, is_start_tried=True)
 
 
 class _Spent(Exception):
@@ -179,7 +214,11 @@ def search_snake(place: Place, arena: str, seed: int, modules: int, seconds: flo
 
     It begins with the genotype that founders begin with, as these do. A confirmed champion ends it earlier.
     """
-    config = make_snake_run(place, arena, seed, modules)
+    return _evolve(make_snake_run(place, arena, seed, modules), seconds)
+
+
+def _evolve(config: ev.EvolutionConfig, seconds: float) -> Found:
+    """Evolve a controller until a champion is confirmed or a simulated time is spent, for a generation at least."""
     latest: list[Run] = []
 
     def watch(run: Run) -> None:
@@ -205,11 +244,8 @@ def make_snake_run(place: Place, arena: str, seed: int, modules: int) -> ev.Evol
         randomization=_UNSTRETCHED,
         rollout=RolloutConfig(stuck_time=_STUCK_TIME),
         scoring=ev.Scoring(module=0.0),
-        sigma=place.sigma,
-        population_size=8,
-        trials=1,
-        is_start_tried=True,
-        generations=1000,
+        search=make_controller_search(place.sigma),
+        generations=GENERATIONS,
         **options,
     )
 

@@ -43,7 +43,7 @@ from reconstruction.range_checks import check_choice, coerce_floats, coerce_inte
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
-ALGORITHMS = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+ALGORITHMS = ("niches", "surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 _ADDED = ("axes", "dofs", "founders", "founder_genes")
@@ -57,8 +57,9 @@ class BodiesConfig:
     """Which bodies are searched, and how.
 
     Attributes:
-        algorithm: "surrogate" (as "halving", and a prediction from the shapes of bodies chooses who learns), "halving"
-            (a genetic algorithm whose bodies learn in rungs, each against those of its rung),
+        algorithm: "niches" (as "halving", and each against those of its number of modules), "surrogate" (as
+            "halving", and a prediction from the shapes of bodies chooses who learns), "halving" (a genetic algorithm
+            whose bodies learn in rungs, each against those of its rung),
             "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
             or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
@@ -74,8 +75,8 @@ class BodiesConfig:
         crossover_share: share of children by crossover rather than mutation.
         random_share: share of children that are new random bodies.
         tournament_size: bodies of which the fittest becomes a parent.
-        promoted_share: share of the bodies of a rung that learn on, in "halving" and "surrogate"; None: such that all
-            rungs cost the same, as in successive halving.
+        promoted_share: share of the bodies of a rung that learn on, in "niches", "halving" and "surrogate"; None: such
+            that all rungs cost the same, as in successive halving.
         axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
             used) and "energy".
         operators: mutations, see `evolution.bodies.variation`.
@@ -86,7 +87,7 @@ class BodiesConfig:
         RunError: a value is out of range.
     """
 
-    algorithm: str = "halving"
+    algorithm: str = "niches"
     smallest: int = 1
     largest: int = 8
     dofs: int = 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -92,6 +92,29 @@ def refer_to_controller(
     if must_be_found and reference is None:
         controller_to_json(controller)
     return reference or _require_hashable(spec)
+
+
+def check_genotype(name: str, genotype: Sequence[float], controller: Controller) -> None:
+    """Refuse a genotype that is not one of a controller.
+
+    Args:
+        name: of the option that has it.
+        genotype: the genes.
+        controller: as returned by `find_controller`.
+
+    Raises:
+        RunError: there are more or fewer genes, or one is out of its bounds; by its name.
+    """
+    if len(genotype) != len(controller.parameters):
+        raise RunError(
+            f"{name} has {len(genotype)} genes; {controller.name} has {len(controller.parameters)} for this body: "
+            f"{', '.join(controller.parameters)}"
+        )
+    for gene, value, low, high in zip(
+        controller.parameters, genotype, controller.lower, controller.upper, strict=True
+    ):
+        if not low <= value <= high:
+            raise RunError(f"{name}: {gene} is {value:g}; {low:g} to {high:g} is needed")
 
 
 def controller_to_json(controller: Any) -> str | dict[str, Any]:

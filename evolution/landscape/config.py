@@ -28,6 +28,10 @@ TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     }
 )
 """Options of the environment by the name of the place."""
+HELD_OUT_TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {"gap": TASKS["pit"], "low_stairs": TASKS["stairs"], "other_hills": TASKS["rough"]}
+)
+"""The same for places on which searches for bodies were not developed."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ def make_search(
 
     Args:
         config: of the landscape.
-        name: one of `TASKS`.
+        name: one of `TASKS` and `HELD_OUT_TASKS`.
         arena: folder of the arena.
         folder: folder of the run; None keeps it in memory.
         workers: number of threads.
@@ -84,8 +88,9 @@ def make_search(
     Raises:
         RunError: there is no such task.
     """
-    if name not in TASKS:
-        raise RunError(f"no task {name!r}; there are: {', '.join(TASKS)}")
+    tasks = {**TASKS, **HELD_OUT_TASKS}
+    if name not in tasks:
+        raise RunError(f"no task {name!r}; there are: {', '.join(tasks)}")
     return BodyEvolutionConfig(
         arena=str(arena),
         seed=config.seed,
@@ -98,5 +103,5 @@ def make_search(
         iterations=0,
         workers=workers,
         folder=None if folder is None else str(folder),
-        **TASKS[name],
+        **tasks[name],
     )

@@ -24,6 +24,8 @@ PLACES = ("pit", "stairs", "rough")
 """Places of the landscape."""
 SUITE_PLACES = ("gap",)
 """Further places, of the benchmark suite."""
+HELD_OUT_PLACES = ("gap", "low_stairs", "other_hills")
+"""Places on which searches for bodies were not developed."""
 UNITS = 2200
 """Units of the network (GSRM), as of the ready-made arenas."""
 SPACING = 0.015
@@ -36,10 +38,12 @@ GAP = Course(pit=0.25, height=0.25, floor=1.2, ramp=0.8, plateau=0.8)
 """A row of five modules crosses it without control, rows of three and four do not."""
 STAIRS = StairsCourse(steps=2, rise=0.05, run=0.30, floor=1.2, plateau=1.2)
 """Steps four times the radius of the rollers in a track (0.011 m), which do not roll up a vertical wall."""
+LOW_STAIRS = StairsCourse(steps=2, rise=0.04, run=0.35, floor=1.2, plateau=1.2)
 GROUND_LENGTH, GROUND_WIDTH = 3.6, 2.0
 """Size of the rough ground [m]."""
 HILLS_FROM, HILLS_TO = -0.6, 1.4
 """x between which there are hills on it [m]."""
+_HILL_SEEDS = {"rough": 0, "other_hills": 7}
 _NUM_HILLS = 45
 _CORNERS = 7
 _RADII = (0.10, 0.30)
@@ -77,19 +81,20 @@ def _make_hill(
 
 def make_true_arena(name: str) -> Arena:
     """Return a place as it is, which judges alone."""
-    if name != "rough":
-        return Arena.from_course({"pit": PIT, "gap": GAP, "stairs": STAIRS}[name], f"{name}-truth")
-    solids = make_hills()
+    if name not in _HILL_SEEDS:
+        courses = {"pit": PIT, "gap": GAP, "stairs": STAIRS, "low_stairs": LOW_STAIRS}
+        return Arena.from_course(courses[name], f"{name}-truth")
+    solids = make_hills(_HILL_SEEDS[name])
     surface = trimesh.boolean.union(solids, engine="manifold")
     quality = ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(solids))
-    return Arena("rough-truth", solids, surface, quality, friction_source="exact")
+    return Arena(f"{name}-truth", solids, surface, quality, friction_source="exact")
 
 
 def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) -> Arena:
     """Return a place as a survey found it.
 
     Args:
-        name: one of `PLACES` and `SUITE_PLACES`.
+        name: one of `PLACES`, `SUITE_PLACES` and `HELD_OUT_PLACES`.
         seed: seed of the survey and the network.
         progress: called with what is being done.
     """
@@ -103,7 +108,7 @@ def make_scanned_arena(name: str, seed: int = 0, progress: Progress = silent) ->
     points = thin(preprocess(survey(source, seed=seed, progress=progress)), SPACING)
     mesh = reconstruct(points, method="gsrm", units=UNITS, seed=seed).mesh
     # 750 patches follow the rough ground as closely as a height field does, and are slower
-    kind = "hfield" if name == "rough" else "auto"
+    kind = "hfield" if name in _HILL_SEEDS else "auto"
     made = make_arena(mesh, name=name, kind=kind, seed=seed, time_limit=TIME_LIMIT, progress=progress)
     return replace(made, quality=replace(made.quality, seconds=0.0))
 

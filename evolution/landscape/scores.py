@@ -13,8 +13,8 @@ from evolution.landscape.replay import Replay, measure_area, replay, summarize
 from evolution.landscape.table import Landscape
 from reconstruction.extras import find_missing
 
-SEARCHES = ("surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
-IN_RUNGS = ("surrogate", "halving")
+SEARCHES = ("niches", "surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+IN_RUNGS = ("niches", "surrogate", "halving")
 RIVALS = ("random", "genetic", "map_elites")
 """Searches that the best one is compared with."""
 NEED_RIBS = ("map_elites", "cma_mae")

@@ -45,7 +45,9 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
     )
     champion = run.champion
     assert champion is not None
-    page.add_verdict(f"The best body: {describe_success(run)}.", good=champion.successes > champion.trials / 2)
+    page.add_verdict(
+        f"The best body: {describe_success(run)}.", good=champion.successes > champion.trials / 2
+    )
     page.add_section("The fittest body of each kind", f"A kind is a cell of {axes}.")
     page.add_list(_explain(run))
     cards = _make_cards(run, elites, num_films, seed, progress)

@@ -21,7 +21,7 @@ from evolution.backends.scoring import Scoring, find_scoring
 from evolution.backends.trials import Randomization, RolloutConfig, TrialConfig
 from evolution.controllers.controller import ControllerConfig
 from evolution.controllers.drive import count_tracks
-from evolution.controllers.finding import refer_to_controller
+from evolution.controllers.finding import check_genotype, refer_to_controller
 from evolution.errors import RunError
 from evolution.limits import MAX_SEED
 from evolution.search.archive import ArchiveConfig
@@ -59,6 +59,7 @@ KINDS: Kinds = SHARED_KINDS | {
     "restart_after": int | None,
     "handle_noise": bool,
     "is_start_tried": bool,
+    "initial_genotype": tuple[float, ...],
     "cmaes": CmaesConfig,
     "islands": IslandsConfig,
     "archive": ArchiveConfig,
@@ -75,6 +76,7 @@ _NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORME
 """A digest is computed with the former names, so that runs of earlier versions keep theirs."""
 _ADDED = {
     "is_start_tried": False,
+    "initial_genotype": (),
     "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
     "islands": asdict(IslandsConfig(), dict_factory=drop_none),
     "archive": asdict(ArchiveConfig(), dict_factory=drop_none),
@@ -171,6 +173,16 @@ class EvolutionConfig(Nested):
                 "drive the tracks, "
                 "for example by track_control='skid'"
             )
+        self._check_initial_genotype()
+
+    def _check_initial_genotype(self) -> None:
+        if not self.initial_genotype:
+            return
+        if self.body_lengths is not None:
+            raise RunError("initial_genotype has the genes of one body; leave out either it or body_lengths")
+        if isinstance(self.controller, str):  # one of a user is imported when it is made, and checked then
+            law = self.control.make_controller(self.body.find_organism(), self.episode)
+            check_genotype("initial_genotype", self.initial_genotype, law)
 
     @property
     def must_be_restorable(self) -> bool:

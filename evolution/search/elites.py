@@ -95,7 +95,7 @@ class Elites:
 
     def inject(self, genotype: Float[np.ndarray, " G"]) -> None:
         """Let the next generation contain a genotype from elsewhere."""
-        self._injected.append(self._clip(np.array(genotype, dtype=float)))
+        self._injected.append(np.clip(genotype, self._lower, self._upper))
 
     def widen(self, sigma: float) -> None:
         """Do nothing: an archive has no step size."""

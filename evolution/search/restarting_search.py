@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from evolution.backends.parts import BodyConfig
+from evolution.controllers.finding import check_genotype
 from evolution.controllers.protocol import Controller
 from evolution.search.cmaes import Space
 from evolution.search.config import EvolutionConfig
@@ -117,6 +118,9 @@ class RestartingSearch:
 def _make_space(config: EvolutionConfig, controller: Controller) -> Space:
     count = len(controller.parameters)
     initial = controller.initial if config.origin == "hint" else (0.0,) * count
+    if config.initial_genotype:
+        initial = config.initial_genotype
+        check_genotype("initial_genotype", initial, controller)
     space = Space(controller.parameters, controller.lower, controller.upper, initial, (1.0,) * count)
     if config.body_lengths is None:
         return space

@@ -5,11 +5,18 @@ from pathlib import Path
 
 from evolution.backends.making import BACKENDS
 from evolution.errors import RunError
-from evolution.limits import MAX_GENERATIONS, MAX_GENOTYPES, MAX_TRIALS, MAX_WORKERS, MIN_POSITIVE
+from evolution.limits import (
+    MAX_GENERATIONS,
+    MAX_GENOTYPES,
+    MAX_MAGNITUDE,
+    MAX_TRIALS,
+    MAX_WORKERS,
+    MIN_POSITIVE,
+)
 from evolution.search.archive import ArchiveConfig
 from evolution.search.cmaes import CmaesConfig
 from evolution.search.islands import IslandsConfig
-from reconstruction.range_checks import check_choice, coerce_floats, coerce_integers
+from reconstruction.range_checks import as_floats, check_choice, coerce_floats, coerce_integers
 
 _MAX_SIGMA = 1000.0
 
@@ -32,6 +39,7 @@ class SearchConfig:
         handle_noise: whether the number of trials rises when re-evaluation changes the order of the genotypes.
         is_start_tried: whether the first generation contains the genotype at which the search begins: CMA-ES only
             samples around it, and hinges held straight may be better than all of its neighbors.
+        initial_genotype: genes at which the search begins, such as those of a champion; empty: as `origin` says.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
         islands: several populations that exchange their fittest genotypes.
         archive: the grid of behaviors of MAP-Elites, which replaces CMA-ES where it has axes.
@@ -44,6 +52,7 @@ class SearchConfig:
     restart_after: int | None = 10
     handle_noise: bool = False
     is_start_tried: bool = False
+    initial_genotype: tuple[float, ...] = ()
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
     islands: IslandsConfig = field(default_factory=IslandsConfig)
     archive: ArchiveConfig = field(default_factory=ArchiveConfig)
@@ -52,6 +61,8 @@ class SearchConfig:
         limits = {"population_size": (4, MAX_GENOTYPES), "trials": (1, MAX_TRIALS)}
         coerce_integers(self, limits, RunError)
         coerce_floats(self, dict.fromkeys(("sigma", "stage_sigma"), (MIN_POSITIVE, _MAX_SIGMA)), RunError)
+        genes = as_floats("initial_genotype", self.initial_genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
+        object.__setattr__(self, "initial_genotype", genes)
         if self.restart_after is not None:
             coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)}, RunError)
         asked = {

@@ -1,6 +1,7 @@
 """The benchmark beyond the map: what is compared with what, and the made rubble."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,6 +77,29 @@ def test_body_and_snake_have_the_same_law_task_and_modules(name):
     assert organism.scout.dofs == 2
     known = set(search.control.make_controller(organism, search.episode).parameters)
     assert {gene for gene, _ in place.genes} <= known
+
+
+def test_the_best_body_goes_on_learning_where_it_stands():
+    search = material.make_search(material.PLACES["stairs"], "gsrm", 3)
+    organism = search.make_organism(make_row(4))
+    law = search.control.make_controller(organism, search.episode)
+    champion = Champion(
+        genotype=(0.1,) * len(law.parameters),
+        names=law.parameters,
+        arena="gsrm",
+        generation=0,
+        fitness=1.0,
+        modules=organism,
+        episode=search.episode,
+        control=search.control,
+    )
+    training = material.make_training(search, champion)
+    assert training.initial_genotype == champion.genotype
+    assert training.is_start_tried
+    assert (training.body.find_organism(), training.trial) == (organism, search.trial)
+    snake = material.make_snake_run(material.PLACES["stairs"], "gsrm", 3, 4)
+    assert (training.episode.task, training.scoring) == (snake.episode.task, snake.scoring)
+    assert replace(snake.search, sigma=training.sigma, initial_genotype=champion.genotype) == training.search
 
 
 def test_plain_snakes_are_the_same_row():

@@ -1,7 +1,8 @@
-"""Genetic algorithms over bodies: with learning in rungs (successive halving), and without."""
+"""Genetic algorithms over bodies: with learning in rungs (successive halving), with niches in these, and without."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from math import ceil
 
@@ -61,8 +62,8 @@ class HalvingSearch:
         for rung in reversed(range(len(self._layers) - 1)):
             layer, promoted = self._layers[rung], self._layers[rung + 1]
             count = ceil(self._shares[rung] * len(layer)) - len(promoted)
-            waiting = [lesson for key, lesson in layer.items() if key not in promoted]
-            for lesson in sort_by_fitness(waiting)[: max(count, least)]:
+            waiting = sort_by_fitness([lesson for key, lesson in layer.items() if key not in promoted])
+            for lesson in self._rank(waiting, list(promoted.values()))[: max(count, least)]:
                 assignments.append(Assignment(lesson.pupil, rung + 1))
         assignments += [Assignment(child, 0) for child in children]
         return assignments or [Assignment(self._breeder.make_random(), 0)]
@@ -71,6 +72,10 @@ class HalvingSearch:
         """Put each lesson into the layer of its rung."""
         for lesson in lessons:
             self._layers[lesson.rung][lesson.pupil.key] = lesson
+
+    def _rank(self, waiting: list[Lesson], promoted: Sequence[Lesson]) -> list[Lesson]:
+        """Return the lessons of a rung, the fittest first, in the order in which their bodies learn on."""
+        return waiting
 
     def _breed_new(self) -> list[Pupil]:
         """Return children that have not learned yet, each once."""
@@ -84,3 +89,26 @@ class HalvingSearch:
             return []
         layer = layers[int(self._rng.integers(len(layers)))]
         return sort_by_fitness(list(layer.values()))[: self._config.population_size]
+
+
+class NicheSearch(HalvingSearch):
+    """Successive halving in which a body competes with those of its size, too.
+
+    Larger bodies have more tracks and more genes, so that what they know after a few trials says little about smaller
+    ones, and the other way round. So the bodies of a rung that learn on come from all numbers of modules in turn: the
+    fittest of the number of which the fewest have learned on goes first, of equals the fittest.
+
+    References:
+        Stanley, Miikkulainen (2002), Evolving neural networks through augmenting topologies, Evolutionary Computation
+        10, section 3.3: individuals compete within their niche. Differs: the niches are the numbers of modules.
+    """
+
+    def _rank(self, waiting: list[Lesson], promoted: Sequence[Lesson]) -> list[Lesson]:
+        """Return the lessons of a rung, the niches in turn."""
+        taken = Counter(lesson.pupil.body.num_modules for lesson in promoted)
+        turns = []
+        for order, lesson in enumerate(waiting):
+            size = lesson.pupil.body.num_modules
+            turns.append((taken[size], order))
+            taken[size] += 1
+        return [waiting[order] for _, order in sorted(turns)]

@@ -9,13 +9,14 @@ import numpy as np
 
 from evolution.body_search.algorithms.algorithm import Algorithm
 from evolution.body_search.algorithms.archives import ANNEALING_RATE, ArchiveSearch
-from evolution.body_search.algorithms.genetic import GeneticSearch, HalvingSearch
+from evolution.body_search.algorithms.genetic import GeneticSearch, HalvingSearch, NicheSearch
 from evolution.body_search.algorithms.sampling import ExhaustiveSearch, RandomSearch
 from evolution.body_search.algorithms.surrogate import SurrogateSearch
 from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
 from evolution.body_search.learning import LearningConfig
 
 _MAKERS: dict[str, Callable[..., Algorithm]] = {
+    "niches": NicheSearch,
     "surrogate": SurrogateSearch,
     "halving": HalvingSearch,
     "genetic": GeneticSearch,

@@ -11,7 +11,7 @@ from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.quantities import format_count
 
-METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate"]
+METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate", "niches"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

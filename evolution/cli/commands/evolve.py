@@ -12,7 +12,7 @@ import evolution as ev
 from evolution.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
 from evolution.backends.scoring import Scoring
 from evolution.backends.trials import TrialConfig
-from evolution.body_search.config import ALGORITHMS
+from evolution.body_search.config import ALGORITHMS, BodiesConfig
 from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena, check_arena_folder
 from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
@@ -79,7 +79,7 @@ class Evolve(SeededCommand):
     validation: Validation = dataclasses.field(default_factory=Validation)
     bodies: tuple[int, int] | None = None
     """Search for bodies of this many modules at least and at most; each of them learns its controller."""
-    algorithm: Literal[ALGORITHMS] = "halving"  # pyright: ignore[reportInvalidTypeForm]
+    algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
     max_seconds: float | None = None
     """Simulated time after which no new iteration of --bodies begins [s]; `symbrion resume` can raise it."""
@@ -100,7 +100,7 @@ class Evolve(SeededCommand):
         _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
             own = (self.algorithm, self.max_seconds, self.dofs, self.confirm)
-            if own != ("halving", None, 1, True):
+            if own != (BodiesConfig.algorithm, None, 1, True):
                 raise UsageError(
                     "--algorithm, --max-seconds, --dofs and --no-confirm are of a search for bodies; give --bodies "
                     "MIN MAX"

@@ -17,7 +17,8 @@ from evolution.suite.tasks import LARGEST, find_arena
 LEARNING = LearningConfig(population_size=6, rungs=(2,), exam_trials=1, is_inherited=True)
 """A child begins with the genes of its parent, as far as they have the same names: they, then six around them."""
 RUNGS = LearningConfig(population_size=6, rungs=(1, 2, 4), exam_trials=1, is_examined_early=False)
-"""Of "surrogate", whose first rung is the zero genotype alone."""
+"""Of `IN_RUNGS`; the first rung is the zero genotype alone."""
+IN_RUNGS = ("niches", "surrogate")
 CHILDREN, POPULATION = 4, 6
 """Bodies of an iteration, and parents."""
 
@@ -64,6 +65,6 @@ def _make_config(algorithm: str, practice: Practice, seed: int) -> BodyEvolution
         bodies=BodiesConfig(
             algorithm=algorithm, largest=LARGEST, children=CHILDREN, population_size=POPULATION
         ),
-        learning=RUNGS if algorithm == "surrogate" else LEARNING,
+        learning=RUNGS if algorithm in IN_RUNGS else LEARNING,
         **task.make_options(),
     )

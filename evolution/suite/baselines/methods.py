@@ -53,6 +53,7 @@ METHODS: Mapping[str, Method] = {
     ),
     "cma_mae": Method(archives.run_cma_mae, partial(search_bodies, "cma_mae"), archives.DESCRIPTORS, "ribs"),
     "surrogate": Method(None, partial(search_bodies, "surrogate")),
+    "niches": Method(None, partial(search_bodies, "niches")),
 }
 """Baselines by name."""
 

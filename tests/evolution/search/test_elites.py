@@ -134,3 +134,9 @@ def test_without_the_extra_one_line_names_the_command(monkeypatch):
     monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'symbrion-gym\[ribs\]'"):
         evolve(RUN, simulate=behave)
+
+
+def test_the_genotype_at_which_the_search_begins_is_tried_if_asked():
+    run = evolve(replace(RUN, generations=2, origin="zero", is_start_tried=True), simulate=behave)
+    genotypes = run.record.columns()["genotype"]
+    assert np.flatnonzero(np.abs(genotypes).max(axis=1) == 0.0).tolist() == [0]

@@ -8,7 +8,10 @@ import toys
 from histories import TOY, find_samples, without_times
 
 from evolution.controllers.controller import REACTIVE_HINT
-from evolution.search.loop import evolve
+from evolution.errors import RunError
+from evolution.search.config import EvolutionConfig
+from evolution.search.islands import IslandsConfig
+from evolution.search.loop import evolve, resume
 from evolution.search.record import SAMPLE, VALIDATION
 from evolution.search.stages import Stage
 
@@ -18,6 +21,52 @@ def test_a_search_may_begin_from_zero():
     hint, zero = (evolve(replace(config, origin=origin), simulate=toys.bowl) for origin in ("hint", "zero"))
     assert np.allclose(zero.record.columns()["genotype"], 0.0, atol=1e-4)
     assert np.allclose(hint.record.columns()["genotype"], REACTIVE_HINT, atol=1e-4)
+
+
+@pytest.mark.parametrize("where", ["alone", "islands", "stages"])
+def test_the_genotype_at_which_a_search_begins_is_tried_if_asked(where):
+    changes = {"islands": {"islands": IslandsConfig(2)}, "stages": {"stages": (Stage("truth"),)}}.get(
+        where, {}
+    )
+    plain = replace(TOY, generations=2, origin="zero", **changes)
+    tried = replace(plain, is_start_tried=True)
+    runs = [evolve(config, simulate=toys.bowl) for config in (plain, tried)]
+    first = [np.array([entry.genotype for entry in find_samples(run, range(1))]) for run in runs]
+    assert np.abs(first[0]).max(axis=1).min() > 0.01
+    assert np.flatnonzero(np.abs(first[1]).max(axis=1) < 1e-12).tolist() == [0]
+    second = np.array([entry.genotype for entry in find_samples(runs[1], range(1, 2))])
+    assert np.abs(second).max(axis=1).min() > 1e-3  # once, not in each generation
+
+
+def test_a_run_that_tries_its_start_resumes_to_the_bit(tmp_path):
+    config = replace(TOY, generations=6, origin="zero", is_start_tried=True)
+    whole = evolve(config, simulate=toys.bowl)
+    evolve(replace(config, generations=2, folder=str(tmp_path)), simulate=toys.bowl)
+    again = resume(tmp_path, generations=6, simulate=toys.bowl)
+    np.testing.assert_array_equal(again.record.columns()["genotype"], whole.record.columns()["genotype"])
+    assert config.digest() != replace(config, is_start_tried=False).digest()
+
+
+def test_a_search_begins_at_the_genes_of_a_champion():
+    genes = tuple(0.1 * value for value in REACTIVE_HINT)
+    config = replace(TOY, generations=1, sigma=1e-6, initial_genotype=genes)
+    assert np.allclose(evolve(config, simulate=toys.bowl).record.columns()["genotype"], genes, atol=1e-4)
+    assert EvolutionConfig.from_json(config.to_json()) == config
+    assert config.digest() != replace(config, initial_genotype=()).digest()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"initial_genotype": (0.0, 0.0)}, "initial_genotype has 2 genes; reactive has 8 for this body: "),
+        ({"initial_genotype": (99.0,) * 8}, "initial_genotype: .* is 99; .* is needed"),
+        ({"initial_genotype": (float("nan"),) * 8}, "initial_genotype must be a number .* got nan"),
+        ({"initial_genotype": (0.0,) * 8, "body_lengths": (4, 5)}, "the genes of one body"),
+    ],
+)
+def test_genes_of_something_else_are_refused(changes, message):
+    with pytest.raises(RunError, match=message):
+        replace(TOY, **changes)
 
 
 def test_a_search_without_success_restarts_where_it_began():

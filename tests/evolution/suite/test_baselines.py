@@ -89,7 +89,7 @@ def test_what_learns_is_never_worse_than_zero(method):
 
 
 def test_searches_for_bodies_find_large_ones_where_these_are_better():
-    for method in ("genetic", "surrogate"):
+    for method in ("genetic", "surrogate", "niches"):
         assert (
             run(method).entries[-1].body.count("S") == 2 * 5 - 1
             or run(method).entries[-1].truth.fitness > 1.0
@@ -192,4 +192,5 @@ def test_no_generation_of_learning_has_a_seed_of_the_exam():
         practice.try_all(body, np.zeros((1, len(find_law(task, body).parameters))))
     learned = {int(np.random.SeedSequence(list(seed)).generate_state(1)[0]) for seed in asked}
     exam = set(np.random.SeedSequence(list(EXAM_SEED)).generate_state(EXAM_TRIALS).tolist())
-    assert len(learned) == len(asked) and not learned & exam
+    assert len(learned) == len(asked)
+    assert not learned & exam
