@@ -7,7 +7,7 @@ _WORDS = {
     "pit": "a pit of 0.45 m",
     "rubble": "held-out rubble",
 }
-MEASURED: tuple[str, ...] = ()
+MEASURED: tuple[str, ...] = ("stairs", "pit", "rubble")
 """Places of which all five seeds are measured."""
 
 

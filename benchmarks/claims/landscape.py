@@ -67,16 +67,6 @@ def _reach(task: str, place: str) -> Claim:
     )
 
 
-def _really(task: str, place: str) -> Claim:
-    return Claim(
-        f"The same search by physics for {place}, with learning of its own, in a tenth of the exhaustive time: seeds "
-        "whose best body is as fit as that (whose best body is the optimum of the map)",
-        "{0} of {1} ({2})",
-        tuple(Value("landscape", f"real {task}/{name}") for name in ("reached", "of", "optima")),
-        bar=">= 5",
-    )
-
-
 def _hold_out(task: str, place: str) -> Claim:
     return Claim(
         f"Held out: search for a body for {place}, on which nothing was developed, looked up in a map of all small "
@@ -106,7 +96,7 @@ LANDSCAPE = (
     *(
         make(task, place)
         for task, place in _TASKS.items()
-        for make in (_trust, _repeat, _lengthen, _reach, _really, _beat)
+        for make in (_trust, _repeat, _lengthen, _reach, _beat)
     ),
     *(_hold_out(task, place) for task, place in _HELD_OUT.items()),
 )
