@@ -23,8 +23,8 @@ def make_claims(place: str) -> tuple[Claim, ...]:
             bar=">= 5 of 5",
         ),
         Claim(
-            "The same: seeds in which the evolved body is better than the best snake of as many modules (seeds in "
-            "which it is a snake itself)",
+            f"The same for {_WORDS[place]}: seeds in which the evolved body is better than the best snake of as many "
+            "modules (seeds in which it is a snake itself)",
             "{0} of {1} ({2})",
             tuple(Value("beyond", f"{place}/{name}") for name in ("better", "of", "rows")),
             bar=">= 5 of 5",
