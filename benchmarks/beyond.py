@@ -1,10 +1,10 @@
 """Beyond the map of small bodies: bodies of up to twelve modules against snakes, judged in the exact place.
 
-    python -m benchmarks.beyond [--quick] [--places stairs pit rubble] [--seeds 0 1 2 3 4] [--again]
+    python -m benchmarks.beyond [--quick] [--places stairs pit rubble] [--seeds 0 1 2 3 4] [--again] [--longer]
 
 For each place and seed a body is searched on the scan, and the best one goes on learning; then the controller of a row
 of as many modules is evolved, in as much simulated time or more. Each row is stored at once with its commit, and is
-measured again with `--again` alone.
+measured again with `--again` alone. `--longer` lets the champions of the rows train on, under harder conditions.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from benchmarks.material.beyond import (
     search_body,
     search_snake,
 )
+from benchmarks.material.longer_training import train_longer
 from benchmarks.report import describe_moment
 from evolution.backends.scoring import Scoring, compute_fitness
 from evolution.champions.playback import judge
@@ -31,6 +32,8 @@ TRIALS = 20
 PASS = 18
 JUDGING_SEED = 9_000_000
 """Added to the seed of a run: conditions of the trials in the exact place."""
+LONGER_SEED = 500_000
+"""Added to it for champions that have trained on: they are judged by trials that nothing was known of."""
 QUICK_SECONDS = 60.0
 Row = dict[str, Any]
 
@@ -93,6 +96,50 @@ def measure(name: str, seed: int, quick: bool = False) -> Row:
     }
 
 
+def run_longer(
+    quick: bool = False,
+    places: Sequence[str] = tuple(PLACES),
+    seeds: Sequence[int] = SEEDS,
+    results: Results | None = None,
+    again: bool = False,
+) -> dict[str, Any]:
+    """Let the champions of the rows that are stored train on, and judge them under conditions of their own."""
+    results = results or Results("beyond")
+    for name in places:
+        for found in results.content.get(name, {}).get("runs", []):
+            rows = results.content.get(f"longer {name}", {}).get("runs", [])
+            if found["seed"] not in seeds or (
+                not again and any(row["seed"] == found["seed"] for row in rows)
+            ):
+                continue
+            row = measure_longer(name, found, quick)
+            rows = sorted(
+                [*(each for each in rows if each["seed"] != row["seed"]), row], key=lambda each: each["seed"]
+            )
+            hold = sum(each["successes"] >= PASS for each in rows)
+            results.put(f"longer {name}", {"of": len(rows), "hold": hold, "runs": rows})
+            print(name, row, flush=True)
+    return results.content
+
+
+def measure_longer(name: str, found: Row, quick: bool = False) -> Row:
+    """Let the champion of a row train on, and judge it in the exact place."""
+    place = PLACES[name]
+    if quick:
+        place = replace(place, seconds=QUICK_SECONDS)
+    scanned, exact = find_arenas(name)
+    began = time.process_time()
+    trained = train_longer(place, str(scanned), found)
+    return {
+        "seed": found["seed"],
+        "genome": found["genome"],
+        **dict(_tell(trained)),
+        **_judge(trained.champion, exact, LONGER_SEED + found["seed"]),
+        "cpu_seconds": round(time.process_time() - began, 1),
+        "origin": describe_moment(),
+    }
+
+
 def _tell(found: Found) -> list[tuple[str, Any]]:
     champion = found.champion
     return [
@@ -141,8 +188,10 @@ def main() -> None:
     parser.add_argument("--places", nargs="+", default=list(PLACES), choices=PLACES)
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
     parser.add_argument("--again", action="store_true", help="replace rows that exist")
+    parser.add_argument("--longer", action="store_true", help="let the champions of the rows train on")
     options = parser.parse_args()
-    run(options.quick, options.places, options.seeds, again=options.again)
+    measure_them = run_longer if options.longer else run
+    measure_them(options.quick, options.places, options.seeds, again=options.again)
 
 
 if __name__ == "__main__":

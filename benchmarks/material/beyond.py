@@ -178,7 +178,7 @@ def search_body(place: Place, arena: str, seed: int) -> Found:
         "bodies": len({lesson.pupil.body.canonical_text for lesson in run.record.lessons}),
     }
     seconds = run.record.seconds + confirmed.seconds
-    trained = _evolve(make_training(run.config, confirmed.champion), place.seconds - seconds)
+    trained = evolve_for(make_training(run.config, confirmed.champion), place.seconds - seconds)
     champion = max(confirmed.champion, trained.champion, key=lambda each: each.score)
     figures["trained_seconds"] = round(trained.seconds, 1)
     figures["is_trained"] = champion is trained.champion
@@ -214,10 +214,10 @@ def search_snake(place: Place, arena: str, seed: int, modules: int, seconds: flo
 
     It begins with the genotype that founders begin with, as these do. A confirmed champion ends it earlier.
     """
-    return _evolve(make_snake_run(place, arena, seed, modules), seconds)
+    return evolve_for(make_snake_run(place, arena, seed, modules), seconds)
 
 
-def _evolve(config: ev.EvolutionConfig, seconds: float) -> Found:
+def evolve_for(config: ev.EvolutionConfig, seconds: float) -> Found:
     """Evolve a controller until a champion is confirmed or a simulated time is spent, for a generation at least."""
     latest: list[Run] = []
 

@@ -10,7 +10,8 @@ from benchmarks import beyond
 from benchmarks.claims.beyond import make_claims
 from benchmarks.evolution_runs import Results
 from benchmarks.material import beyond as material
-from benchmarks.material import rubble
+from benchmarks.material import longer_training, rubble
+from evolution.backends.trials import Randomization
 from evolution.bodies.genome import make_row
 from evolution.search.validation import Champion
 
@@ -100,6 +101,46 @@ def test_the_best_body_goes_on_learning_where_it_stands():
     snake = material.make_snake_run(material.PLACES["stairs"], "gsrm", 3, 4)
     assert (training.episode.task, training.scoring) == (snake.episode.task, snake.scoring)
     assert replace(snake.search, sigma=training.sigma, initial_genotype=champion.genotype) == training.search
+
+
+def test_a_champion_is_restored_from_its_row_and_trains_on_under_harder_conditions(monkeypatch):
+    place = material.PLACES["stairs"]
+    search = material.make_search(place, "gsrm", 3)
+    organism = search.make_organism(make_row(4))
+    names = search.control.make_controller(organism, search.episode).parameters
+    genes = {name: 0.01 * number for number, name in enumerate(names)}
+    row = {"seed": 3, "genome": make_row(4).text, "body_genes": dict(reversed(genes.items()))}
+    champion = longer_training.restore_champion(place, "gsrm", row)
+    assert dict(zip(champion.names, champion.genotype, strict=True)) == genes
+    asked = []
+    monkeypatch.setattr(
+        longer_training, "evolve_for", lambda config, seconds: asked.append((config, seconds))
+    )
+    longer_training.train_longer(place, "gsrm", row)
+    ((config, seconds),) = asked
+    assert seconds == 2 * place.seconds
+    assert config.initial_genotype == champion.genotype
+    assert config.trial.randomization == longer_training.HARDER
+    assert config.search.trials == 3
+    usual = Randomization()
+    assert longer_training.HARDER.friction[0] < usual.friction[0]
+    assert longer_training.HARDER.torque_scale[0] < usual.torque_scale[0]
+
+
+def test_longer_rows_are_added_to_the_rows_that_exist(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmarks.report.RESULTS", tmp_path)
+    results = Results("beyond")
+    results.put("pit", {"runs": [make_row_of_figures(seed, (20, 1.9), (18, 2.0)) for seed in range(3)]})
+    successes = {0: 20, 1: 17, 2: 18}
+    monkeypatch.setattr(
+        beyond,
+        "measure_longer",
+        lambda name, row, quick: {"seed": row["seed"], "successes": successes[row["seed"]]},
+    )
+    beyond.run_longer(places=["pit", "stairs"], seeds=[2], results=results)
+    found = beyond.run_longer(places=["pit", "stairs"], results=results)["longer pit"]
+    assert ([row["seed"] for row in found["runs"]], found["hold"], found["of"]) == ([0, 1, 2], 2, 3)
+    assert "longer stairs" not in results.content
 
 
 def test_plain_snakes_are_the_same_row():
