@@ -1,13 +1,14 @@
 """The landscape of bodies: all bodies of up to five modules learn three tasks; searches are replayed on the table.
 
-    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out real]
+    python -m benchmarks.landscape [--quick] [--only map longer again replays held_out second_held_out real]
         [--folder FOLDER] [--out FOLDER] [--workers N]
 
 `map` makes the table, `assets/landscape`: scanned arenas, learning, the judgment in the truth. It is stored in the
 folder after every twelve bodies and goes on there when it is called again. `longer` lets the fittest 20 bodies of each
 task try ten times as many genotypes. `again` makes the places and some random bodies of the published table from
 nothing, and counts those whose bits are all equal. `replays` measures the searches on the table.
-`held_out` makes tables of three other places, on which nothing was developed, and measures the searches there.
+`held_out` makes tables of three other places, and measures the searches there; the default search was developed on
+these, too, and `second_held_out` is the same for three places on which nothing was developed.
 `real` searches by physics instead of a look-up, in a tenth of the exhaustive time, with learning of its own.
 """
 
@@ -22,7 +23,13 @@ from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
 from evolution.body_search.loop import evolve_bodies
 from evolution.landscape.assembly import assemble
-from evolution.landscape.config import HELD_OUT_TASKS, TASKS, LandscapeConfig, make_search
+from evolution.landscape.config import (
+    HELD_OUT_TASKS,
+    SECOND_HELD_OUT_TASKS,
+    TASKS,
+    LandscapeConfig,
+    make_search,
+)
 from evolution.landscape.judging import KINDS, judge_bodies
 from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
 from evolution.landscape.making import let_bodies_learn
@@ -33,7 +40,8 @@ from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
-PARTS = ("map", "longer", "again", "replays", "held_out", "real")
+PARTS = ("map", "longer", "again", "replays", "held_out", "second_held_out", "real")
+HELD_OUT = {"held_out": HELD_OUT_TASKS, "second_held_out": SECOND_HELD_OUT_TASKS}
 FOLDER = Path("runs/landscape")
 OUT = Path(__file__).parents[1] / "assets" / "landscape"
 COMMAND = "python -m benchmarks.landscape --only map"
@@ -85,9 +93,11 @@ def run(
         table = load_landscape(out)
         results.put("map", describe_reliability(table))
         _score(table, "replays of", results, quick)
-    if not only or "held_out" in only:
-        config = LandscapeConfig(largest=largest or default)
-        _score(make_held_out(config, folder / "held_out", workers), "held out:", results, quick)
+    for part, others in HELD_OUT.items():
+        if not only or part in only:
+            config = LandscapeConfig(largest=largest or default)
+            table = make_held_out(config, folder / part, tuple(others), workers)
+            _score(table, "held out:", results, quick)
     if not only or "real" in only:
         table = load_landscape(out)
         for task in table.tasks:
@@ -104,9 +114,8 @@ def _score(table: Landscape, title: str, results: Results, quick: bool) -> None:
             print(task, name, row, flush=True)
 
 
-def make_held_out(config: LandscapeConfig, folder: Path, workers: int) -> Landscape:
+def make_held_out(config: LandscapeConfig, folder: Path, tasks: tuple[str, ...], workers: int) -> Landscape:
     """Let all bodies learn in places on which no search was developed; nothing is judged in the truth."""
-    tasks = tuple(HELD_OUT_TASKS)
     arenas, _ = save_places(folder / "arenas", tasks)
     runs = let_bodies_learn(config, arenas, folder / "runs", workers)
     return assemble(config, runs, {name: {} for name in tasks}, {})

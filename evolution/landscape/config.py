@@ -31,7 +31,11 @@ TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
 HELD_OUT_TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {"gap": TASKS["pit"], "low_stairs": TASKS["stairs"], "other_hills": TASKS["rough"]}
 )
-"""The same for places on which searches for bodies were not developed."""
+"""The same for places on which searches for bodies were not developed before they were searched there once."""
+SECOND_HELD_OUT_TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {"one_step": TASKS["stairs"], "sill": TASKS["rough"], "steep_hills": TASKS["rough"]}
+)
+"""The same for the search that was developed on those, too."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ def make_search(
 
     Args:
         config: of the landscape.
-        name: one of `TASKS` and `HELD_OUT_TASKS`.
+        name: one of `TASKS`, `HELD_OUT_TASKS` and `SECOND_HELD_OUT_TASKS`.
         arena: folder of the arena.
         folder: folder of the run; None keeps it in memory.
         workers: number of threads.
@@ -88,7 +92,7 @@ def make_search(
     Raises:
         RunError: there is no such task.
     """
-    tasks = {**TASKS, **HELD_OUT_TASKS}
+    tasks = {**TASKS, **HELD_OUT_TASKS, **SECOND_HELD_OUT_TASKS}
     if name not in tasks:
         raise RunError(f"no task {name!r}; there are: {', '.join(tasks)}")
     return BodyEvolutionConfig(

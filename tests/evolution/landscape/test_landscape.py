@@ -190,6 +190,12 @@ def test_the_exact_places_are_known_by_hand():
     assert arena.surface.is_watertight
     assert arena.quality.num_pieces == 46
     assert make_true_arena("pit").course.pit == 0.18
+    assert make_true_arena("one_step").course.steps == 1
+    _, bar = make_true_arena("sill").pieces
+    assert (bar.bounds[1, 2], np.ptp(bar.bounds[:, 1])) == (0.05, 2.0)
+    assert bar.bounds[1, 0] == pytest.approx(0.05 + 0.05 + 0.10)  # half of its top, and sides of 45 degrees
+    low, high = (make_hills(seed=3, slopes=slopes)[9].bounds[1, 2] for slopes in ((0.1, 0.2), (0.5, 1.0)))
+    assert 0.0 < low < high
     assert PLACES == ("pit", "stairs", "rough")
     with pytest.raises(RunError, match="no place 'moon'"):
         find_published_arena("moon")
