@@ -47,12 +47,15 @@ def warn_of_way(
         return
     if way is None:
         return
-    remedy = "see `symbrion view`"
+    bodies = format_count(largest.num_modules, "module")
+    if smallest.num_modules < largest.num_modules:
+        bodies = f"bodies of {smallest.num_modules} to {bodies}"
+    remedy = f"`symbrion view {config.arena}` shows where to drive"
     if way.other is not None:
         start, goal = (" ".join(f"{value:g}" for value in place) for place in way.other)
         remedy = f"a straight way on such ground, in place of --task {TASK}: --start {start} --goal {goal}"
     logger.warning(
         "the way of --task traverse, from %s to %s, leaves the ground on which %s are known to drive (steps, slopes, "
-        "gaps): many bodies fail there, perhaps all; %s",
-        *(way.start, way.finish, format_count(largest.num_modules, "module"), remedy),
+        "gaps): many fail there, perhaps all; %s",
+        *(way.start, way.finish, bodies, remedy),
     )

@@ -107,6 +107,7 @@ class Replay(SeededCommand):
 
         with console.track("Page of bodies") as step:
             page = make_body_page(ev.load_bodies(self.folder), self.films, self.seed, step.progress)
+        path.parent.mkdir(parents=True, exist_ok=True)
         page.write(path)
         console.print_line(f"{path}: a click on a body shows it drive")
 

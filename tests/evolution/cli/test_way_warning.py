@@ -22,7 +22,7 @@ def stairs(tmp_path_factory):
 def test_one_line_names_the_way_and_the_remedy(stairs, caplog):
     warn(stairs, "traverse")
     (record,) = caplog.records
-    assert "leaves the ground on which 8 modules are known to drive" in record.getMessage()
+    assert "leaves the ground on which bodies of 1 to 8 modules are known to drive" in record.getMessage()
     words = record.getMessage().split()
     start, goal = (words.index(flag) for flag in ("--start", "--goal"))
     places = [tuple(float(word) for word in words[index + 1 : index + 3]) for index in (start, goal)]
