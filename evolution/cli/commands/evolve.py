@@ -91,7 +91,8 @@ class Evolve(SeededCommand):
     dofs: Literal[1, 2] = 1
     """Rotational degrees of freedom of each module of --bodies: 2 adds the rotation of the arm."""
     confirm: bool = True
-    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials select the champion."""
+    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials of each of 8 select the
+    champion. They may take longer than an iteration, and --max-seconds does not count them."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 

@@ -138,12 +138,14 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         "iterations": len(run.history),
         "bodies": len({lesson.pupil.key for lesson in lessons}),
         "simulated_seconds": run.record.seconds,
+        "fresh_seconds": 0.0 if confirmation is None else confirmation.seconds,
         "stopped_by": find_stops(run),
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(
         f"{format_count(summary['iterations'], 'iteration')}, {format_count(summary['bodies'], 'body', 'bodies')}, "
         f"{run.record.seconds:.0f} s simulated in {run.folder}"
+        + ("" if confirmation is None else f", and {confirmation.seconds:.0f} s in fresh trials")
     )
     if best is not None:
         modules = format_count(best.pupil.body.num_modules, "module")

@@ -92,7 +92,8 @@ def test_coordinates_are_those_of_the_view() -> None:
     add_scale(axes, view)
     for axis, other in ((axes.xaxis, 0), (axes.yaxis, 1)):
         places = [
-            (place, float(text.get_text())) for place, text in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
+            (place, float(text.get_text()))
+            for place, text in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
         ]
         assert len(places) >= 3
         for pixel, meters in places:
