@@ -73,8 +73,8 @@ def warn_of_limit(config: ev.BodyEvolutionConfig) -> None:
     bodies, trials, longest = find_longest_iteration(config)
     if trials * longest > limit:
         logger.warning(
-            "--max-seconds %g is less than an iteration may take, and each is finished: the first one has %d trials of "
-            "%s, up to %g s each; shorter ones: fewer --children, or --environment duration %g",
+            "--max-seconds %g may be exceeded: an iteration is always finished, and the first one has %d trials of %s, "
+            "up to %g s each; for shorter ones give fewer --children, or --environment duration %g",
             limit,
             trials,
             format_count(bodies, "body", "bodies"),

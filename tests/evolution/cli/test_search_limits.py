@@ -98,7 +98,7 @@ def test_a_limit_below_an_iteration_is_warned_of(caplog):
         with caplog.at_level(logging.WARNING):
             warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
         assert len(caplog.records) == lines
-    assert "20 trials of 10 bodies, up to 5 s each; shorter ones: fewer --children" in caplog.text
+    assert "20 trials of 10 bodies, up to 5 s each; for shorter ones give fewer --children" in caplog.text
 
 
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
