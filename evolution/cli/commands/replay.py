@@ -105,9 +105,9 @@ class Replay(SeededCommand):
     def _write_page(self, path: Path, console: Console) -> None:
         from evolution.report.body_page import make_body_page
 
+        path.parent.mkdir(parents=True, exist_ok=True)  # fails before the films
         with console.track("Page of bodies") as step:
             page = make_body_page(ev.load_bodies(self.folder), self.films, self.seed, step.progress)
-        path.parent.mkdir(parents=True, exist_ok=True)
         page.write(path)
         console.print_line(f"{path}: a click on a body shows it drive")
 

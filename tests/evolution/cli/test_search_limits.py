@@ -108,3 +108,11 @@ def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
     assert found.config.max_seconds is None
     assert {lesson.pupil.body.num_modules for lesson in found.record.lessons} == {3}
     assert len(found.record.lessons) <= 2
+
+
+def test_the_page_goes_into_a_folder_that_is_made(tmp_path):
+    pytest.importorskip("matplotlib")
+    folder, page = str(tmp_path / "run"), tmp_path / "no" / "folder" / "bodies.html"
+    assert run([*SEARCH, "--generations", "1", "--folder", folder]) == 0
+    assert run(["replay", folder, "--trials", "0", "--films", "0", "--page", str(page)]) == 0
+    assert "work of the hinges " in page.read_text(encoding="utf-8")
