@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from evolution.backends.scoring import Scoring
+from evolution.body_search.config import BodyEvolutionConfig
 from evolution.body_search.run import BodyRun
 
 
@@ -27,6 +28,13 @@ def format_fitness(run: BodyRun, fitness: float) -> str:
     return f"fitness {fitness:.2f}{unit}"
 
 
+def find_effort_weight(config: BodyEvolutionConfig) -> float:
+    """Return the effort of a joule of work of the hinges."""
+    from symbrion_gym.tasks.usual_terms import UsualTerms  # loads MuJoCo
+
+    return float(dict(config.episode.environment).get("effort_weight", UsualTerms.effort_weight)) or 1.0
+
+
 def explain_fitness(run: BodyRun) -> str:
     """Return what a fitness means, in one sentence."""
     scoring = run.config.scoring
@@ -34,8 +42,8 @@ def explain_fitness(run: BodyRun) -> str:
         return "Fitness is what the scoring of this run returns; higher is better."
     text = (
         "Fitness, in meters: how far the whole body came on its way, as a mean over trials, plus "
-        f"{scoring.success:g} m times the share of trials that succeeded, less {scoring.effort:g} m for a unit of "
-        "effort"
+        f"{scoring.success:g} m times the share of trials that succeeded, less "
+        f"{scoring.effort * find_effort_weight(run.config):.2g} m for each joule of work of the hinges"
     )
     return (
         f"{text}{f' and {scoring.module:g} m for each module' if scoring.module else ''}. Higher is better."

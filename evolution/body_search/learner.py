@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
-from evolution.backends.making import Backend
+from evolution.backends.making import LOCAL_BACKENDS, Backend
 from evolution.backends.outcome import Outcome, check_tried
 from evolution.backends.scoring import compute_fitness
 from evolution.backends.trials import Job
@@ -18,6 +19,23 @@ from evolution.errors import RunError
 
 LEARNING, EXAM = 0, 1
 """Kinds of trials, each with conditions of its own."""
+
+
+class Tried(NamedTuple):
+    """How far assignments have come.
+
+    Attributes:
+        trials: tried so far.
+        due: trials of all of them.
+        seconds: simulated so far [s].
+    """
+
+    trials: int
+    due: int
+    seconds: float
+
+
+OnTried = Callable[[Tried], None]
 
 
 class Assignment(NamedTuple):
@@ -43,13 +61,21 @@ class Learner:
 
     def __init__(self, config: BodyEvolutionConfig, record: BodyRecord, backend: Backend | None) -> None:
         self._config, self._record, self._backend = config, record, backend
+        self._on_tried: OnTried | None = None
+        self._tried = Tried(0, 0, 0.0)
 
     def knows(self, assignments: Sequence[Assignment]) -> bool:
         """Return whether all of it is recorded."""
         return all(self._record.find(each.pupil.key, each.rung) is not None for each in assignments)
 
-    def learn(self, assignments: Sequence[Assignment]) -> list[Lesson]:
-        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then."""
+    def learn(self, assignments: Sequence[Assignment], on_tried: OnTried | None = None) -> list[Lesson]:
+        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then.
+
+        Args:
+            assignments: who learns, and how far.
+            on_tried: called with the trials so far, after each body of a generation where this process runs them; it
+                changes nothing else.
+        """
         missing: dict[str, Assignment] = {}
         for each in assignments:
             if self._record.find(each.pupil.key, each.rung) is None:
@@ -57,10 +83,20 @@ class Learner:
                 missing[each.pupil.key] = max(known, each, key=lambda one: one.rung)
         if missing and self._backend is None:
             raise RunError("a search that is only read tries nothing")
+        self._on_tried, self._tried = on_tried, Tried(0, self._count_due(list(missing.values())), 0.0)
         for chunk in _split(list(missing.values()), self._config.trial.rollout.max_environments):
             self._teach(chunk)
         lessons = [self._record.find(each.pupil.key, each.rung) for each in assignments]
         return [lesson for lesson in lessons if lesson is not None]
+
+    def _count_due(self, assignments: Sequence[Assignment]) -> int:
+        """Return how many trials are not recorded."""
+        return sum(
+            self._config.learning.count_trials(rung)
+            for each in assignments
+            for rung in range(each.rung + 1)
+            if self._record.find(each.pupil.key, rung) is None
+        )
 
     def _teach(self, chunk: Sequence[Assignment]) -> None:
         """Let some pupils learn side by side, a generation of each at a time."""
@@ -128,10 +164,28 @@ class Learner:
 
     def _run(self, jobs: Sequence[Job]) -> list[Outcome]:
         assert self._backend is not None
-        outcomes = self._backend.run(jobs)
+        outcomes: list[Outcome] = []
+        for part in self._divide(jobs):
+            tried = self._backend.run(part)
+            self._report(tried)
+            outcomes += tried
         if outcomes and not self._record.num_lessons:  # later on, a body may be to blame
             check_tried(outcomes)
         return outcomes
+
+    def _divide(self, jobs: Sequence[Job]) -> list[Sequence[Job]]:
+        """Return the jobs of each body where this process runs one after the other anyway, and progress is shown."""
+        if self._on_tried is None or self._config.backend not in LOCAL_BACKENDS:
+            return [jobs]
+        return [list(part) for _, part in groupby(jobs, key=lambda job: job.trials.body)]
+
+    def _report(self, outcomes: Sequence[Outcome]) -> None:
+        """Count further trials, and report them where that is wanted."""
+        trials = self._tried.trials + sum(outcome.trials for outcome in outcomes)
+        seconds = self._tried.seconds + sum(outcome.seconds for outcome in outcomes)
+        self._tried = Tried(trials, max(self._tried.due, trials), seconds)
+        if self._on_tried is not None:
+            self._on_tried(self._tried)
 
     def _score(self, pupil: Pupil, outcomes: Sequence[Outcome]) -> list[float]:
         body = self._config.make_organism(pupil.body)

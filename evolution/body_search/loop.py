@@ -19,7 +19,7 @@ from evolution.backends.rollout import warm_up
 from evolution.backends.simulation import Simulate
 from evolution.body_search.algorithms.making import make_algorithm
 from evolution.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
-from evolution.body_search.learner import Learner
+from evolution.body_search.learner import Learner, OnTried, Tried
 from evolution.body_search.learning import Lesson
 from evolution.body_search.record import BodyRecord
 from evolution.body_search.run import (
@@ -104,8 +104,12 @@ def resume_bodies(
         if config != stored:
             change_folder(run_folder.path, config, record)
         run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
-    if run.is_spent and run.record.num_lessons == known:
-        logger.warning("%s: max_seconds is spent, nothing more is tried; resume with more, or None", folder)
+    if run.record.num_lessons == known:
+        reached = {"iterations": run.has_all_iterations, "max_seconds": run.is_spent}
+        limits = " and ".join(
+            f"{name}={getattr(config, name):g}" for name, is_met in reached.items() if is_met
+        )
+        logger.warning("%s: nothing more is tried, as the run has reached %s", folder, limits or "its end")
     return run
 
 
@@ -153,7 +157,7 @@ def _iterate(
         if is_over or not assignments or (backend is None and not learner.knows(assignments)):
             break
         before = record.num_lessons
-        lessons = learner.learn(assignments)
+        lessons = learner.learn(assignments, _follow(config, run, progress))
         algorithm.tell(lessons)
         for lesson in lessons:
             used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
@@ -165,6 +169,30 @@ def _iterate(
                 on_iteration(run)
         progress(f"iteration {iteration + 1}", (iteration + 1) / config.iterations)
     return run
+
+
+def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> OnTried | None:
+    """Return what shows the trials of the next iteration of a run as progress of the whole; None for silence."""
+    if progress is silent:
+        return None
+
+    def show(tried: Tried) -> None:
+        number = f"iteration {len(run.history) + 1} of {config.iterations}"
+        text = f"{number}: {tried.trials} of {tried.due} trials"
+        progress(text, _find_share(config, run, tried))
+
+    return show
+
+
+def _find_share(config: BodyEvolutionConfig, run: BodyRun, tried: Tried) -> float:
+    """Return the share of a run that is done: of its iterations or its simulated time, whichever ends it first."""
+    share, limit = tried.trials / max(tried.due, 1), config.bodies.max_seconds
+    of_iterations = (len(run.history) + share) / config.iterations
+    if limit is None:
+        return of_iterations
+    before = run.history[-1][0] if run.history else 0.0
+    whole = before + (tried.seconds / share if share else 0.0)  # this iteration is always finished
+    return max(of_iterations, min((before + tried.seconds) / max(limit, whole), 1.0))
 
 
 def _sum_seconds(lessons: dict[tuple[str, int], Lesson]) -> float:

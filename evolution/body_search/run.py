@@ -144,6 +144,11 @@ class BodyRun:
         return dict(sorted(elites.items()))
 
     @property
+    def has_all_iterations(self) -> bool:
+        """Whether all iterations that the run may take are done: resumed, it tries nothing more."""
+        return len(self.history) >= self.config.iterations
+
+    @property
     def is_spent(self) -> bool:
         """Whether the simulated time that the run may take is used up: resumed, it tries nothing more."""
         limit = self.config.bodies.max_seconds

@@ -20,13 +20,15 @@ def check_arena(arena: str) -> None:
 
 
 def check_arena_folder(arena: str) -> None:
-    """Refuse a damaged arena folder before anything is written.
+    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run.
 
     Raises:
         ArenaError: the message names the file and the field.
     """
     if arena not in sg.NAMED_ARENAS and Path(arena).is_dir():
-        sg.load_arena(arena)
+        from evolution.backends.prepared_arenas import prepare_arena
+
+        prepare_arena(arena)
 
 
 def check_modules(modules: int) -> None:

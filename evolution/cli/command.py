@@ -26,6 +26,10 @@ class Command(abc.ABC):
     quiet: bool = False
     """Show no progress."""
 
+    def explain_interruption(self) -> str:
+        """Return in a line how the work goes on after an interruption by the keyboard; empty where it does not."""
+        return ""
+
     @abc.abstractmethod
     def run(self, console: Console) -> dict[str, Any]:
         """Do the work and return a summary; with `ok: False` in it the exit code is 1, or else its `exit_code`."""

@@ -95,7 +95,9 @@ def run(arguments: Sequence[str]) -> int:
     except EXPECTED_ERRORS as error:
         return _fail(error, 1)
     except KeyboardInterrupt:
-        return _fail("interrupted by the keyboard", 130)
+        return _fail(
+            "; ".join(filter(None, ("interrupted by the keyboard", command.explain_interruption()))), 130
+        )
     if command.json:
         _print_json(summary)
     return int(summary.get("exit_code", 0 if summary.get("ok", True) else 1))

@@ -18,6 +18,8 @@ _REPLACED = (
 _UNION = re.compile(
     r"no type matching (.*?) could be instantiated from \[(.*?)\]\. Got errors: .*?(?= See symbrion|$)"
 )
+_NUMBERS = {"INT": "whole number", "FLOAT": "number"}
+"""What stands for numbers in the parser's reports, in words."""
 _POINTER = re.compile(r"[.;]? *See symbrion\b[^;]*--help$")
 _HINT = re.compile(r"(--[\w.-]+) .*? in symbrion (\S+) --help")
 
@@ -34,10 +36,25 @@ def flatten_report(report: str, arguments: Sequence[str]) -> str:
     for pattern, replacement in _REPLACED:
         text = re.sub(pattern, replacement, text)
     text = _POINTER.sub("", re.sub(r"\s+", " ", text).strip())
-    text = _UNION.sub(r"\2 is not \1", text)
+    text = _UNION.sub(lambda found: f"{found[2]} is not {_name_kinds(found[1])}", text)
     command = next((word for word in arguments if word in COMMANDS), "")
     named = f"symbrion {command}" if command else "symbrion"
     return f"{_shorten_hints(text, command).rstrip('.;: ')}; see {named} --help"
+
+
+def _name_kinds(kinds: str) -> str:
+    """Return in words what the parser would have taken, such as "a number or unlimited" for "FLOAT|{unlimited}"."""
+    names = []
+    for kind in kinds.split("|"):
+        words = re.findall(r"[^\s{}\[\]]+", kind.replace("...", ""))
+        number = _NUMBERS.get(words[0]) if words else None
+        if number is None or set(words) != {words[0]}:
+            names += [name for word in words for name in word.split(",") if name != "None"]
+        elif "..." in kind:
+            names.append(f"{number}s")
+        else:
+            names.append(f"a {number}" if len(words) == 1 else f"{len(words)} {number}s")
+    return " or ".join(filter(None, (", ".join(names[:-1]), *names[-1:])))
 
 
 def _shorten_hints(text: str, command: str) -> str:

@@ -19,12 +19,22 @@ from evolution.report.framing import find_frame
 from evolution.report.friction_view import add_friction, make_friction_legend
 from evolution.report.pictures import DPI
 from evolution.report.raster import Pixels, View, make_view, rasterize
+from evolution.report.robot_view import (
+    add_robot,
+    add_scale,
+    add_way,
+    make_boxes,
+    make_robot_legend,
+    make_way_legend,
+)
 from evolution.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
 from evolution.report.touchable import find_touchable
 from reconstruction.quantities import format_count
 from symbrion_gym.arenas.spec import make_piece_colors
 
 if TYPE_CHECKING:
+    from symbrion_gym.robot.organism import Organism
+    from symbrion_gym.tasks.drivable_way import Pair
     from symbrion_gym.traversability.drivable import TraversabilityMap
     from symbrion_gym.traversability.routes import DrivingRoute
 
@@ -32,6 +42,10 @@ LAYERS = ("surface", "contact", "drivable", "route")
 """What can be drawn."""
 DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
 """Elevation and azimuth of the two cameras [degree]."""
+FROM_ABOVE = (90.0, -90.0)
+"""Of the camera of the plan: x to the right, y up."""
+PLAN_SHARE = 0.7
+"""Width of the plan, relative to that of both pictures side by side."""
 WIDTH = 760
 """Width of each picture [pixel]."""
 SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
@@ -64,6 +78,9 @@ def draw_arena(
     layers: Sequence[str] = LAYERS,
     ground: TraversabilityMap | None = None,
     route: DrivingRoute | None = None,
+    robot: Organism | None = None,
+    has_plan: bool = False,
+    way: Pair | None = None,
 ) -> Figure:
     """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
 
@@ -74,45 +91,75 @@ def draw_arena(
         layers: what is drawn, of `LAYERS`.
         ground: where a body can drive, for the layer "drivable".
         route: way on it, for the layer "route".
+        robot: what stands at the start of the route, in the layer "route"; None for nothing.
+        has_plan: draw it from above, too, with coordinates in meters.
+        way: start and goal of a straight way, for the plan.
     """
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
-    frame = find_frame(arena, route if "route" in layers else None)
+    route = route if "route" in layers else None
+    boxes = [] if robot is None or route is None else make_boxes(robot, route)
+    frame = find_frame(arena, route)
     views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
-    figure = Figure(
-        figsize=(2 * WIDTH / DPI, max(view.height for view in views) / OVERSAMPLING / DPI + 0.8),
-        dpi=DPI,
-        layout="constrained",
-    )
+    if has_plan:
+        views.append(make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH)))
+    figure, places = _make_figure(views)
     contact = (
         format_count(arena.quality.num_pieces, "contact piece")
         if arena.height_field is None
         else "a height field"
     )
     figure.suptitle(f"{arena.name}: {contact}", fontsize=10)
-    for axes, view in zip(figure.subplots(1, 2), views, strict=True):
+    for axes, view in zip(places, views, strict=True):
         pixels = rasterize(np.asarray(arena.surface.triangles), view)
-        picture = np.ones((*pixels.face.shape, 3))
-        if "surface" in layers:
-            colors = _color_pixels(arena, pixels, view)
-            if arena.texture is not None and {"contact", "drivable"} & set(layers):
-                colors = mute(colors)
-            picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), colors)
-            picture = add_friction(picture, pixels, view, arena)
+        picture = _draw_surface(arena, layers, pixels, view)
         contact = rasterize(front, view)
         shown_ground = ground if "drivable" in layers else None
         if "contact" in layers:
             picture = _add_contact(picture, pixels, contact, front, labels, shown_ground is not None)
         if shown_ground is not None:
             picture = _add_ground(picture, np.maximum(pixels.height, contact.height), view, shown_ground)
+        if boxes:
+            picture = add_robot(picture, pixels, view, boxes)
         axes.imshow(reduce_samples(picture))
-        axes.set_axis_off()
-        if "route" in layers and route is not None:
+        if route is not None:
             _add_route(axes, view, pixels, route)
+    if has_plan and way is not None:
+        add_way(places[-1], views[-1], np.array(way))
     handles = _make_legend(layers, ground, route)
+    handles += [make_robot_legend(robot)] if robot is not None and boxes else []
+    handles += [make_way_legend()] if has_plan and way is not None else []
     handles += make_friction_legend(arena) if "surface" in layers else []
     if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=6, fontsize=9)
+        figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=9)
     return figure
+
+
+def _make_figure(views: Sequence[View]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a place for each view: two side by side, and a third one, from above, below them."""
+    heights = [view.height / OVERSAMPLING / DPI for view in views]
+    rows = [max(heights[:2]), *heights[2:]]
+    figure = Figure(figsize=(2 * WIDTH / DPI, sum(rows) + 0.8 * len(rows)), dpi=DPI, layout="constrained")
+    grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+    places = [figure.add_subplot(grid[0, column]) for column in (0, 1)]
+    for axes in places:
+        axes.set_axis_off()
+    for view in views[2:]:
+        places.append(figure.add_subplot(grid[1, :]))
+        add_scale(places[-1], view)
+    return figure, places
+
+
+def _draw_surface(
+    arena: sg.Arena, layers: Sequence[str], pixels: Pixels, view: View
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture of the surface with its friction; white where it is not wanted."""
+    if "surface" not in layers:
+        return np.ones((*pixels.face.shape, 3))
+    colors = _color_pixels(arena, pixels, view)
+    if arena.texture is not None and {"contact", "drivable"} & set(layers):
+        colors = mute(colors)
+    picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), colors)
+    return add_friction(picture, pixels, view, arena)
 
 
 def _color_pixels(

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evolution.body_search.description import describe_success, explain_fitness, format_fitness
+from evolution.body_search.description import (
+    describe_success,
+    explain_fitness,
+    find_effort_weight,
+    format_fitness,
+)
 from evolution.body_search.descriptors import DESCRIPTORS
 from evolution.body_search.learning import Lesson
 from evolution.body_search.run import BodyRun
@@ -15,7 +20,7 @@ from evolution.report.page import Card, Page
 from evolution.report.pictures import to_png
 from evolution.report.provenance import describe_machine
 from reconstruction.progress import Progress, silent
-from reconstruction.quantities import format_count
+from reconstruction.quantities import format_count, format_energy
 
 FILM_SPEED = 5.0
 """Playback speed of films, relative to real time."""
@@ -103,10 +108,10 @@ def _make_card(run: BodyRun, lesson: Lesson, film: bytes | None, is_champion: bo
             rate = f"{found.successes} of {found.trials} fresh trials"
     fitness = format_fitness(run, lesson.fitness)
     values = {name: axis.measure(lesson) for name, axis in DESCRIPTORS.items()}
+    work = format_energy(lesson.effort / find_effort_weight(run.config))
     text = (
         f"{format_count(body.num_modules, 'module')}, of whose hinges {values['hinges']:.0f} are used; width to length "
-        f"{values['width_to_length']:.2f}; mean effort {values['energy']:.3g} (1 is 500 J of work of the "
-        "hinges at the usual cost).\n"
+        f"{values['width_to_length']:.2f}; work of the hinges {work}, as a mean over trials.\n"
         f"Exam: {exam} succeeded, {fitness}; it learned in {lesson.seconds:.0f} s of robot time in its last rung.\n"
         f"Body plan {body.to_plan()}, genome {body.text}"
     )

@@ -11,8 +11,10 @@ from jaxtyping import Bool, Float
 
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym.arenas.standing_robot import place_modules
 from symbrion_gym.errors import OptionError
 from symbrion_gym.headless import has_display
+from symbrion_gym.robot.organism import Organism
 from symbrion_gym.traversability.drivable import TraversabilityMap
 from symbrion_gym.traversability.routes import DrivingRoute
 
@@ -24,6 +26,7 @@ _SHOWN_GROUP = 1
 _GROUND_COLORS = ((0.22, 0.62, 0.34, 0.7), (0.35, 0.50, 0.80, 0.7), (0.86, 0.45, 0.38, 0.7))
 """Largest drivable region, other drivable regions, other ground."""
 _ROUTE_COLOR = (0.70, 0.0, 0.31, 1.0)
+_ROBOT_COLOR = (0.98, 0.78, 0.16, 1.0)
 _LIFT = 0.02
 """Ground and route are drawn this far above contact [m]."""
 _MOST_SEGMENTS = 200
@@ -37,6 +40,7 @@ def make_view_spec(
     layers: Sequence[str] = LAYERS,
     ground: TraversabilityMap | None = None,
     route: DrivingRoute | None = None,
+    robot: Organism | None = None,
 ) -> mujoco.MjSpec:
     """Return a spec to look at: nothing of it is touched by anything.
 
@@ -45,6 +49,7 @@ def make_view_spec(
         layers: what is shown, of `LAYERS`.
         ground: where a body can drive, for the layer "drivable".
         route: way on it, for the layer "route".
+        robot: what stands at the start of the route, as one box a module; None for nothing.
 
     Raises:
         OptionError: there is no such layer.
@@ -64,6 +69,8 @@ def make_view_spec(
         _add_ground(spec, ground)
     if "route" in layers and route is not None:
         _add_route(spec, route)
+        if robot is not None:
+            _add_robot(spec, robot, route)
     return spec
 
 
@@ -78,6 +85,22 @@ def open_viewer(spec: mujoco.MjSpec) -> None:
     from mujoco import viewer
 
     viewer.launch(spec.compile())
+
+
+def _add_robot(spec: mujoco.MjSpec, robot: Organism, route: DrivingRoute) -> None:
+    """Add a box for each module of a robot."""
+    for index, pose in enumerate(place_modules(robot, route)):
+        spec.worldbody.add_geom(
+            name=f"robot_{index}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=pose[:3, 3],
+            euler=[0.0, 0.0, float(np.arctan2(pose[1, 0], pose[0, 0]))],
+            size=[edge / 2 for edge in robot.scout.size],
+            contype=0,
+            conaffinity=0,
+            group=_SHOWN_GROUP,
+            rgba=_ROBOT_COLOR,
+        )
 
 
 def _add_ground(spec: mujoco.MjSpec, ground: TraversabilityMap) -> None:

@@ -66,13 +66,31 @@ def find_broken_traverse(
         TaskError: likewise.
     """
     route = FarEnd(goal).find(arena, smallest, Start(start))
-    footprint = Footprint.of(largest, arena.friction)
-    ground = arena.traversability(replace(footprint, radius=footprint.width / 2))
+    ground = _map_ground(arena, largest)
     begin, finish = (_find_regions(ground, route, s) for s in (route.start, route.finish))
     if np.intersect1d(begin, finish).size:
         return None
     first, last = (route.place(s) for s in (route.start, route.finish))
-    return BrokenWay(_round(first), _round(last), find_other(ground, footprint.length))
+    return BrokenWay(_round(first), _round(last), find_other(ground, largest))
+
+
+def propose_way(arena: Arena, body: Organism) -> Pair | None:
+    """Return start and goal of a straight way that a body can drive, inside the largest region; None without one.
+
+    Args:
+        arena: where.
+        body: the longest and strongest one, as a row of all modules is.
+
+    Raises:
+        ArenaError: the arena has no contact geometry.
+    """
+    return find_other(_map_ground(arena, body), body)
+
+
+def _map_ground(arena: Arena, body: Organism) -> TraversabilityMap:
+    """Return the ground of a body that need not turn on the spot."""
+    footprint = Footprint.of(body, arena.friction)
+    return arena.traversability(replace(footprint, radius=footprint.width / 2))
 
 
 def _find_regions(ground: TraversabilityMap, route: Route, s: float) -> Int[np.ndarray, " N"]:
@@ -85,14 +103,14 @@ def _find_regions(ground: TraversabilityMap, route: Route, s: float) -> Int[np.n
     return np.unique(ground.region[drivable[is_near]])
 
 
-def find_other(ground: TraversabilityMap, length: float) -> Pair | None:
+def find_other(ground: TraversabilityMap, body: Organism) -> Pair | None:
     """Return a start with room for a row behind it, and a goal, about as far apart as the largest region allows."""
     way = find_straight_way(ground, ground.region == 0)
     if way is None:
         return None
     back, end = way[0][:2], way[1][:2]
     reach = float(np.linalg.norm(end - back))
-    tail = min(length + _END_ROOM, reach / 2)
+    tail = min(Footprint.of(body).length + _END_ROOM, reach / 2)
     if reach - tail - _END_ROOM < _LEAST_WAY:
         return None
     ahead = (end - back) / reach

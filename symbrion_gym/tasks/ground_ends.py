@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from reconstruction.quantities import format_extents
 from symbrion_gym.arenas.arena import Arena
 from symbrion_gym.errors import ArenaError
 from symbrion_gym.robot.organism import Organism
@@ -68,6 +69,9 @@ def find_ends(
     Raises:
         ArenaError: there is no ground at a given place, or no straight way as long as the organism.
     """
+    for name, place in (("start", start), ("goal", goal)):
+        if place is not None:
+            _check_inside(arena, name, place)
     footprint = Footprint.of(organism, arena.friction)
     ground = arena.traversability(replace(footprint, radius=footprint.width / 2))
     first = None if start is None else find_standing_place(ground, "start", start, arena.name, _STOREY)
@@ -81,6 +85,17 @@ def find_ends(
     elif start is None and last is not None:
         start = middle_way.start if is_open else _find_far(ground, last, length)
     return _make_ends(arena, ground, start, goal, length)
+
+
+def _check_inside(arena: Arena, name: str, place: Place) -> None:
+    """Refuse a place outside of the surface as seen from above, before the ground is mapped, which takes long."""
+    low, high = np.asarray(arena.surface.bounds, dtype=np.float64)[:, :2]
+    point = np.asarray(place, dtype=np.float64).ravel()[:2]
+    if (point < low).any() or (point > high).any():
+        raise ArenaError(
+            f"the {name} {tuple(point.tolist())} lies outside of arena {arena.name!r}, which extends over "
+            f"{format_extents(low.tolist(), high.tolist())}"
+        )
 
 
 def _is_open(arena: Arena, ground: TraversabilityMap, way: Ends) -> bool:

@@ -2,7 +2,13 @@
 
 import pytest
 
-from reconstruction.quantities import format_count, format_distance, format_share
+from reconstruction.quantities import (
+    format_count,
+    format_distance,
+    format_energy,
+    format_extents,
+    format_share,
+)
 
 
 @pytest.mark.parametrize(
@@ -27,6 +33,18 @@ def test_distances(distance, text):
 )
 def test_shares(share, text):
     assert format_share(share) == text
+
+
+@pytest.mark.parametrize(
+    ("joules", "text"), [(0.0, "0 J"), (2.9e-3, "below 0.01 J"), (0.1234, "0.123 J"), (512.3, "512 J")]
+)
+def test_energies(joules, text):
+    assert format_energy(joules) == text
+
+
+def test_extents_are_places_in_meters():
+    assert format_extents([-0.004, -1.256], [12345.678, 3.0]) == "x 0 to 12345.68 m, y -1.26 to 3 m"
+    assert format_extents([0.0, 0.0, 0.1], [1.0, 2.0, 3.0]).endswith("z 0.1 to 3 m")
 
 
 def test_one_thing_is_not_many():

@@ -22,7 +22,7 @@ from evolution.cli.console import Console
 from evolution.cli.quality_table import make_quality_rows
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
-from reconstruction.quantities import format_count
+from reconstruction.quantities import format_count, format_extents
 
 if TYPE_CHECKING:
     from symbrion_gym.arenas.accuracy import AccuracyReport
@@ -128,6 +128,7 @@ class Arena(SeededCommand):
                 self._draw(arena)
         contact = format_count(len(arena.pieces), "piece") if arena.height_field is None else "a height field"
         console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
+        console.print_line(f"it extends over {format_extents(*arena.surface.bounds.tolist())}")
         if kept:
             console.print_line(kept)
         console.show_table(
@@ -141,6 +142,7 @@ class Arena(SeededCommand):
         summary = {
             "folder": self.out,
             "pieces": len(arena.pieces),
+            "bounds": arena.surface.bounds.tolist(),
             "seconds": seconds,
             "quality": arena.quality.as_dict(),
             "accuracy": report.as_dict(),

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shlex
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -19,6 +20,7 @@ from evolution.cli.command import Command, SeededCommand, UsageError, require_wr
 from evolution.cli.commands.evolve_bodies import make_bodies_config, resume_run_of_bodies, run_bodies
 from evolution.cli.config_options import make_config, make_options, read_environment
 from evolution.cli.console import Console
+from evolution.cli.search_limits import describe_interruption, warn_of_limit
 from evolution.cli.way_warning import warn_of_way
 from evolution.search.search_config import ExecutionConfig, SearchConfig
 from evolution.search.validation import Validation
@@ -77,16 +79,20 @@ class Evolve(SeededCommand):
     """The scoring, "module:name" of a function of (outcome, body); replaces the weights of --scoring."""
     scoring: Scoring = dataclasses.field(default_factory=Scoring)
     validation: Validation = dataclasses.field(default_factory=Validation)
-    bodies: tuple[int, int] | None = None
-    """Search for bodies of this many modules at least and at most; each of them learns its controller."""
+    bodies: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="MIN MAX")] = None
+    """Search for bodies of this many modules at least and at most (one number: both); each learns its controller."""
     algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
-    max_seconds: float | None = None
-    """Simulated time after which no new iteration of --bodies begins [s]; `symbrion resume` can raise it."""
+    children: int = BodiesConfig.children
+    """New bodies of an iteration of --bodies. With fewer, an iteration is shorter and knows less when it ends."""
+    max_seconds: float | Literal["unlimited"] | None = None
+    """Simulated time after which no new iteration of --bodies begins [s]. The iteration that is running then is always
+    finished, so that a run can take much longer: see --children. `symbrion resume` can raise it."""
     dofs: Literal[1, 2] = 1
     """Rotational degrees of freedom of each module of --bodies: 2 adds the rotation of the arm."""
     confirm: bool = True
-    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials select the champion."""
+    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials of each of 8 select the
+    champion. They may take longer than an iteration, and --max-seconds does not count them."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -99,11 +105,11 @@ class Evolve(SeededCommand):
         require_writable_folder(self._folder, "--folder")
         _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
         if self.bodies is None:
-            own = (self.algorithm, self.max_seconds, self.dofs, self.confirm)
-            if own != (BodiesConfig.algorithm, None, 1, True):
+            own = (self.algorithm, self.children, self.max_seconds, self.dofs, self.confirm)
+            if own != (BodiesConfig.algorithm, BodiesConfig.children, None, 1, True):
                 raise UsageError(
-                    "--algorithm, --max-seconds, --dofs and --no-confirm are of a search for bodies; give --bodies "
-                    "MIN MAX"
+                    "--algorithm, --children, --max-seconds, --dofs and --no-confirm are of a search for bodies; give "
+                    "--bodies MIN MAX"
                 )
             self.make_config()
         else:
@@ -112,6 +118,9 @@ class Evolve(SeededCommand):
     @property
     def _folder(self) -> Path:
         return Path(self.execution.folder)
+
+    def explain_interruption(self) -> str:
+        return describe_interruption(self._folder)
 
     def make_config(self) -> "ev.EvolutionConfig":
         """Return the configuration of the run.
@@ -143,7 +152,7 @@ class Evolve(SeededCommand):
             raise UsageError(
                 "--stages, --tensorboard and --validation have no meaning with --bodies; leave them out"
             )
-        names = ("bodies", "algorithm", "max_seconds", "dofs", "arena", "seed")
+        names = ("bodies", "algorithm", "children", "max_seconds", "dofs", "arena", "seed")
         fields = {name: getattr(self, name) for name in names}
         fields["environment"] = read_environment(self.episode.environment)  # pyright: ignore[reportAttributeAccessIssue]
         fields["scoring"] = self.fitness or (self.scoring if self.scoring != Scoring() else None)
@@ -158,6 +167,7 @@ class Evolve(SeededCommand):
             check_arena_folder(arena)
         if self.bodies is not None:
             found = self.make_bodies_config()
+            warn_of_limit(found)
             warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
             return run_bodies(found, console, self.confirm)
         config = self.make_config()
@@ -196,7 +206,8 @@ class Resume(Command):
     generations: int | None = None
     """New limit on the generations, or on the iterations of a search for bodies. Default: as recorded."""
     max_seconds: float | Literal["unlimited"] | None = None
-    """New limit on the simulated time of a search for bodies [s]. Default: as recorded."""
+    """New limit on the simulated time of a search for bodies [s], or unlimited; an iteration is always finished.
+    Default: as recorded."""
     confirm: bool = True
     """Whether the fittest bodies of a search for bodies are tried again at the end, as by `symbrion evolve`."""
     workers: int = os.cpu_count() or 1
@@ -218,6 +229,9 @@ class Resume(Command):
             )
         if isinstance(self.max_seconds, float) and not self.max_seconds > 0:
             raise UsageError(f"--max-seconds {self.max_seconds:g} is no time; give more than 0, or unlimited")
+
+    def explain_interruption(self) -> str:
+        return describe_interruption(self.folder)
 
     def run(self, console: Console) -> dict[str, Any]:
         options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
@@ -271,7 +285,8 @@ def report_run(run: "ev.Run", console: Console) -> dict[str, Any]:
         console.print_line(f"next: symbrion replay {run.folder} --arena {arena} --video champion.mp4")
     else:
         console.print_line(
-            "no genotype has succeeded in all of its trials yet; try `symbrion resume` with more --generations"
+            "no genotype has succeeded in all of its trials yet; more learning may help: symbrion resume "
+            f"{shlex.quote(str(run.folder))} --generations {2 * run.config.generations}"
         )
     return summary
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import evolution as ev
 from evolution.backends.making import EXACT_BACKENDS
-from evolution.body_search.description import describe_success
+from evolution.body_search.description import describe_success, format_fitness
 from evolution.cli.command import UsageError
 from evolution.cli.config_options import name_flag
 from evolution.cli.console import Console
+from evolution.cli.search_limits import describe_stop, find_stops
 from evolution.errors import RunError
 from evolution.limits import MAX_MODULES
 from reconstruction.extras import find_missing
@@ -37,8 +38,8 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
     """Return the configuration of the options of `symbrion evolve --bodies`.
 
     Args:
-        fields: `bodies` (smallest and largest number of modules), `algorithm`, `max_seconds`, `dofs`, `arena`,
-            `seed`, `scoring` and `environment` as they are given.
+        fields: `bodies` (smallest and largest number of modules, or the one number of all), `algorithm`,
+            `children`, `max_seconds`, `dofs`, `arena`, `seed`, `scoring` and `environment` as they are given.
         parts: the options by the name of their part.
 
     Raises:
@@ -55,11 +56,7 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
     del own["stop_when_solved"]
     if own["controller"] == type(parts["control"])().controller:
         own["controller"] = DEFAULT_CONTROLLER
-    smallest, largest = fields["bodies"]
-    if not 1 <= smallest <= largest <= MAX_MODULES:
-        raise UsageError(
-            f"--bodies {smallest} {largest}: give the smallest and the largest number of modules, 1 to {MAX_MODULES}"
-        )
+    smallest, largest = _read_sizes(fields["bodies"])
     if parts["execution"].backend not in EXACT_BACKENDS:
         raise UsageError(
             f"--backend {parts['execution'].backend}: --bodies needs one of {', '.join(EXACT_BACKENDS)}"
@@ -74,7 +71,8 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
         "smallest": smallest,
         "largest": largest,
         "algorithm": fields["algorithm"],
-        "max_seconds": fields["max_seconds"],
+        "children": fields["children"],
+        "max_seconds": None if fields["max_seconds"] == "unlimited" else fields["max_seconds"],
         "dofs": fields["dofs"],
     }
     if fields["scoring"] is not None:
@@ -83,6 +81,20 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
         return ev.BodyEvolutionConfig(**values)
     except RunError as error:
         raise UsageError(name_flag(str(error), values)) from error
+
+
+def _read_sizes(bodies: tuple[int, ...]) -> tuple[int, int]:
+    """Return the smallest and the largest number of modules.
+
+    Raises:
+        UsageError: there are more than two numbers, or they are out of range.
+    """
+    if len(bodies) not in (1, 2) or not 1 <= bodies[0] <= bodies[-1] <= MAX_MODULES:
+        raise UsageError(
+            f"--bodies {' '.join(map(str, bodies))}: give the smallest and the largest number of modules, 1 to "
+            f"{MAX_MODULES}, for example --bodies 1 8; or one number for both"
+        )
+    return bodies[0], bodies[-1]
 
 
 def run_bodies(config: ev.BodyEvolutionConfig, console: Console, confirm: bool = True) -> dict[str, Any]:
@@ -126,17 +138,15 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         "iterations": len(run.history),
         "bodies": len({lesson.pupil.key for lesson in lessons}),
         "simulated_seconds": run.record.seconds,
+        "fresh_seconds": 0.0 if confirmation is None else confirmation.seconds,
+        "stopped_by": find_stops(run),
         "champion": run.champion.as_dict() if run.champion else None,
     }
     console.print_line(
         f"{format_count(summary['iterations'], 'iteration')}, {format_count(summary['bodies'], 'body', 'bodies')}, "
         f"{run.record.seconds:.0f} s simulated in {run.folder}"
+        + ("" if confirmation is None else f", and {confirmation.seconds:.0f} s in fresh trials")
     )
-    if run.is_spent:
-        console.print_line(
-            f"the simulated time of this run is spent (--max-seconds {run.config.bodies.max_seconds:g}); to go on: "
-            f"symbrion resume {run.folder} --max-seconds {2 * run.history[-1][0]:.0f}"
-        )
     if best is not None:
         modules = format_count(best.pupil.body.num_modules, "module")
         summary["plan"] = best.pupil.body.to_plan()
@@ -145,9 +155,10 @@ def report_bodies(run: BodyRun, console: Console) -> dict[str, Any]:
         if run.folder is not None and not find_missing("report"):
             _draw_best(run, run.folder / PICTURE)
             console.print_line(f"the best bodies: {run.folder / PICTURE}")
-        if run.confirmation is not None and not run.confirmation.champion.successes:
-            more = f"symbrion resume {run.folder} --generations {2 * len(run.history)}"
-            console.print_line(f"more learning may help: {more}; or an easier way (--start, --goal)")
+    console.print_line(describe_stop(run))
+    if run.champion is not None:
+        if not run.champion.successes:
+            console.print_line("more learning may help, by that command; or an easier way (--start, --goal)")
         console.print_line(f"next: symbrion replay {run.folder} --video champion.mp4")
     return summary
 
@@ -161,7 +172,9 @@ def _draw_best(run: BodyRun, path: Path) -> None:
     for lesson in sorted(run.record.lessons, key=lambda each: (each.rung, each.fitness), reverse=True):
         best.setdefault(lesson.pupil.body.canonical_text, lesson)
     shown = list(best.values())[:MAX_DRAWN]
-    figure = draw_bodies([each.pupil.body for each in shown], [f"{each.fitness:.2f}" for each in shown])
+    figure = draw_bodies(
+        [each.pupil.body for each in shown], [format_fitness(run, each.fitness) for each in shown]
+    )
     with write_atomically(path) as temporary:
         temporary.write_bytes(to_png(figure))
 

@@ -11,6 +11,7 @@ from evolution.cli.quality_table import make_surface_rows
 from evolution.cli.scan_source import ScanCommand
 from evolution.cli.tile_options import TileOptions
 from reconstruction.files.atomic_write import write_atomically
+from reconstruction.quantities import format_extents
 
 if TYPE_CHECKING:
     import trimesh
@@ -91,6 +92,8 @@ class Reconstruct(TileOptions, ScanCommand):
         console.print_line(
             f"{len(result.mesh.vertices)} vertices, {len(result.mesh.faces)} faces in {self.out}"
         )
+        low, high = result.mesh.bounds.tolist()
+        console.print_line(f"the surface extends over {format_extents(low, high)}")
         console.show_table(
             "Quality",
             ["measure", "value"],
@@ -106,6 +109,7 @@ class Reconstruct(TileOptions, ScanCommand):
             "readings": scan.readings.num_points,
             "viewpoints": 0 if result.viewpoints is None else len(result.viewpoints),
             "offset": result.offset.tolist(),
+            "bounds": [low, high],
             "notes": result.notes,
             "seconds": step.seconds,
             "quality": quality.as_dict(),

@@ -105,6 +105,7 @@ class Replay(SeededCommand):
     def _write_page(self, path: Path, console: Console) -> None:
         from evolution.report.body_page import make_body_page
 
+        path.parent.mkdir(parents=True, exist_ok=True)  # fails before the films
         with console.track("Page of bodies") as step:
             page = make_body_page(ev.load_bodies(self.folder), self.films, self.seed, step.progress)
         page.write(path)

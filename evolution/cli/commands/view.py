@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import tyro
 
@@ -12,14 +12,29 @@ from evolution.cli.command import SeededCommand, UsageError, require_writable_fi
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.files.atomic_write import write_atomically
-from reconstruction.quantities import format_count
+from reconstruction.quantities import format_count, format_extents
 from symbrion_gym.headless import has_display
 
 if TYPE_CHECKING:
+    from symbrion_gym.tasks.drivable_way import Pair
     from symbrion_gym.traversability.drivable import TraversabilityMap
     from symbrion_gym.traversability.routes import DrivingRoute
 
 Layer = Literal["surface", "contact", "drivable", "route"]
+
+
+class _Ground(NamedTuple):
+    """Where the robot can drive, as far as it is known.
+
+    Attributes:
+        places: the map.
+        route: a way around obstacles.
+        way: start and goal of a straight way.
+    """
+
+    places: "TraversabilityMap | None" = None
+    route: "DrivingRoute | None" = None
+    way: "Pair | None" = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -32,11 +47,12 @@ class View(SeededCommand):
     arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")]
     """A ready-made arena by name, an arena folder, or a mesh file."""
     picture: Path | None = None
-    """Draw the arena from two sides in this file (.png), without a display; the viewer does not open."""
+    """Draw the arena from two sides, and from above with coordinates in meters, in this file (.png), without a display;
+    the viewer does not open."""
     layers: tuple[Layer, ...] = ("surface", "contact", "drivable", "route")
     """What is shown: the surface, the contact pieces (translucent), ground where the robot can drive, a route on it."""
     modules: int = 1
-    """Number of Scouts in a row: the robot that drives."""
+    """Number of Scouts in a row: the robot that drives. It is shown at the start of the route."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,53 +76,77 @@ class View(SeededCommand):
             require_extras("`symbrion view --picture`", "report")
         with console.track(f"Arena {self.arena}"):
             arena = sg.load_arena(self.arena)
-            ground, route = self._find_ground(arena, console)
-        summary: dict[str, Any] = {"arena": self.arena, "pieces": arena.quality.num_pieces}
-        if ground is not None:
-            summary["ground"] = ground.as_dict()
-            areas = ground.region_areas
+            ground = self._find_ground(arena, console)
+        low, high = arena.surface.bounds.tolist()
+        console.print_line(f"it extends over {format_extents(low, high)}")
+        summary: dict[str, Any] = {
+            "arena": self.arena,
+            "pieces": arena.quality.num_pieces,
+            "bounds": [low, high],
+        }
+        summary |= self._report_ground(ground, console)
+        if self.picture is None:
+            self._show(arena, ground)
+            return summary
+        with console.track(f"Picture {self.picture.name}"):
+            self._draw(arena, ground)
+        console.print_line(f"{self.picture}")
+        return summary | {"picture": self.picture}
+
+    def _find_ground(self, arena: "sg.Arena", console: Console) -> _Ground:
+        """Return drivable ground and ways on it, as far as they are wanted and exist."""
+        if not {"drivable", "route"} & set(self.layers):
+            return _Ground()
+        body = sg.snake(self.modules)
+        places = arena.traversability(body)
+        if "route" not in self.layers:
+            return _Ground(places)
+        from symbrion_gym.tasks.drivable_way import propose_way
+
+        way = propose_way(arena, body)
+        try:
+            return _Ground(places, arena.find_route(body), way)
+        except sg.ArenaError as error:
+            console.print_line(f"no route: {error}")
+            return _Ground(places, None, way)
+
+    def _report_ground(self, ground: _Ground, console: Console) -> dict[str, Any]:
+        """Print where the robot can drive, and return it as a summary."""
+        summary: dict[str, Any] = {}
+        if ground.places is not None:
+            summary["ground"] = ground.places.as_dict()
+            areas = ground.places.region_areas
             text = f", the largest {areas[0]:.1f} m²" if len(areas) else ""
             console.print_line(
                 f"{format_count(len(areas), 'drivable region')}, {areas.sum():.1f} m² in all{text}"
             )
+        robot, route = format_count(self.modules, "module"), ground.route
         if route is not None:
             summary["route"] = {"start": route.start, "goal": route.goal, "length": route.length}
-        if self.picture is None:
-            self._show(arena, ground, route)
-            return summary
-        with console.track(f"Picture {self.picture.name}"):
-            self._draw(arena, ground, route)
-        console.print_line(f"{self.picture}")
-        return summary | {"picture": self.picture}
+            ends = " to ".join(f"({x:.2f}, {y:.2f})" for x, y, _ in (route.start, route.goal))
+            console.print_line(f"route for {robot}: {ends}, {route.length:.1f} m")
+        if ground.way is not None:
+            summary["straight_way"] = ground.way
+            start, goal = (" ".join(f"{value:g}" for value in place) for place in ground.way)
+            console.print_line(
+                f"straight way for {robot}, for symbrion evolve: --start {start} --goal {goal}"
+            )
+        return summary
 
-    def _find_ground(
-        self, arena: "sg.Arena", console: Console
-    ) -> tuple["TraversabilityMap | None", "DrivingRoute | None"]:
-        """Return drivable ground and a route, as far as they are wanted and exist."""
-        if not {"drivable", "route"} & set(self.layers):
-            return None, None
-        body = sg.snake(self.modules)
-        ground = arena.traversability(body)
-        try:
-            return ground, arena.find_route(body) if "route" in self.layers else None
-        except sg.ArenaError as error:
-            console.print_line(f"no route: {error}")
-            return ground, None
-
-    def _show(
-        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
-    ) -> None:
+    def _show(self, arena: "sg.Arena", ground: _Ground) -> None:
         from symbrion_gym.arenas.viewing import make_view_spec, open_viewer
 
-        open_viewer(make_view_spec(arena, self.layers, ground, route))
+        open_viewer(make_view_spec(arena, self.layers, ground.places, ground.route, sg.snake(self.modules)))
 
-    def _draw(
-        self, arena: "sg.Arena", ground: "TraversabilityMap | None", route: "DrivingRoute | None"
-    ) -> None:
+    def _draw(self, arena: "sg.Arena", ground: _Ground) -> None:
         assert self.picture is not None
         from evolution.report.arena_view import draw_arena
         from evolution.report.pictures import to_png
 
+        robot = sg.snake(self.modules)
         self.picture.parent.mkdir(parents=True, exist_ok=True)
+        figure = draw_arena(
+            arena, self.layers, ground.places, ground.route, robot, has_plan=True, way=ground.way
+        )
         with write_atomically(self.picture) as beside:
-            beside.write_bytes(to_png(draw_arena(arena, self.layers, ground, route), is_reduced=False))
+            beside.write_bytes(to_png(figure, is_reduced=False))

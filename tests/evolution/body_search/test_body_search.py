@@ -272,7 +272,7 @@ def test_a_run_whose_time_is_spent_says_so_when_it_is_resumed(tmp_path, caplog):
     assert len(run.history) == 1
     again = resume_bodies(tmp_path / "run", simulate=landscape, iterations=5)
     assert len(again.history) == 1
-    assert "max_seconds is spent" in caplog.text
+    assert "nothing more is tried, as the run has reached max_seconds=1" in caplog.text
     assert not evolve_bodies(make_config(iterations=1), simulate=landscape).is_spent
 
 

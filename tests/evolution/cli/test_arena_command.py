@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 from PIL import Image
@@ -82,6 +83,16 @@ def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[
     summary = json.loads(capsys.readouterr().out)
     assert summary["ground"]["drivable_area"] > 1.0
     assert summary["route"]["length"] > 0.5
+    assert np.shape(summary["straight_way"]) == (2, 2)
+    assert summary["bounds"][0] < summary["bounds"][1]
+    assert run(["view", "truth", "--picture", str(sheet.parent / "a.png"), "--modules", "4", "--quiet"]) == 0
+    printed = capsys.readouterr().out
+    for part in (
+        "it extends over x -",
+        "route for 4 modules: (",
+        "straight way for 4 modules, for symbrion evolve: --start ",
+    ):
+        assert part in printed
     bare = ["view", "truth", "--picture", str(sheet.parent / "a.png"), "--json", "--layers", "surface"]
     assert run(bare) == 0
     assert "ground" not in json.loads(capsys.readouterr().out)

@@ -30,8 +30,7 @@ def test_the_champion_is_confirmed_and_said_to_be(tmp_path, capsys, made):
     assert search(tmp_path / "run") == 0
     text = capsys.readouterr().out
     assert "no success: 0 of 8 fresh trials" in text
-    assert f"symbrion resume {tmp_path / 'run'} --generations 2" in text
-    assert f"symbrion resume {tmp_path / 'run'} --max-seconds" in text
+    assert "more learning may help" in text
     champion = ev.load_champion(tmp_path / "run")
     assert (champion.successes, champion.trials) == (0, 8)
     assert ev.load_bodies(tmp_path / "run").champion == champion

@@ -46,6 +46,7 @@ def test_a_file_beyond_the_limit_is_refused_until_it_is_raised(
     assert "not a limit" in refuse([*words, "--max-gigabytes", "0"], 2, capsys)
     assert not (tmp_path / "a.ply").exists()
     assert run([*words, "--max-gigabytes", "0.001", "--quiet"]) == 0
+    assert "the surface extends over x " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -10,11 +10,24 @@ from evolution.cli.main import run
     [
         ("evolve --seed x", "--seed: 'x' is not a whole number; see symbrion evolve --help"),
         ("evolve --scoring.module x", "--scoring.module: 'x' is not a number; see symbrion evolve --help"),
-        ("evolve --bodies 1", "--bodies: '1' is not {INT INT}; see symbrion evolve --help"),
+        ("evolve --bodies x", "--bodies: 'x' is not whole numbers; see symbrion evolve --help"),
+        (
+            "evolve --bodies 2 1",
+            "for example --bodies 1 8; or one number for both; see symbrion evolve --help",
+        ),
+        (
+            "evolve --bodies 1 2 3",
+            "for example --bodies 1 8; or one number for both; see symbrion evolve --help",
+        ),
+        ("evolve --start 1", "--start: '1' is not floor, pit or 2 numbers; see symbrion evolve --help"),
+        (
+            "evolve --bodies 3 --max-seconds abc",
+            "--max-seconds: 'abc' is not a number or unlimited; see symbrion evolve --help",
+        ),
         ("evolve --arena nowhere", "an arena folder or a mesh file; see symbrion evolve --help"),
         (
             "resume a --max-seconds x",
-            "--max-seconds: 'x' is not FLOAT|{unlimited}; see symbrion resume --help",
+            "--max-seconds: 'x' is not a number or unlimited; see symbrion resume --help",
         ),
         ("bench-suite run --methods x", "perhaps you meant --method; see symbrion bench-suite --help"),
         ("replay", "see symbrion replay --help"),

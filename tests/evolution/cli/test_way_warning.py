@@ -22,12 +22,29 @@ def stairs(tmp_path_factory):
 def test_one_line_names_the_way_and_the_remedy(stairs, caplog):
     warn(stairs, "traverse")
     (record,) = caplog.records
-    assert "leaves the ground on which 8 modules are known to drive" in record.getMessage()
+    assert "leaves the ground on which bodies of 1 to 8 modules are known to drive" in record.getMessage()
     words = record.getMessage().split()
     start, goal = (words.index(flag) for flag in ("--start", "--goal"))
     places = [tuple(float(word) for word in words[index + 1 : index + 3]) for index in (start, goal)]
     caplog.clear()
     warn(stairs, "traverse", start=places[0], goal=places[1])
+    assert not caplog.records
+
+
+def test_a_way_too_narrow_for_the_widest_body_is_warned_of(stairs, caplog, monkeypatch):
+    def refuse(self, arena, organism, start):
+        raise sg.ArenaError(f"no straight way of {organism.num_modules}")
+
+    monkeypatch.setattr("symbrion_gym.tasks.drivable_way.find_broken_traverse", lambda *_: None)
+    warn(stairs, "traverse")
+    assert not caplog.records
+    monkeypatch.setattr("symbrion_gym.tasks.traverse.FarEnd.find", refuse)
+    warn(stairs, "traverse")
+    (record,) = caplog.records
+    assert "bodies that are too wide: no straight way of 8; a straight way that can" in record.getMessage()
+    assert "--start " in record.getMessage()
+    caplog.clear()
+    warn(stairs, "traverse", goal=(-0.2, 0.0))
     assert not caplog.records
 
 

@@ -4,11 +4,15 @@ import io
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 import symbrion_gym as sg
 from evolution.report.arena_view import draw_arena, mute
 from evolution.report.pictures import to_png
+from evolution.report.raster import make_view
+from evolution.report.robot_view import ROBOT_COLOR, add_scale
+from evolution.report.shading import OVERSAMPLING
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +62,41 @@ def test_colors_of_a_scan_are_grays_below_other_layers() -> None:
 
 def test_equal_arenas_give_equal_pictures(truth: sg.Arena) -> None:
     np.testing.assert_array_equal(draw(truth, "contact"), draw(truth, "contact"))
+
+
+def test_the_plan_has_coordinates_a_robot_and_a_way(truth: sg.Arena) -> None:
+    route = truth.find_route()
+    figures = [
+        draw_arena(
+            truth, ("surface", "route"), None, route, robot, has_plan=True, way=((-2.0, 0.0), (-1.0, 0.2))
+        )
+        for robot in (None, sg.snake(4))
+    ]
+    plan = figures[1].axes[2]
+    assert (plan.get_xlabel(), plan.get_ylabel()) == ("x [m]", "y [m]")
+    plain, with_robot = (
+        np.asarray(Image.open(io.BytesIO(to_png(each, is_reduced=False))).convert("RGB"), dtype=float)
+        for each in figures
+    )
+    yellow = [(np.abs(each / 255.0 - ROBOT_COLOR).max(axis=2) < 0.08).sum() for each in (plain, with_robot)]
+    assert yellow[0] == 0
+    assert yellow[1] > 20
+    names = [text.get_text() for text in figures[1].legends[0].get_texts()]
+    assert {"robot, 4 modules", "straight way for it"} <= set(names)
+
+
+def test_coordinates_are_those_of_the_view() -> None:
+    points = np.array([[1.3, -2.0, 0.0], [9.1, 1.0, 0.5]])
+    view = make_view(points, 90.0, -90.0, OVERSAMPLING * 400)
+    axes = Figure().add_subplot()
+    add_scale(axes, view)
+    for axis, other in ((axes.xaxis, 0), (axes.yaxis, 1)):
+        places = [
+            (place, float(text.get_text()))
+            for place, text in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=True)
+        ]
+        assert len(places) >= 3
+        for pixel, meters in places:
+            point = np.zeros(3)
+            point[other] = meters
+            assert view.project(point)[other] / OVERSAMPLING == pytest.approx(pixel)

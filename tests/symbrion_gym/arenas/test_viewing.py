@@ -37,6 +37,18 @@ def test_start_and_goal_are_where_the_route_says(truth: sg.Arena):
     assert model.geom("goal").pos[:2] == pytest.approx(route.goal[:2])
 
 
+def test_the_robot_stands_at_the_start(truth: sg.Arena):
+    route, robot = truth.find_route(), sg.snake(3)
+    model = make_view_spec(truth, ("route",), None, route, robot).compile()
+    places = np.array([model.geom(f"robot_{index}").pos for index in range(3)])
+    assert places.mean(axis=0)[:2] == pytest.approx(route.start[:2])
+    assert places[:, 2] == pytest.approx(route.start[2] + 0.105 / 2)
+    ahead = [np.cos(route.heading), np.sin(route.heading)]
+    assert (places[0] - places[2])[:2] == pytest.approx(np.multiply(2 * robot.scout.pitch, ahead))
+    assert model.geom("robot_0").size == pytest.approx([0.0525] * 3)
+    assert not model.geom("robot_0").contype.any()
+
+
 @pytest.mark.parametrize(("layer", "group"), [("surface", SURFACE_GROUP), ("contact", 1)])
 def test_one_layer(truth: sg.Arena, layer: str, group: int):
     model = make_view_spec(truth, (layer,)).compile()

@@ -3,7 +3,7 @@
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.tasks.drivable_way import find_broken_traverse, find_other
+from symbrion_gym.tasks.drivable_way import find_broken_traverse, find_other, propose_way
 
 
 def find(arena, modules=8, **options):
@@ -33,7 +33,13 @@ def test_a_goal_beyond_the_pit_breaks_the_way():
 def test_without_drivable_ground_no_way_is_proposed():
     ground = sg.load_arena("stairs").traversability(sg.Footprint(length=9.0, width=9.0))
     assert ground.num_regions == 0
-    assert find_other(ground, 1.0) is None
+    assert find_other(ground, sg.snake(8)) is None
+
+
+def test_the_way_that_is_proposed_is_that_of_the_warning():
+    way = find("stairs")
+    assert way is not None
+    assert propose_way(sg.load_arena("stairs"), sg.snake(8)) == way.other
 
 
 def test_a_start_off_the_surface_is_refused():

@@ -93,7 +93,10 @@ def test_a_wall_across_the_middle_is_avoided():
     ("ends", "message"),
     [
         ({"start": (0.5, 2.5, CEILING + 0.06)}, "start .* off the ground .* nearest possible place is"),
-        ({"start": (0.5, 2.5), "goal": (1.0, 5.0)}, "goal .* off the ground .* nearest possible place is"),
+        (
+            {"start": (0.5, 2.5), "goal": (1.0, 5.0)},
+            r"goal \(1.0, 5.0\) lies outside .* over x 0 to 4 m, y 0 to 3 m",
+        ),
         ({"start": (0.5, 2.5), "goal": (0.5, 2.5)}, "same place"),
         ({"start": (0.5,)}, "start must be a place"),
     ],
@@ -101,6 +104,12 @@ def test_a_wall_across_the_middle_is_avoided():
 def test_places_off_the_ground_are_refused(room, ends, message):
     with pytest.raises(ArenaError, match=message):
         find_route(room, snake(2), **ends)
+
+
+def test_a_place_outside_is_refused_before_the_ground_is_mapped(room, monkeypatch):
+    monkeypatch.setattr(Arena, "traversability", lambda *_: pytest.fail("mapped"))
+    with pytest.raises(ArenaError, match="outside of arena"):
+        find_route(room, snake(2), start=(50.0, 0.0), goal=(1.0, 1.0))
 
 
 def test_an_arena_without_a_long_enough_way_is_refused():
@@ -111,4 +120,4 @@ def test_an_arena_without_a_long_enough_way_is_refused():
     ceiling = trimesh.Trimesh(corners, [(0, 2, 1), (0, 3, 2)])
     empty = make_exact_arena("none", small.pieces, [ceiling])
     with pytest.raises(ArenaError, match="no ground to stand on"):
-        find_route(empty, snake(2), start=(9.0, 9.0), goal=(8.0, 8.0))
+        find_route(empty, snake(2), start=(1.0, 1.0), goal=(2.0, 2.0))

@@ -1,0 +1,118 @@
+"""What stops a search for bodies, the command that goes on, interruptions, progress, and limits below an iteration."""
+
+import logging
+import re
+import shlex
+
+import made_bodies
+import pytest
+
+import evolution as ev
+from evolution.cli.main import run
+from evolution.cli.search_limits import describe_stop, find_longest_iteration, warn_of_limit
+
+SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--no-confirm"]
+
+
+@pytest.fixture(autouse=True)
+def made(monkeypatch):
+    """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
+    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
+    monkeypatch.setattr("evolution.body_search.loop.warm_up", lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("limits", "stops"),
+    [
+        (["--generations", "1"], "stopped by --generations 1; to go on: "),
+        (["--generations", "3", "--max-seconds", "1"], "stopped by --max-seconds 1; to go on: "),
+        (
+            ["--generations", "1", "--max-seconds", "1"],
+            "stopped by --generations 1 and --max-seconds 1; to go on: ",
+        ),
+    ],
+)
+def test_the_command_that_is_proposed_goes_on(tmp_path, capsys, limits, stops):
+    folder = tmp_path / "a run"
+    assert run([*SEARCH, *limits, "--folder", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert stops in printed
+    command = re.search("to go on: symbrion (.*)", printed)
+    assert command is not None
+    before = len(ev.load_bodies(folder).history)
+    assert run([*shlex.split(command[1]), "--no-confirm"]) == 0
+    assert len(ev.load_bodies(folder).history) > before
+
+
+def test_a_search_without_anything_left_says_so():
+    config = made_bodies.make_config(iterations=3)
+    found = ev.evolve(config, simulate=made_bodies.simulate)
+    assert describe_stop(found) == "every body has learned to the end: nothing is left to be tried"
+
+
+@pytest.mark.parametrize("command", ["evolve", "resume"])
+def test_an_interruption_names_the_command_that_goes_on(tmp_path, capsys, monkeypatch, command):
+    folder = str(tmp_path / "run")
+    if command == "resume":
+        assert run([*SEARCH, "--generations", "1", "--folder", folder]) == 0
+        capsys.readouterr()
+
+    def interrupt(jobs, threads):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evolution.backends.rollout.simulate", interrupt)
+    words = [*SEARCH, "--folder", folder] if command == "evolve" else ["resume", folder, "--generations", "2"]
+    assert run([*words, "--quiet"]) == 130
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(
+        f"interrupted by the keyboard; what was finished is stored; to go on: symbrion resume {folder}"
+    )
+    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
+    assert run(["resume", folder, "--generations", "2"]) == 0
+    assert len(ev.load_bodies(folder).history) == 2
+
+
+def test_progress_within_an_iteration_changes_nothing(tmp_path):
+    told = []
+    config = made_bodies.make_config(iterations=2, largest=4, algorithm="niches")
+    silent = ev.evolve(config, simulate=made_bodies.simulate)
+    shown = ev.evolve(config, simulate=made_bodies.simulate, progress=lambda *each: told.append(each))
+    assert shown.record.to_bytes("") == silent.record.to_bytes("")
+    first = [re.match(r"iteration 1 of 2: (\d+) of (\d+) trials", text) for text, _ in told]
+    counts = [(int(each[1]), int(each[2])) for each in first if each]
+    assert len(counts) > 3
+    assert counts == sorted(counts)
+    assert counts[-1][0] == counts[-1][1]
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_limit_below_an_iteration_is_warned_of(caplog):
+    config = made_bodies.make_config(arena="truth", duration=5.0)
+    bodies, trials, longest = find_longest_iteration(config)
+    assert (bodies, longest) == (10, 5.0)  # 1, 2 and 7 bodies of 1, 2 and 3 modules
+    assert trials == 10 * (1 + 1)  # the genotype at which learning begins, and an exam of one trial
+    for limit, lines in ((None, 0), (100.0, 0), (99.0, 1)):
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
+        assert len(caplog.records) == lines
+    assert "20 trials of 10 bodies, up to 5 s each; for shorter ones give fewer --children" in caplog.text
+
+
+def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
+    words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1", "--max-seconds"]
+    assert run([*SEARCH[:5], *words, "unlimited", "--children", "2", "--folder", str(tmp_path / "run")]) == 0
+    found = ev.load_bodies(tmp_path / "run")
+    assert found.config.max_seconds is None
+    assert {lesson.pupil.body.num_modules for lesson in found.record.lessons} == {3}
+    assert len(found.record.lessons) <= 2
+
+
+def test_the_page_goes_into_a_folder_that_is_made(tmp_path):
+    pytest.importorskip("matplotlib")
+    folder, page = str(tmp_path / "run"), tmp_path / "no" / "folder" / "bodies.html"
+    assert run([*SEARCH, "--generations", "1", "--folder", folder]) == 0
+    assert run(["replay", folder, "--trials", "0", "--films", "0", "--page", str(page)]) == 0
+    assert "work of the hinges " in page.read_text(encoding="utf-8")
