@@ -7,3 +7,7 @@ class EvolutionError(Exception):
 
 class RunError(EvolutionError, RuntimeError):
     """A run cannot start, continue or be read; the message names the folder or value and a remedy."""
+
+
+class NoEnvironmentError(RunError):
+    """The environment of trials cannot be made; of a shorter or narrower body it might."""

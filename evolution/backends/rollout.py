@@ -19,7 +19,7 @@ from evolution.backends.outcome import FAILED_PROGRESS, Outcome
 from evolution.backends.prepared_arenas import find_arena_key, prepare_arena
 from evolution.backends.trials import CONDITIONS, Job, RolloutConfig, Trials, find_trial_controller
 from evolution.controllers.protocol import Controller, reset_rows
-from evolution.errors import RunError
+from evolution.errors import NoEnvironmentError, RunError
 from symbrion_gym.environment.models import LayoutError
 from symbrion_gym.environment.vector import SnakePitVectorEnv
 
@@ -65,7 +65,7 @@ def simulate_on_device(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
     """Try jobs on a GPU in single precision, all trials of a stretch of the arena at once; see `simulate`.
 
     Raises:
-        RunError: the environment cannot be made.
+        NoEnvironmentError: the environment cannot be made.
     """
     return simulate(jobs, threads, engine="warp")
 
@@ -82,7 +82,7 @@ def simulate(
         engine: of the physics: "mujoco" or "warp".
 
     Raises:
-        RunError: the environment cannot be made.
+        NoEnvironmentError: the environment cannot be made.
     """
     groups: dict[Hashable, list[Trial]] = defaultdict(list)
     for index, job in enumerate(jobs):
@@ -112,7 +112,7 @@ def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco")
         engine: of the physics: "mujoco" or "warp".
 
     Raises:
-        RunError: the environment cannot be made.
+        NoEnvironmentError: the environment cannot be made.
     """
     job = Job(np.zeros(len(find_trial_controller(trials).parameters)), trials)
     expected = [trial for index in range(num_jobs) for trial in split_job(index, job)]
@@ -121,7 +121,7 @@ def warm_up(trials: Trials, num_jobs: int, threads: int, engine: str = "mujoco")
         try:
             environment.reset(options={"reset_mask": first})
         except ValueError as error:
-            raise RunError(f"the environment cannot be made: {error}") from error
+            raise NoEnvironmentError(f"the environment cannot be made: {error}") from error
 
 
 def find_environment_key(trials: Trials) -> Hashable:
@@ -196,7 +196,7 @@ def _find_environment(
 
     Raises:
         LayoutError: the stretched arenas do not fit into one vector environment.
-        RunError: it cannot be made.
+        NoEnvironmentError: it cannot be made.
     """
     on_device = engine != "mujoco"
     sizes = _list_device_sizes(num_trials) if on_device else config.batch_sizes
@@ -220,7 +220,7 @@ def _find_environment(
         except LayoutError:
             raise
         except (ValueError, TypeError) as error:  # no genotype is to blame
-            raise RunError(f"the environment cannot be made: {error}") from error
+            raise NoEnvironmentError(f"the environment cannot be made: {error}") from error
     _environments.move_to_end(key)
     return _environments[key]
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from evolution.backends.body_rollout import simulate_bodies
 from evolution.backends.making import Backend, make_backend
 from evolution.backends.outcome import check_tried
 from evolution.backends.simulation import Simulate
@@ -98,7 +99,9 @@ def _try_again(
         write_fresh_trials(run.folder, run.config, fresh)
         return fresh
     execution = run.config.execution
-    backend = make_backend(execution.backend, execution.workers, execution.address, simulate)
+    backend = make_backend(
+        execution.backend, execution.workers, execution.address, simulate or simulate_bodies
+    )
     try:
         for number in range(len(fresh.rules.rounds)):
             due = fresh.find_due(number)

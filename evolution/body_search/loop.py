@@ -13,6 +13,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from evolution.backends.body_rollout import simulate_bodies
 from evolution.backends.making import Backend, make_backend
 from evolution.backends.prepared_arenas import prepare_arena
 from evolution.backends.rollout import warm_up
@@ -131,7 +132,7 @@ def _run(
     on_iteration: OnIteration | None,
     progress: Progress,
 ) -> BodyRun:
-    backend = make_backend(config.backend, config.workers, config.address, simulate)
+    backend = make_backend(config.backend, config.workers, config.address, simulate or simulate_bodies)
     try:
         return _iterate(config, record, folder, backend, on_iteration, progress)
     finally:

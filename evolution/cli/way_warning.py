@@ -52,7 +52,7 @@ def warn_of_way(
     if way is None and isinstance(config, ev.BodyEvolutionConfig) and goal is None and isinstance(start, str):
         refused, other = _find_refused(arena, largest.num_modules), propose_way(arena, largest)
         if refused is not None and other is not None:
-            logger.warning("the search stops at bodies that are too wide: %s; %s", refused, _name_way(other))
+            logger.warning("bodies that are too wide count as failed: %s; %s", refused, _name_way(other))
     if way is None:
         return
     if smallest.num_modules < largest.num_modules:

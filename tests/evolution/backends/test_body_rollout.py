@@ -1,0 +1,84 @@
+"""Bodies that do not fit into an arena: they fail, and all others are tried as if they were alone."""
+
+import logging
+from collections import OrderedDict
+
+import numpy as np
+
+import evolution as ev
+import symbrion_gym as sg
+from evolution.backends import body_rollout, rollout
+from evolution.backends.outcome import FAILED_PROGRESS
+from evolution.backends.trials import Job, make_failure
+from evolution.bodies.genome import parse_genome
+from evolution.errors import NoEnvironmentError
+from symbrion_gym.tasks.traverse import FarEnd
+
+WIDE = "l(l(.))r(.)"
+"""Four modules across the way."""
+ROW = "b(.)"
+
+
+def make_config(arena):
+    return ev.BodyEvolutionConfig(
+        arena=str(arena),
+        task="traverse",
+        track_control="skid",
+        duration=2.0,
+        bodies=ev.BodiesConfig(algorithm="genetic", largest=4, population_size=2, founders=(ROW, WIDE)),
+        learning=ev.LearningConfig(rungs=(1, 2), population_size=4),
+        iterations=1,
+    )
+
+
+def test_a_search_goes_on_where_a_body_does_not_fit(monkeypatch, caplog):
+    config = make_config("stairs")
+    usual = ev.evolve_bodies(config)
+    find = FarEnd.find
+
+    def refuse_four(self, arena, organism, start):
+        if organism.num_modules == 4:
+            raise sg.ArenaError("no way is wide enough")
+        return find(self, arena, organism, start)
+
+    monkeypatch.setattr(FarEnd, "find", refuse_four)
+    monkeypatch.setattr(rollout, "_environments", OrderedDict())
+    with caplog.at_level(logging.WARNING):
+        run = ev.evolve_bodies(config)
+    known, found = (
+        {lesson.pupil.body.num_modules: lesson for lesson in each.record.lessons if lesson.rung == 1}
+        for each in (usual, run)
+    )
+    assert known[4].seconds > 0.0
+    assert (found[4].successes, found[4].seconds, found[4].fitness) == (0, 0.0, FAILED_PROGRESS)
+    assert found[2].fitness == known[2].fitness
+    assert (
+        caplog.text.count("a body of 4 modules counts as failed: the environment cannot be made: no way") == 1
+    )
+
+
+def test_jobs_of_the_others_are_tried_together(monkeypatch):
+    config = make_config("gsrm")
+    trials = {text: config.make_trials(parse_genome(text), 3, ()) for text in (ROW, WIDE, ".")}
+    calls = []
+
+    def simulate(jobs, threads):
+        calls.append(len(jobs))
+        if any(job.trials == trials[WIDE] for job in jobs):
+            raise NoEnvironmentError("the environment cannot be made: too wide")
+        return [make_failure(job.trials, f"tried {job.genotype[0]:g}") for job in jobs]
+
+    monkeypatch.setattr(body_rollout, "simulate", simulate)
+    jobs = [
+        Job(np.array([float(number)]), trials[text])
+        for number, text in enumerate((ROW, WIDE, ".", ROW, WIDE))
+    ]
+    outcomes = body_rollout.simulate_bodies(jobs, 2)
+    assert [outcome.error for outcome in outcomes] == [
+        "tried 0",
+        "the environment cannot be made: too wide",
+        "tried 2",
+        "tried 3",
+        "the environment cannot be made: too wide",
+    ]
+    assert calls == [5, 2, 2, 1]
