@@ -40,6 +40,10 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+_INSIDE_OUT = (
+    ": the lowest level surface looks down here, and of a room, which is inside out then, that is the floor"
+)
+"""What is added where a room may be inside out."""
 _MOST_VOTES = 8192
 """Of the readings behind a refined surface, at most these vote for its sides where their viewpoints are guessed."""
 
@@ -331,7 +335,11 @@ class Reconstruction:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
         import trimesh
 
-        from reconstruction.geometry.orientation import orient_outwards, orient_to_viewpoints
+        from reconstruction.geometry.orientation import (
+            looks_down_below,
+            orient_outwards,
+            orient_to_viewpoints,
+        )
         from reconstruction.networks.change.absence import thin
 
         vertices, faces = self._cut_far_faces()
@@ -339,6 +347,7 @@ class Reconstruction:
             faces = orient_outwards(vertices, faces)
             note = (
                 "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
+                + _INSIDE_OUT * looks_down_below(vertices, faces)
             )
         else:
             points = self.points

@@ -98,7 +98,7 @@ def draw_arena(
     front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
     route = route if "route" in layers else None
     boxes = [] if robot is None or route is None else make_boxes(robot, route)
-    frame = find_frame(arena, route)
+    frame = find_frame(arena, route, way if has_plan else None)
     views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
     if has_plan:
         views.append(make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH)))

@@ -10,6 +10,7 @@ from jaxtyping import Float
 import symbrion_gym as sg
 
 if TYPE_CHECKING:
+    from symbrion_gym.tasks.drivable_way import Pair
     from symbrion_gym.traversability.routes import DrivingRoute
 
 _TAIL = 2.5
@@ -24,12 +25,15 @@ _LEAST_AROUND = 1.0
 """[m]"""
 
 
-def find_frame(arena: sg.Arena, route: DrivingRoute | None = None) -> Float[np.ndarray, "N 3"]:
+def find_frame(
+    arena: sg.Arena, route: DrivingRoute | None = None, way: Pair | None = None
+) -> Float[np.ndarray, "N 3"]:
     """Return the points that a picture of an arena shows: vertices of its surface, and the route.
 
     Args:
         arena: any arena.
         route: a way in it that is drawn; one that is short in a large scene is framed closely.
+        way: start and goal of a straight way that is drawn, too.
     """
     vertices = np.asarray(arena.surface.vertices, dtype=np.float64)
     low, high = np.percentile(vertices, [_TAIL, 100.0 - _TAIL], axis=0)
@@ -37,12 +41,16 @@ def find_frame(arena: sg.Arena, route: DrivingRoute | None = None) -> Float[np.n
     low, high = low - reach, high + reach
     if route is None:
         return _crop(vertices, low, high)
-    begin, end = route.path.min(axis=0), route.path.max(axis=0)
+    shown = route.path
+    if way is not None:
+        heights = np.full(2, route.path[:, 2].mean())
+        shown = np.concatenate([shown, np.column_stack([np.array(way), heights])])
+    begin, end = shown.min(axis=0), shown.max(axis=0)
     extent = float((end - begin)[:2].max())
     if extent < _SMALL * float((high - low)[:2].max()):
         around = max(_AROUND * extent, _LEAST_AROUND)
         low, high = np.maximum(low, begin - around), np.minimum(high, end + around)
-    return np.concatenate([_crop(vertices, low, high), route.path])
+    return np.concatenate([_crop(vertices, low, high), shown])
 
 
 def _crop(

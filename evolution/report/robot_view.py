@@ -69,7 +69,8 @@ def add_scale(axes: Axes, view: View) -> None:
 def add_way(axes: Axes, view: View, way: Float[np.ndarray, "2 2"]) -> None:
     """Draw a straight way from a start to a goal into a picture from above."""
     begin, end = view.project(np.column_stack([way, np.zeros(2)]))[:, :2] / OVERSAMPLING
-    axes.annotate("", end, begin, arrowprops={**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0})
+    looks = {**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, begin, arrowprops=looks, annotation_clip=False)
 
 
 def make_way_legend() -> Line2D:

@@ -15,6 +15,10 @@ OPEN_SHARE = 0.2
 those of a half sphere sum to half of it."""
 _INSIDE = 0.5
 """A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
+_LEVEL = 0.9
+"""A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
+_LOWEST = 0.15
+"""The bottom of a surface is this share of its height."""
 
 
 def orient_outwards(
@@ -56,6 +60,28 @@ def orient_outwards(
             turns = _count_turns(vertices, faces[part == closed], seen_from)
             forth[closed] = -turns if abs(turns) > _INSIDE else outwards[closed]
     return np.where((forth[part] < 0)[:, None], faces[:, ::-1], faces)
+
+
+def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> bool:
+    """Return whether level faces look down at the bottom, and up above it, as those of a closed room from outside.
+
+    At the bottom less than half of the level area looks up, and above it more than half; without level faces in both,
+    it is not so.
+
+    Args:
+        vertices: [m].
+        faces: oriented.
+    """
+    corners = vertices[faces]
+    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area, height = find_lengths(cross), corners[:, :, 2].mean(axis=1)
+    is_level = np.abs(cross[:, 2]) > _LEVEL * area
+    if not is_level.any():
+        return False
+    low, high = height[is_level].min(), height[is_level].max()
+    is_low = height < low + _LOWEST * (high - low)
+    below, above = (float(cross[is_level & chosen, 2].sum()) for chosen in (is_low, ~is_low))
+    return below < 0.0 < above
 
 
 def _find_nearest(

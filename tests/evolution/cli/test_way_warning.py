@@ -41,7 +41,10 @@ def test_a_way_too_narrow_for_the_widest_body_is_warned_of(stairs, caplog, monke
     monkeypatch.setattr("symbrion_gym.tasks.traverse.FarEnd.find", refuse)
     warn(stairs, "traverse")
     (record,) = caplog.records
-    assert "bodies that are too wide count as failed: no straight way of 8; a straight way that can" in record.getMessage()
+    assert (
+        "bodies that are too wide count as failed: no straight way of 8; a straight way that can"
+        in record.getMessage()
+    )
     assert "--start " in record.getMessage()
     caplog.clear()
     warn(stairs, "traverse", goal=(-0.2, 0.0))

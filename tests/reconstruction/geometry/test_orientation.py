@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.orientation import orient_outwards
+from reconstruction.geometry.orientation import looks_down_below, orient_outwards
 
 
 def find_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -49,3 +49,15 @@ def test_a_sheet_looks_to_the_nearest_scanner_and_else_up():
     below = orient_outwards(vertices, faces, np.array([[0.2, 0.2, -1.0], [0.2, 0.2, 9.0]]))
     assert below.tolist() == [[2, 1, 0]]
     assert orient_outwards(vertices, below, None).tolist() == [[0, 1, 2]]
+
+
+def test_a_room_from_outside_looks_down_below_and_terrain_does_not():
+    box = trimesh.creation.box([4.0, 3.0, 2.5])
+    vertices, faces = np.asarray(box.vertices), np.asarray(box.faces)
+    assert looks_down_below(vertices, faces)
+    assert not looks_down_below(vertices, faces[:, ::-1])
+    ground = trimesh.creation.box([4.0, 3.0, 0.2])
+    top = ground.triangles_center[:, 2] > 0.0
+    assert not looks_down_below(np.asarray(ground.vertices), np.asarray(ground.faces)[top])
+    assert not looks_down_below(np.eye(3), np.array([[0, 1, 2]]))
+    assert not looks_down_below(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
