@@ -28,7 +28,7 @@ from evolution.body_search.learning import Lesson
 
 MAX_LESSONS = 250
 """Lessons that a prediction rests on, the last ones: its time grows with their third power."""
-_GRID = tuple(product((0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)))
+_REACHES, _OWN, _BETWEEN, _NOISES = (0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)
 """Values of l [modules], b, c and n."""
 _ALONG = 0.7
 """A module looks along the body where the cosine of its heading is beyond this."""
@@ -103,17 +103,17 @@ class Prediction:
         fitness = np.array([each.fitness for each in lessons])
         self._centers, self._spreads = _find_scales(fitness, self._known, last)
         self._values = (fitness - self._centers[self._known.rungs]) / self._spreads[self._known.rungs]
-        self._likeness = _compare(self._known, self._known)
-        self._parameters = max(_GRID, key=lambda each: (self._solve(each)[2], -_GRID.index(each)))
-        self._root, self._weights, _ = self._solve(self._parameters)
+        self._parameters = self._find_likeliest(_compare(self._known, self._known))
 
     def predict(
         self, bodies: Sequence[BodyGenome]
     ) -> tuple[Float[np.ndarray, " B"], Float[np.ndarray, " B"]]:
         """Return mean and standard deviation of what bodies will know at the end of the last rung."""
         asked = self._to_numbers(bodies, [self._last] * len(bodies))
+        from scipy.linalg import solve_triangular
+
         shared = _find_covariance(_compare(asked, self._known), self._parameters[:3])
-        explained = np.linalg.solve(self._root, shared.T)
+        explained = solve_triangular(self._root, shared.T, lower=True, check_finite=False)
         variance = np.maximum(1.0 - np.sum(explained**2, axis=0), 0.0)
         center, spread = self._centers[self._last], self._spreads[self._last]
         return center + spread * (shared @ self._weights), spread * np.sqrt(variance)
@@ -123,14 +123,30 @@ class Prediction:
         numbers = [self._numbers.setdefault(text, len(self._numbers)) for text in texts]
         return _Lessons(np.array([_describe(text) for text in texts]), np.array(numbers), np.array(rungs))
 
+    def _find_likeliest(self, likeness: _Likeness) -> tuple[float, float, float, float]:
+        """Return the parameters of the grid under which the lessons are likeliest, and keep their solution."""
+        best, likeliest = -np.inf, (_REACHES[0], _OWN[0], _BETWEEN[0], _NOISES[0])
+        near = {reach: np.exp(-0.5 * likeness.squares / reach**2) for reach in _REACHES}
+        far = {between: between**likeness.rungs for between in _BETWEEN}
+        for reach, own, between in product(_REACHES, _OWN, _BETWEEN):
+            shared = ((1.0 - own) * near[reach] + own * likeness.is_same) * far[between]
+            for noise in _NOISES:
+                root, weights, likelihood = self._solve(shared, noise)
+                if likelihood > best:
+                    best, likeliest = likelihood, (reach, own, between, noise)
+                    self._root, self._weights = root, weights
+        return likeliest
+
     def _solve(
-        self, parameters: tuple[float, float, float, float]
+        self, shared: Float[np.ndarray, "N N"], noise: float
     ) -> tuple[Float[np.ndarray, "N N"], Float[np.ndarray, " N"], float]:
         """Return the root of the covariance, the weights of the lessons, and the logarithm of their likelihood."""
-        covariance = _find_covariance(self._likeness, parameters[:3])
-        covariance += (parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
-        root = np.linalg.cholesky(covariance)
-        weights = np.linalg.solve(root.T, np.linalg.solve(root, self._values))
+        from scipy.linalg import cho_solve, cholesky
+
+        covariance = shared.copy()
+        covariance[np.diag_indices_from(covariance)] += noise + _SMALLEST_SPREAD
+        root = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
+        weights = cho_solve((root, True), self._values, check_finite=False)
         likelihood = -0.5 * float(self._values @ weights) - float(np.log(np.diag(root)).sum())
         return root, weights, likelihood
 
