@@ -152,7 +152,7 @@ def test_exhaustive_replay_pays_for_all_and_finds_the_optimum(table):
     assert max(lesson.fitness for lesson in lessons) == table.fitness[0].max()
 
 
-@pytest.mark.parametrize("name", ["niches", "surrogate", "halving", "genetic", "random"])
+@pytest.mark.parametrize("name", ["freeze_thaw", "niches", "surrogate", "halving", "genetic", "random"])
 def test_replays_are_equal_for_equal_seeds_and_keep_their_budget(table, name):
     budget = 0.4 * float(table.seconds[0].sum())
     rungs = (1, 2) if name in IN_RUNGS else None
