@@ -18,15 +18,19 @@ CANDIDATES = 30
 OPTIMISM = 2.0
 """Standard deviations added to a prediction: what is unknown is tried."""
 
+NICHE_SHARE = 0.4
+"""Share of the trials of learning that bodies of niches have. More of it finds an optimum that is alone sooner, and one
+among good relatives later."""
+
 
 class FreezeThawSearch:
     """A search in which the most promising body learns its next rung, be it paused or new.
 
     A Gaussian process over shapes of bodies predicts what a body will know in the end. Two rules choose in turn, so
-    that each has spent half of all trials: the highest upper confidence bound of all bodies; and the highest one
-    among the bodies of a niche, the number of modules of which the fewest have learned to the end. The first finds an
-    optimum whose relatives are good; the second one that is alone, as there are few small bodies. What was chosen
-    counts as learned as predicted, until it is known, so that the bodies of an iteration differ.
+    that each spends its share of the trials (`NICHE_SHARE`): the highest upper confidence bound of all bodies; and the
+    highest one in a niche, the number of modules of which the fewest bodies have learned to the end. The first rule
+    finds an optimum whose relatives are good; the second one that is alone, as there are few small bodies. What was
+    chosen counts as learned as predicted until it is known, so that the bodies of an iteration differ.
 
     References:
         Swersky, Snoek, Adams (2014), Freeze-thaw Bayesian optimization, arXiv 1406.3896. Differs: learning pauses at
@@ -42,7 +46,7 @@ class FreezeThawSearch:
         self._config, self._last = config, len(learning.rungs) - 1
         self._breeder = Breeder(config, learning, rng)
         self._costs = [learning.count_trials(rung) for rung in range(len(learning.rungs))]
-        self._spent_among_all, self._spent_in_niches = 0, 0
+        self._trials, self._niche_trials = 0, 0
         self._latest: dict[str, Lesson] = {}
         self._lessons: list[Lesson] = []
 
@@ -73,7 +77,7 @@ class FreezeThawSearch:
         return list({each.key: each for each in bred if each.key not in self._latest}.values())
 
     def _choose(self, waiting: list[Assignment]) -> list[Assignment]:
-        """Return as many assignments as an iteration has, by the rule that has spent less in turn."""
+        """Return as many assignments as an iteration has, by both rules in turn."""
         prediction = Prediction(self._lessons, self._last)
         learned = Counter(
             each.pupil.body.num_modules for each in self._latest.values() if each.rung == self._last
@@ -82,14 +86,13 @@ class FreezeThawSearch:
         while waiting and len(chosen) < self._config.children:
             mean, spread = prediction.predict([each.pupil.body for each in waiting])
             bounds = mean + OPTIMISM * spread
-            if self._spent_among_all <= self._spent_in_niches:
-                best = int(np.argmax(bounds))
-                self._spent_among_all += self._costs[waiting[best].rung]
-            else:
-                counts = np.array([learned[each.pupil.body.num_modules] for each in waiting])
-                best = int(np.lexsort((-bounds, counts))[0])
-                self._spent_in_niches += self._costs[waiting[best].rung]
-            chosen.append(waiting.pop(best))
-            prediction.expect(chosen[-1].pupil.body, chosen[-1].rung)
-            learned[chosen[-1].pupil.body.num_modules] += 1
+            counts = np.array([learned[each.pupil.body.num_modules] for each in waiting])
+            is_turn_of_niches = self._niche_trials < NICHE_SHARE * self._trials
+            order = np.lexsort((-bounds, counts)) if is_turn_of_niches else np.argsort(-bounds, kind="stable")
+            chosen.append(waiting.pop(int(order[0])))
+            body, rung = chosen[-1].pupil.body, chosen[-1].rung
+            self._trials += self._costs[rung]
+            self._niche_trials += is_turn_of_niches * self._costs[rung]
+            prediction.expect(body, rung)
+            learned[body.num_modules] += 1
         return chosen
