@@ -18,7 +18,7 @@ CANDIDATES = 30
 OPTIMISM = 2.0
 """Standard deviations added to a prediction: what is unknown is tried."""
 
-NICHE_SHARE = 0.4
+NICHE_SHARE = 0.33
 """Share of the trials of learning that bodies of niches have. More of it finds an optimum that is alone sooner, and one
 among good relatives later."""
 
