@@ -36,7 +36,7 @@ from evolution.landscape.making import let_bodies_learn
 from evolution.landscape.places import find_published_arena, save_places
 from evolution.landscape.reliability import describe_reliability, find_goal
 from evolution.landscape.remaking import draw_places, find_differences
-from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, score_searches
+from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, find_rungs, score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
@@ -194,7 +194,7 @@ def search_really(table: Landscape, task: str, seeds: Iterable[int], workers: in
     place = table.find_task(task)
     goal, limit = find_goal(table, place), BUDGET * float(table.seconds[place].sum())
     base = make_search(table.config, task, find_published_arena(task), workers=workers)
-    rungs = (1, table.config.generations[-1])
+    rungs = find_rungs(SEARCHES[0], table.config.generations[-1])
     rows = []
     for seed in seeds:
         run = evolve_bodies(
@@ -206,7 +206,7 @@ def search_really(table: Landscape, task: str, seeds: Iterable[int], workers: in
                 iterations=MAX_ITERATIONS,
             )
         )
-        last = [lesson for lesson in run.record.lessons if lesson.rung == 1]
+        last = [lesson for lesson in run.record.lessons if lesson.rung == len(rungs) - 1]
         best = max(last, key=lambda each: each.fitness)
         rows.append(
             {

@@ -43,7 +43,17 @@ from reconstruction.range_checks import check_choice, coerce_floats, coerce_inte
 from symbrion_gym.robot.organism import Organism
 from symbrion_gym.robot.scout_constants import ScoutConfig
 
-ALGORITHMS = ("niches", "surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
+ALGORITHMS = (
+    "freeze_thaw",
+    "niches",
+    "surrogate",
+    "halving",
+    "genetic",
+    "map_elites",
+    "cma_mae",
+    "random",
+    "exhaustive",
+)
 RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
 _ADDED = ("axes", "dofs", "founders", "founder_genes")
@@ -57,7 +67,8 @@ class BodiesConfig:
     """Which bodies are searched, and how.
 
     Attributes:
-        algorithm: "niches" (as "halving", and each against those of its number of modules), "surrogate" (as
+        algorithm: "freeze_thaw" (a prediction from the shapes of bodies says which body learns its next rung),
+            "niches" (as "halving", and each against those of its number of modules), "surrogate" (as
             "halving", and a prediction from the shapes of bodies chooses who learns), "halving" (a genetic algorithm
             whose bodies learn in rungs, each against those of its rung),
             "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
@@ -87,7 +98,7 @@ class BodiesConfig:
         RunError: a value is out of range.
     """
 
-    algorithm: str = "niches"
+    algorithm: str = "freeze_thaw"
     smallest: int = 1
     largest: int = 8
     dofs: int = 1

@@ -28,7 +28,7 @@ from evolution.body_search.learning import Lesson
 
 MAX_LESSONS = 250
 """Lessons that a prediction rests on, the last ones: its time grows with their third power."""
-_GRID = tuple(product((0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)))
+_REACHES, _OWN, _BETWEEN, _NOISES = (0.7, 1.5, 3.0), (0.1, 0.4, 0.8), (0.95, 0.7, 0.3), (0.01, 0.1, 0.4)
 """Values of l [modules], b, c and n."""
 _ALONG = 0.7
 """A module looks along the body where the cosine of its heading is beyond this."""
@@ -103,36 +103,73 @@ class Prediction:
         fitness = np.array([each.fitness for each in lessons])
         self._centers, self._spreads = _find_scales(fitness, self._known, last)
         self._values = (fitness - self._centers[self._known.rungs]) / self._spreads[self._known.rungs]
-        self._likeness = _compare(self._known, self._known)
-        self._parameters = max(_GRID, key=lambda each: (self._solve(each)[2], -_GRID.index(each)))
-        self._root, self._weights, _ = self._solve(self._parameters)
+        likeness = _compare(self._known, self._known)
+        self._parameters = _find_likeliest(likeness, self._values)
+        self._root, self._weights = self._solve(likeness)
 
     def predict(
         self, bodies: Sequence[BodyGenome]
     ) -> tuple[Float[np.ndarray, " B"], Float[np.ndarray, " B"]]:
         """Return mean and standard deviation of what bodies will know at the end of the last rung."""
-        asked = self._to_numbers(bodies, [self._last] * len(bodies))
-        shared = _find_covariance(_compare(asked, self._known), self._parameters[:3])
-        explained = np.linalg.solve(self._root, shared.T)
+        shared, explained = self._relate(self._to_numbers(bodies, [self._last] * len(bodies)))
         variance = np.maximum(1.0 - np.sum(explained**2, axis=0), 0.0)
         center, spread = self._centers[self._last], self._spreads[self._last]
         return center + spread * (shared @ self._weights), spread * np.sqrt(variance)
+
+    def expect(self, body: BodyGenome, rung: int) -> None:
+        """Take a body as if it had learned a rung as predicted: means stay, and deviations of its kin shrink.
+
+        References:
+            Desautels, Krause, Burdick (2014), Parallelizing exploration-exploitation tradeoffs in Gaussian process
+            bandit optimization, Journal of Machine Learning Research 15, section 4.1.
+        """
+        lesson = self._to_numbers([body], [rung])
+        _, explained = self._relate(lesson)
+        left = 1.0 + self._parameters[3] + _SMALLEST_SPREAD - float(np.sum(explained**2))
+        count = len(self._weights)
+        root = np.zeros((count + 1, count + 1))
+        root[:count, :count], root[count, :count] = self._root, explained[:, 0]
+        root[count, count] = np.sqrt(max(left, _SMALLEST_SPREAD))
+        self._root, self._weights = root, np.append(self._weights, 0.0)
+        self._known = _Lessons(*(np.concatenate(pair) for pair in zip(self._known, lesson, strict=True)))
+
+    def _relate(self, asked: _Lessons) -> tuple[Float[np.ndarray, "B N"], Float[np.ndarray, "N B"]]:
+        """Return the covariance with what is known, and what the root of that of the known explains of it."""
+        shared = _find_covariance(_compare(asked, self._known), self._parameters[:3])
+        return shared, np.linalg.solve(self._root, shared.T)
 
     def _to_numbers(self, bodies: Sequence[BodyGenome], rungs: Sequence[int]) -> _Lessons:
         texts = [body.canonical_text for body in bodies]
         numbers = [self._numbers.setdefault(text, len(self._numbers)) for text in texts]
         return _Lessons(np.array([_describe(text) for text in texts]), np.array(numbers), np.array(rungs))
 
-    def _solve(
-        self, parameters: tuple[float, float, float, float]
-    ) -> tuple[Float[np.ndarray, "N N"], Float[np.ndarray, " N"], float]:
-        """Return the root of the covariance, the weights of the lessons, and the logarithm of their likelihood."""
-        covariance = _find_covariance(self._likeness, parameters[:3])
-        covariance += (parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
+    def _solve(self, likeness: _Likeness) -> tuple[Float[np.ndarray, "N N"], Float[np.ndarray, " N"]]:
+        """Return the root of the covariance, and the weights of the lessons."""
+        covariance = _find_covariance(likeness, self._parameters[:3])
+        covariance += (self._parameters[3] + _SMALLEST_SPREAD) * np.eye(len(covariance))
         root = np.linalg.cholesky(covariance)
-        weights = np.linalg.solve(root.T, np.linalg.solve(root, self._values))
-        likelihood = -0.5 * float(self._values @ weights) - float(np.log(np.diag(root)).sum())
-        return root, weights, likelihood
+        return root, np.linalg.solve(root.T, np.linalg.solve(root, self._values))
+
+
+def _find_likeliest(
+    likeness: _Likeness, values: Float[np.ndarray, " N"]
+) -> tuple[float, float, float, float]:
+    """Return the parameters of the grid under which the values are likeliest, of equals the first."""
+    from scipy.linalg import cho_solve, cholesky
+
+    best, likeliest = -np.inf, (_REACHES[0], _OWN[0], _BETWEEN[0], _NOISES[0])
+    near = {reach: np.exp(-0.5 * likeness.squares / reach**2) for reach in _REACHES}
+    far = {between: between**likeness.rungs for between in _BETWEEN}
+    for reach, own, between in product(_REACHES, _OWN, _BETWEEN):
+        shared = ((1.0 - own) * near[reach] + own * likeness.is_same) * far[between]
+        for noise in _NOISES:
+            covariance = shared + (noise + _SMALLEST_SPREAD) * np.eye(len(shared))
+            root = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
+            weights = cho_solve((root, True), values, check_finite=False)
+            likelihood = -0.5 * float(values @ weights) - float(np.log(np.diag(root)).sum())
+            if likelihood > best:
+                best, likeliest = likelihood, (reach, own, between, noise)
+    return likeliest
 
 
 def _compare(first: _Lessons, second: _Lessons) -> _Likeness:

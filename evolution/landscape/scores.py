@@ -13,8 +13,19 @@ from evolution.landscape.replay import Replay, measure_area, replay, summarize
 from evolution.landscape.table import Landscape
 from reconstruction.extras import find_missing
 
-SEARCHES = ("niches", "surrogate", "halving", "genetic", "map_elites", "cma_mae", "random", "exhaustive")
-IN_RUNGS = ("niches", "surrogate", "halving")
+SEARCHES = (
+    "freeze_thaw",
+    "niches",
+    "surrogate",
+    "halving",
+    "genetic",
+    "map_elites",
+    "cma_mae",
+    "random",
+    "exhaustive",
+)
+IN_RUNGS = ("freeze_thaw", "niches", "surrogate", "halving")
+"""Searches in which bodies learn in rungs; see `find_rungs`."""
 RIVALS = ("random", "genetic", "map_elites")
 """Searches that the best one is compared with."""
 NEED_RIBS = ("map_elites", "cma_mae")
@@ -69,10 +80,22 @@ def score_searches(
 def run_search(
     table: Landscape, task: str, name: str, seed: int, limit: float, bodies: BodiesConfig
 ) -> Replay:
-    """Replay one search; in `IN_RUNGS` bodies learn in two rungs, the first of which is the start genotype alone."""
-    last = table.config.generations[-1]
-    rungs = tuple(sorted({1, last})) if name in IN_RUNGS else (last,)
-    return replay(table, task, name, seed, limit, bodies, rungs)
+    """Replay one search in its rungs."""
+    return replay(table, task, name, seed, limit, bodies, find_rungs(name, table.config.generations[-1]))
+
+
+def find_rungs(name: str, last: int) -> tuple[int, ...]:
+    """Return the generations at which learning pauses in a search.
+
+    The first rung of `IN_RUNGS` is the start genotype alone, one trial. In "freeze_thaw" the second one is a
+    generation of CMA-ES, which says much more of what a body will know.
+
+    Args:
+        name: one of `SEARCHES`.
+        last: generations that a body learns in all.
+    """
+    early = {"freeze_thaw": {1, 2}}.get(name, {1}) if name in IN_RUNGS else set()
+    return tuple(sorted({each for each in early if each < last} | {last}))
 
 
 def _score(

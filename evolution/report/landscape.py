@@ -19,6 +19,7 @@ from evolution.report.pictures import CHART_DPI
 _PANEL = (3.1, 2.7)
 """Width and height of the chart of a task [inch]."""
 _LABELS = {
+    "freeze_thaw": "freeze-thaw",
     "niches": "successive halving in niches",
     "halving": "successive halving",
     "genetic": "genetic algorithm",

@@ -9,6 +9,7 @@ import numpy as np
 
 from evolution.body_search.algorithms.algorithm import Algorithm
 from evolution.body_search.algorithms.archives import ANNEALING_RATE, ArchiveSearch
+from evolution.body_search.algorithms.freeze_thaw import FreezeThawSearch
 from evolution.body_search.algorithms.genetic import GeneticSearch, HalvingSearch, NicheSearch
 from evolution.body_search.algorithms.sampling import ExhaustiveSearch, RandomSearch
 from evolution.body_search.algorithms.surrogate import SurrogateSearch
@@ -16,6 +17,7 @@ from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
 from evolution.body_search.learning import LearningConfig
 
 _MAKERS: dict[str, Callable[..., Algorithm]] = {
+    "freeze_thaw": FreezeThawSearch,
     "niches": NicheSearch,
     "surrogate": SurrogateSearch,
     "halving": HalvingSearch,

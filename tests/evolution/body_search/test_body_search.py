@@ -59,7 +59,18 @@ def find_bytes(run):
     return run.record.to_bytes(run.config.digest())
 
 
-@pytest.mark.parametrize("algorithm", ["niches", "surrogate", "halving", "genetic", "random", "exhaustive"])
+@pytest.mark.parametrize(
+    "algorithm",
+    [
+        "freeze_thaw",
+        "niches",
+        "surrogate",
+        "halving",
+        "genetic",
+        "random",
+        "exhaustive",
+    ],
+)
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
     first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))
@@ -68,7 +79,7 @@ def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     assert find_bytes(other) != find_bytes(first)
 
 
-@pytest.mark.parametrize("algorithm", ["niches", "surrogate", "halving"])
+@pytest.mark.parametrize("algorithm", ["freeze_thaw", "niches", "surrogate", "halving"])
 def test_a_resumed_run_equals_one_that_never_stopped(tmp_path, algorithm):
     bodies = replace(BODIES, algorithm=algorithm)
     whole = evolve_bodies(make_config(folder=tmp_path / "whole", bodies=bodies), simulate=landscape)

@@ -29,7 +29,7 @@ def make_config(algorithm="surrogate", **changes):
     return made_bodies.make_config(bodies=bodies, learning=LEARNING, iterations=3)
 
 
-@pytest.mark.parametrize("algorithm", ["niches", "surrogate", "halving", "genetic"])
+@pytest.mark.parametrize("algorithm", ["freeze_thaw", "niches", "surrogate", "halving", "genetic"])
 def test_founders_learn_first_from_their_genes_and_hand_them_on(algorithm):
     run = ev.evolve(make_config(algorithm), simulate=made_bodies.simulate)
     first = [lesson.pupil for lesson in run.record.lessons if lesson.rung == 0][:3]

@@ -18,7 +18,7 @@ from evolution.landscape.making import count_rounds, let_bodies_learn, list_bodi
 from evolution.landscape.places import PLACES, find_published_arena, make_hills, make_true_arena
 from evolution.landscape.reliability import correlate_ranks, describe_reliability, find_goal
 from evolution.landscape.replay import Replay, Table, measure_area, replay, summarize
-from evolution.landscape.scores import IN_RUNGS, score_searches
+from evolution.landscape.scores import IN_RUNGS, SEARCHES, find_rungs, score_searches
 from evolution.landscape.table import ARRAYS, load_landscape
 
 CONFIG = LandscapeConfig(largest=4, population_size=4, generations=(2,), exam_trials=2)
@@ -152,7 +152,7 @@ def test_exhaustive_replay_pays_for_all_and_finds_the_optimum(table):
     assert max(lesson.fitness for lesson in lessons) == table.fitness[0].max()
 
 
-@pytest.mark.parametrize("name", ["niches", "surrogate", "halving", "genetic", "random"])
+@pytest.mark.parametrize("name", ["freeze_thaw", "niches", "surrogate", "halving", "genetic", "random"])
 def test_replays_are_equal_for_equal_seeds_and_keep_their_budget(table, name):
     budget = 0.4 * float(table.seconds[0].sum())
     rungs = (1, 2) if name in IN_RUNGS else None
@@ -204,3 +204,12 @@ def test_the_exact_places_are_known_by_hand():
 def test_the_json_names_the_command(table, tmp_path):
     table.save(tmp_path)
     assert json.loads((tmp_path / "landscape.json").read_text())["provenance"] == {"command": "test"}
+
+
+def test_the_rungs_of_each_search():
+    assert find_rungs("freeze_thaw", 4) == (1, 2, 4)
+    assert find_rungs("freeze_thaw", 2) == (1, 2)
+    assert find_rungs("niches", 4) == (1, 4)
+    assert find_rungs("random", 4) == (4,)
+    assert find_rungs("surrogate", 1) == (1,)
+    assert SEARCHES[0] == BodiesConfig().algorithm
