@@ -8,6 +8,11 @@ _HELD_OUT = {
     "low_stairs": "two steps of 0.04 m",
     "other_hills": "2 m of other low hills",
 }
+_SECOND_HELD_OUT = {
+    "one_step": "a step of 0.05 m",
+    "sill": "a bar of 0.05 m across the way",
+    "steep_hills": "2 m of steep low hills",
+}
 _RIVALS = "random search, a plain genetic algorithm and plain MAP-Elites"
 
 
@@ -53,33 +58,43 @@ def _lengthen(task: str, place: str) -> Claim:
     )
 
 
-def _list_reached(part: str) -> tuple[Value, ...]:
-    """Return seeds that reached the goal: of the default search, and of three others."""
-    searches = f"{part}/searches"
-    first = Value("landscape", f"{searches}/freeze_thaw/reached | {searches}/niches/reached")
-    others = ("surrogate", "halving", "random")
-    return first, *(Value("landscape", f"{searches}/{name}/reached") for name in others)
-
-
-def _reach(task: str, place: str) -> Claim:
+def _reach(part: str, title: str) -> Claim:
     return Claim(
-        f"Search for a body for {place}, looked up in the map of all small bodies: seeds of 10 that come within 5 % of "
-        "the known optimum with a tenth of the exhaustive search's time (a prediction from shapes; "
-        "successive halving alone; random search)",
-        "{0} ({1}; {2}; {3})",
-        _list_reached(f"replays of {task}"),
+        f"{title}, looked up in a map of all small bodies: seeds of 10 that come within 5 % of the known optimum with "
+        "a tenth of the exhaustive search's time (halving in niches; a prediction from shapes; successive halving "
+        "alone; random search)",
+        "{0} ({1}; {2}; {3}; {4})",
+        tuple(
+            Value("landscape", f"{part}/searches/{name}/reached")
+            for name in ("freeze_thaw", "niches", "surrogate", "halving", "random")
+        ),
         bar=">= 10",
     )
 
 
+def _replay(task: str, place: str) -> Claim:
+    return _reach(f"replays of {task}", f"Search for a body for {place}")
+
+
+def _replay_other(task: str, place: str) -> Claim:
+    return _reach(
+        f"held out: {task}", f"Search for a body for {place}, on which this search was developed, too"
+    )
+
+
 def _hold_out(task: str, place: str) -> Claim:
+    return _reach(
+        f"held out: {task}", f"Held out: search for a body for {place}, on which nothing was developed"
+    )
+
+
+def _search_really(task: str, place: str) -> Claim:
     return Claim(
-        f"Held out: search for a body for {place}, on which nothing was developed, looked up in a map of all small "
-        "bodies: seeds of 10 that come within 5 % of the known optimum with a tenth of the exhaustive search's time (a "
-        "prediction from shapes; successive halving alone; random search)",
-        "{0} ({1}; {2}; {3})",
-        _list_reached(f"held out: {task}"),
-        bar=">= 10",
+        f"Search for a body for {place} by physics, not looked up, with halving in niches in a tenth of the exhaustive "
+        "time: seeds that come within 5 % of the known optimum (seeds that find the same body)",
+        "{0} of {1} ({2})",
+        tuple(Value("landscape", f"real {task}/{name}") for name in ("reached", "of", "optima")),
+        bar=">= 5",
     )
 
 
@@ -98,7 +113,8 @@ LANDSCAPE = (
     *(
         make(task, place)
         for task, place in _TASKS.items()
-        for make in (_trust, _repeat, _lengthen, _reach, _beat)
+        for make in (_trust, _repeat, _lengthen, _replay, _beat, _search_really)
     ),
-    *(_hold_out(task, place) for task, place in _HELD_OUT.items()),
+    *(_replay_other(task, place) for task, place in _HELD_OUT.items()),
+    *(_hold_out(task, place) for task, place in _SECOND_HELD_OUT.items()),
 )
