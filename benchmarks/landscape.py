@@ -15,6 +15,7 @@ these, too, and `second_held_out` is the same for three places on which nothing 
 import argparse
 from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -36,7 +37,7 @@ from evolution.landscape.making import let_bodies_learn
 from evolution.landscape.places import find_published_arena, save_places
 from evolution.landscape.reliability import describe_reliability, find_goal
 from evolution.landscape.remaking import draw_places, find_differences
-from evolution.landscape.scores import BUDGET, SEARCHES, SMALL, find_rungs, score_searches
+from evolution.landscape.scores import BUDGET, SMALL, find_rungs, score_searches
 from evolution.landscape.table import Landscape, load_landscape
 from evolution.search.provenance import find_revision
 
@@ -49,6 +50,7 @@ SEEDS = 10
 MAX_ITERATIONS = 1000
 """More than the time allows."""
 REAL_SEEDS = 5
+REAL_SEARCHES = ("freeze_thaw", "niches")
 AGAIN = 12
 """Random bodies that are made again."""
 
@@ -100,10 +102,10 @@ def run(
             _score(table, "held out:", results, quick)
     if not only or "real" in only:
         table = load_landscape(out)
-        for task in table.tasks:
-            found = search_really(table, task, range(1 if quick else REAL_SEEDS), workers)
-            results.put(f"real {task}", found)
-            print(task, found, flush=True)
+        for task, name in product(table.tasks, REAL_SEARCHES):
+            found = search_really(table, task, name, range(1 if quick else REAL_SEEDS), workers)
+            results.put(f"real {name} of {task}", found)
+            print(task, name, found, flush=True)
     return results.content
 
 
@@ -189,19 +191,29 @@ def make_again(table: Landscape, folder: Path, workers: int, count: int) -> dict
     }
 
 
-def search_really(table: Landscape, task: str, seeds: Iterable[int], workers: int) -> dict[str, Any]:
-    """Search for a body by physics, with the first search of the replays, and return what each seed found."""
+def search_really(
+    table: Landscape, task: str, name: str, seeds: Iterable[int], workers: int
+) -> dict[str, Any]:
+    """Search for a body by physics, and return what each seed found.
+
+    Args:
+        table: says how much time is a tenth, and which body is the best one.
+        task: of the table.
+        name: of the search.
+        seeds: of the search and of what bodies learn.
+        workers: number of threads; they change nothing but the time.
+    """
     place = table.find_task(task)
     goal, limit = find_goal(table, place), BUDGET * float(table.seconds[place].sum())
     base = make_search(table.config, task, find_published_arena(task), workers=workers)
-    rungs = find_rungs(SEARCHES[0], table.config.generations[-1])
+    rungs = find_rungs(name, table.config.generations[-1])
     rows = []
     for seed in seeds:
         run = evolve_bodies(
             replace(
                 base,
                 seed=seed,
-                bodies=replace(SMALL, algorithm=SEARCHES[0], largest=table.config.largest, max_seconds=limit),
+                bodies=replace(SMALL, algorithm=name, largest=table.config.largest, max_seconds=limit),
                 learning=replace(base.learning, rungs=rungs, is_examined_early=False),
                 iterations=MAX_ITERATIONS,
             )
