@@ -7,9 +7,9 @@ from collections import defaultdict
 from collections.abc import Sequence
 from functools import lru_cache
 
+from evolution.backends import rollout
 from evolution.backends.outcome import Outcome
 from evolution.backends.parts import BodyConfig
-from evolution.backends.rollout import simulate
 from evolution.backends.trials import Job, make_failure
 from evolution.errors import NoEnvironmentError
 
@@ -24,7 +24,7 @@ def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
         threads: number of threads of `mujoco.batch`; they change nothing but the time.
     """
     try:
-        return simulate(jobs, threads)
+        return rollout.simulate(jobs, threads)
     except NoEnvironmentError as error:
         places: dict[BodyConfig, list[int]] = defaultdict(list)
         for place, job in enumerate(jobs):

@@ -51,7 +51,7 @@ def describe_interruption(folder: Path) -> str:
     """Return how an interrupted run goes on; empty where it has not begun."""
     if not (folder / "config.json").is_file():
         return ""
-    return f"what was finished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
+    return f"all but what was unfinished is stored; to go on: symbrion resume {shlex.quote(str(folder))}"
 
 
 def find_longest_iteration(config: ev.BodyEvolutionConfig) -> tuple[int, int, float]:
@@ -74,10 +74,7 @@ def warn_of_limit(config: ev.BodyEvolutionConfig) -> None:
     if trials * longest > limit:
         logger.warning(
             "--max-seconds %g may be exceeded: an iteration is always finished, and the first one has %d trials of %s, "
-            "up to %g s each; for shorter ones give fewer --children, or --environment duration %g",
-            limit,
-            trials,
-            format_count(bodies, "body", "bodies"),
-            longest,
-            ceil(longest / 4),
+            "up to %g s each, %g s in all; for shorter ones give --children %d, or --environment duration %g",
+            *(limit, trials, format_count(bodies, "body", "bodies"), longest, trials * longest),
+            *(max(config.bodies.children // 3, 1), ceil(longest / 4)),
         )

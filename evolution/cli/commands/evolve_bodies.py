@@ -72,6 +72,7 @@ def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> e
         "largest": largest,
         "algorithm": fields["algorithm"],
         "children": fields["children"],
+        "population_size": fields["children"],  # the first iteration is no longer than the others
         "max_seconds": None if fields["max_seconds"] == "unlimited" else fields["max_seconds"],
         "dofs": fields["dofs"],
     }

@@ -68,7 +68,7 @@ def test_jobs_of_the_others_are_tried_together(monkeypatch):
             raise NoEnvironmentError("the environment cannot be made: too wide")
         return [make_failure(job.trials, f"tried {job.genotype[0]:g}") for job in jobs]
 
-    monkeypatch.setattr(body_rollout, "simulate", simulate)
+    monkeypatch.setattr(rollout, "simulate", simulate)
     jobs = [
         Job(np.array([float(number)]), trials[text])
         for number, text in enumerate((ROW, WIDE, ".", ROW, WIDE))

@@ -65,7 +65,7 @@ def test_an_interruption_names_the_command_that_goes_on(tmp_path, capsys, monkey
     assert run([*words, "--quiet"]) == 130
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(
-        f"interrupted by the keyboard; what was finished is stored; to go on: symbrion resume {folder}"
+        f"interrupted by the keyboard; all but what was unfinished is stored; to go on: symbrion resume {folder}"
     )
     monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
     assert run(["resume", folder, "--generations", "2"]) == 0
@@ -98,7 +98,10 @@ def test_a_limit_below_an_iteration_is_warned_of(caplog):
         with caplog.at_level(logging.WARNING):
             warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
         assert len(caplog.records) == lines
-    assert "20 trials of 10 bodies, up to 5 s each; for shorter ones give fewer --children" in caplog.text
+    assert (
+        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --children 3"
+        in caplog.text
+    )
 
 
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
