@@ -99,7 +99,7 @@ def test_a_limit_below_an_iteration_is_warned_of(caplog):
             warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
         assert len(caplog.records) == lines
     assert (
-        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --children 3"
+        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --children 6"
         in caplog.text
     )
 
