@@ -158,7 +158,8 @@ def _iterate(
         if is_over or not assignments or (backend is None and not learner.knows(assignments)):
             break
         before = record.num_lessons
-        lessons = learner.learn(assignments, _follow(config, run, progress))
+        is_known = learner.knows(assignments)
+        lessons = learner.learn(assignments, None if is_known else _follow(config, run, progress))
         algorithm.tell(lessons)
         for lesson in lessons:
             used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
@@ -179,9 +180,10 @@ def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> On
 
     def show(tried: Tried) -> None:
         number = f"iteration {len(run.history) + 1} of {config.iterations}"
-        text = f"{number}: {tried.trials} of {tried.due} trials"
+        text = f"{number}: {tried.trials} of {tried.due} trials" if tried.due else number
         progress(text, _find_share(config, run, tried))
 
+    show(Tried(0, 0, 0.0))
     return show
 
 

@@ -93,13 +93,14 @@ class Step:
     LOG_INTERVAL = 5.0
     """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
     MIN_FRACTION = 0.02
-    """Share of the work from which the remaining time is estimated; before, the start-up dominates."""
+    """Share of the work since the first report from which the remaining time is estimated."""
 
     def __init__(self, title: str, bars: Progress, log: RichConsole | None):
         self.title, self._bars, self._log = title, bars, log
         self.seconds = 0.0
         self._task: TaskID | None = None
         self._start = self._last_line = 0.0
+        self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> "Step":
         self._start = self._last_line = time.perf_counter()
@@ -126,9 +127,15 @@ class Step:
         if self._task is not None:
             self._bars.update(self._task, completed=fraction, detail=message)
         now = time.perf_counter()
+        self._first = self._first or (now, fraction)
         if self._log and now - self._last_line > self.LOG_INTERVAL:
             self._last_line = now
-            estimate = ""
-            if self.MIN_FRACTION < fraction < 1:
-                estimate = f", about {(now - self._start) * (1 / fraction - 1):.0f} s left"
-            self._log.print(f"  {message} ({fraction:.0%}{estimate})")
+            self._log.print(f"  {message} ({fraction:.0%}{self._estimate(now, fraction)})")
+
+    def _estimate(self, now: float, fraction: float) -> str:
+        """Return the time that is left at the speed since the first report, before which a resumed run did nothing."""
+        assert self._first is not None
+        begin, known = self._first
+        if fraction - known <= self.MIN_FRACTION or fraction >= 1:
+            return ""
+        return f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"
