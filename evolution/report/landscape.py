@@ -129,12 +129,13 @@ def draw_searches(
         name = table.tasks[task]
         total, lowest = float(table.seconds[task].sum()), float(table.fitness[task].min())
         times = np.linspace(0.0, budgets[name], 200)
-        for (search, replays), color in zip(runs[name].items(), PALETTE, strict=False):
+        for number, (search, replays) in enumerate(runs[name].items()):
             heights = [_hold(each, times, lowest) for each in replays]
             axes.plot(
                 100 * times / total,
                 np.mean(heights, axis=0),
-                color=color,
+                color=PALETTE[number % len(PALETTE)],
+                linestyle=("-", ":", "--")[number // len(PALETTE) % 3],
                 linewidth=1.2,
                 label=_LABELS.get(search, search),
             )
