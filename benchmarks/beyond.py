@@ -9,7 +9,7 @@ measured again with `--again` alone. `--longer` lets the champions of the rows t
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -57,14 +57,8 @@ def run(
     results = results or Results("beyond")
     for name in places:
         for seed in seeds:
-            rows = results.content.get(name, {}).get("runs", [])
-            if any(row["seed"] == seed for row in rows) and not again:
-                continue
-            found = measure(name, seed, quick)
-            rows = [row for row in rows if row["seed"] != seed]
-            rows = sorted([*rows, found], key=lambda row: row["seed"])
-            results.put(name, {**summarize(rows), "runs": rows})
-            print(name, found, flush=True)
+            if again or not _has_row(results, name, seed):
+                _put_row(results, name, measure(name, seed, quick), summarize)
     return results.content
 
 
@@ -106,20 +100,25 @@ def run_longer(
     """Let the champions of the rows that are stored train on, and judge them under conditions of their own."""
     results = results or Results("beyond")
     for name in places:
-        for found in results.content.get(name, {}).get("runs", []):
-            rows = results.content.get(f"longer {name}", {}).get("runs", [])
-            if found["seed"] not in seeds or (
-                not again and any(row["seed"] == found["seed"] for row in rows)
-            ):
-                continue
-            row = measure_longer(name, found, quick)
-            rows = sorted(
-                [*(each for each in rows if each["seed"] != row["seed"]), row], key=lambda each: each["seed"]
-            )
-            hold = sum(each["successes"] >= PASS for each in rows)
-            results.put(f"longer {name}", {"of": len(rows), "hold": hold, "runs": rows})
-            print(name, row, flush=True)
+        part = f"longer {name}"
+        for found in results.find_runs(name):
+            if found["seed"] in seeds and (again or not _has_row(results, part, found["seed"])):
+                _put_row(results, part, measure_longer(name, found, quick), summarize_longer)
     return results.content
+
+
+def _has_row(results: Results, part: str, seed: int) -> bool:
+    return any(row["seed"] == seed for row in results.find_runs(part))
+
+
+def _put_row(
+    results: Results, part: str, row: Row, describe: Callable[[Sequence[Row]], dict[str, Any]]
+) -> None:
+    """Store a row with those of other seeds, and what describes all of them."""
+    rows = [each for each in results.find_runs(part) if each["seed"] != row["seed"]]
+    rows = sorted([*rows, row], key=lambda each: each["seed"])
+    results.put(part, {**describe(rows), "runs": rows})
+    print(part, row, flush=True)
 
 
 def measure_longer(name: str, found: Row, quick: bool = False) -> Row:
@@ -171,6 +170,11 @@ def summarize(rows: Sequence[Row]) -> dict[str, Any]:
         ),
         "rows": sum(row["is_row"] for row in rows),
     }
+
+
+def summarize_longer(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return how many champions hold that have trained on."""
+    return {"of": len(rows), "hold": sum(row["successes"] >= PASS for row in rows)}
 
 
 def _find_best_snake(row: Row) -> tuple[int, float]:

@@ -152,24 +152,25 @@ def _iterate(
     fresh = None if folder is None else read_fresh_trials(folder, config)
     run = BodyRun(config, record, (), folder, fresh)
     used: dict[tuple[str, int], Lesson] = {}
-    for iteration in range(config.iterations):
+    for _ in range(config.iterations):
         limit, assignments = config.bodies.max_seconds, algorithm.ask()
         is_over = limit is not None and _sum_seconds(used) >= limit
-        if is_over or not assignments or (backend is None and not learner.knows(assignments)):
-            break
-        before = record.num_lessons
         is_known = learner.knows(assignments)
+        if is_over or not assignments or (backend is None and not is_known):
+            break
         lessons = learner.learn(assignments, None if is_known else _follow(config, run, progress))
         algorithm.tell(lessons)
         for lesson in lessons:
             used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
         run = replace(run, history=(*run.history, (_sum_seconds(used), _find_best(config, used))))
-        if record.num_lessons > before:
-            if folder is not None:
-                write_run(folder, run)
-            if on_iteration is not None:
-                on_iteration(run)
-        progress(f"iteration {iteration + 1}", (iteration + 1) / config.iterations)
+        if is_known:
+            continue
+        if folder is not None:
+            write_run(folder, run)
+        if on_iteration is not None:
+            on_iteration(run)
+        done = f"iteration {len(run.history)} of {config.iterations}"
+        progress(done, _find_share(config, run, Tried(0, 0, 0.0)))
     return run
 
 

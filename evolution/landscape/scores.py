@@ -7,23 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from evolution.body_search.config import BodiesConfig
+from evolution.body_search.config import ALGORITHMS, BodiesConfig
 from evolution.landscape.reliability import find_goal
 from evolution.landscape.replay import Replay, measure_area, replay, summarize
 from evolution.landscape.table import Landscape
 from reconstruction.extras import find_missing
 
-SEARCHES = (
-    "freeze_thaw",
-    "niches",
-    "surrogate",
-    "halving",
-    "genetic",
-    "map_elites",
-    "cma_mae",
-    "random",
-    "exhaustive",
-)
 IN_RUNGS = ("freeze_thaw", "niches", "surrogate", "halving")
 """Searches in which bodies learn in rungs; see `find_rungs`."""
 RIVALS = ("random", "genetic", "map_elites")
@@ -37,7 +26,7 @@ SMALL = BodiesConfig(children=3, population_size=6)
 
 def list_searches() -> list[str]:
     """Return the searches that can be replayed here: archives need an extra."""
-    return [name for name in SEARCHES if name not in NEED_RIBS or not find_missing("ribs")]
+    return [name for name in ALGORITHMS if name not in NEED_RIBS or not find_missing("ribs")]
 
 
 def score_searches(
@@ -53,9 +42,9 @@ def score_searches(
 
     Returns:
         For each task its optimum, median and goal (95 % of the way from the median to the optimum), the budget [s], of
-        how many rivals the area under the curve is smaller than that of the first search, with an interval of its own,
-        and for each search: seeds that reached the goal, mean area under the curve with its 95 % interval, and the mean
-        best fitness on the scan and in the truth.
+        how many rivals the area under the curve is smaller than that of the default search, with an interval of its
+        own, and for each search: seeds that reached the goal, mean area under the curve with its 95 % interval, and the
+        mean best fitness on the scan and in the truth.
     """
     seeds = list(seeds)
     scores = {}
@@ -70,7 +59,9 @@ def score_searches(
             "seeds": len(seeds),
             "rivals": len(RIVALS),
             "beaten": sum(
-                rows[each]["area_high"] < rows[SEARCHES[0]]["area_low"] for each in RIVALS if each in rows
+                rows[each]["area_high"] < rows[BodiesConfig.algorithm]["area_low"]
+                for each in RIVALS
+                if each in rows
             ),
             "searches": rows,
         }
@@ -91,7 +82,7 @@ def find_rungs(name: str, last: int) -> tuple[int, ...]:
     generation of CMA-ES, which says much more of what a body will know.
 
     Args:
-        name: one of `SEARCHES`.
+        name: one of `ALGORITHMS`.
         last: generations that a body learns in all.
     """
     early = {"freeze_thaw": {1, 2}}.get(name, {1}) if name in IN_RUNGS else set()

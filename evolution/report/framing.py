@@ -39,12 +39,12 @@ def find_frame(
     low, high = np.percentile(vertices, [_TAIL, 100.0 - _TAIL], axis=0)
     reach = _BEYOND * np.maximum(high - low, 0.2 * (high - low).max())
     low, high = low - reach, high + reach
-    if route is None:
+    if route is None and way is None:
         return _crop(vertices, low, high)
-    shown = route.path
+    shown = np.empty((0, 3)) if route is None else route.path
     if way is not None:
-        heights = np.full(2, route.path[:, 2].mean())
-        shown = np.concatenate([shown, np.column_stack([np.array(way), heights])])
+        height = np.median(vertices if route is None else shown, axis=0)[2]
+        shown = np.concatenate([shown, np.column_stack([np.array(way), np.full(2, height)])])
     begin, end = shown.min(axis=0), shown.max(axis=0)
     extent = float((end - begin)[:2].max())
     if extent < _SMALL * float((high - low)[:2].max()):

@@ -69,8 +69,7 @@ def add_scale(axes: Axes, view: View) -> None:
 def add_way(axes: Axes, view: View, way: Float[np.ndarray, "2 2"]) -> None:
     """Draw a straight way from a start to a goal into a picture from above."""
     begin, end = view.project(np.column_stack([way, np.zeros(2)]))[:, :2] / OVERSAMPLING
-    looks = {**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0}
-    axes.annotate("", end, begin, arrowprops=looks, annotation_clip=False)
+    axes.annotate("", end, begin, arrowprops={**WAY_LOOK, "arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0})
 
 
 def make_way_legend() -> Line2D:

@@ -322,3 +322,19 @@ def test_without_early_exams_the_best_of_learning_counts_before_the_last_rung():
     assert late
     assert all((each.fitness, each.trials) == (max(each.curve), 0) for each in early)
     assert all(each.trials == 2 for each in late)
+
+
+def test_progress_of_a_resumed_run_begins_where_it_stands(tmp_path):
+    config = make_config(folder=tmp_path / "run", iterations=2)
+    evolve_bodies(config, simulate=landscape)
+    told = []
+    resume_bodies(
+        tmp_path / "run",
+        iterations=4,
+        simulate=landscape,
+        progress=lambda text, share: told.append((text, share)),
+    )
+    assert told[0] == ("iteration 3 of 4", 0.5)
+    assert told[-1] == ("iteration 4 of 4", 1.0)
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)

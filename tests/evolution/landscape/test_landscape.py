@@ -18,7 +18,7 @@ from evolution.landscape.making import count_rounds, let_bodies_learn, list_bodi
 from evolution.landscape.places import PLACES, find_published_arena, make_hills, make_true_arena
 from evolution.landscape.reliability import correlate_ranks, describe_reliability, find_goal
 from evolution.landscape.replay import Replay, Table, measure_area, replay, summarize
-from evolution.landscape.scores import IN_RUNGS, SEARCHES, find_rungs, score_searches
+from evolution.landscape.scores import IN_RUNGS, find_rungs, score_searches
 from evolution.landscape.table import ARRAYS, load_landscape
 
 CONFIG = LandscapeConfig(largest=4, population_size=4, generations=(2,), exam_trials=2)
@@ -212,4 +212,3 @@ def test_the_rungs_of_each_search():
     assert find_rungs("niches", 4) == (1, 4)
     assert find_rungs("random", 4) == (4,)
     assert find_rungs("surrogate", 1) == (1,)
-    assert SEARCHES[0] == BodiesConfig().algorithm

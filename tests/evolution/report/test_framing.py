@@ -39,3 +39,6 @@ def test_a_straight_way_is_in_the_frame():
     route = terrain.find_route(start=(20.0, 20.0), goal=(22.0, 20.0))
     frame = find_frame(terrain, route, ((21.0, 20.0), (21.0, 27.0)))
     assert frame[:, 1].max() > 27.0 > find_frame(terrain, route)[:, 1].max()
+    alone = find_frame(terrain, way=((21.0, 20.0), (21.0, 27.0)))
+    assert alone[:, 1].max() > 27.0
+    assert np.ptp(alone, axis=0).max() < 25.0
