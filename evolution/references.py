@@ -8,7 +8,7 @@ import hashlib
 import importlib
 import inspect
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import FunctionType
@@ -16,6 +16,7 @@ from typing import Any
 
 from evolution.errors import RunError
 from reconstruction.files.typed_json import JsonError, as_type
+from symbrion_gym.tasks.storage import is_allowed
 
 OWN_PACKAGES = ("evolution", "symbrion_gym", "reconstruction")
 """Packages whose versions a run keeps anyway."""
@@ -57,12 +58,17 @@ class Reference:
         except JsonError as error:
             raise RunError(str(error)) from error
 
-    def restore(self, what: str) -> Any:
+    def restore(self, what: str, allow: Collection[str] = ()) -> Any:
         """Import it.
 
+        Args:
+            what: name of the field, for messages.
+            allow: modules of the user that may be imported.
+
         Raises:
-            RunError: it cannot be imported, or is another version.
+            RunError: its module is not allowed, it cannot be imported, or is another version.
         """
+        check_allowed(self.name, what, allow)
         found = find_object(self.name, what)
         version = find_version(found, what)
         if version != self.version:
@@ -72,8 +78,8 @@ class Reference:
             )
         if self.fields is None:
             return found
-        if not isinstance(found, type):
-            raise RunError(f"{what} {self.name} is no class, though fields of an instance are recorded")
+        if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
+            raise RunError(f"{what} {self.name} is no dataclass, though fields of an instance are recorded")
         try:
             return as_type(json.loads(self.fields), found, what)
         except (TypeError, ValueError, NameError) as error:
@@ -104,7 +110,7 @@ def refer(value: object, what: str) -> Reference:
 def _add_fields(reference: Reference, value: Any, what: str) -> Reference:
     try:
         reference = dataclasses.replace(reference, fields=json.dumps(_read_fields(value), sort_keys=True))
-        restored = reference.restore(what)
+        restored = reference.restore(what, (owner_module(reference.name),))
         is_same = bool(vars(restored) == vars(value))
     except (TypeError, ValueError, RunError) as error:
         raise RunError(f"{what} {reference.name} cannot be restored ({error}); {_ADVICE}") from error
@@ -119,6 +125,25 @@ def _read_fields(value: Any) -> dict[str, Any]:
     names = [each.name for each in dataclasses.fields(value) if each.init]
     full = dataclasses.asdict(value)
     return {name: full[name] for name in names}
+
+
+def owner_module(name: str) -> str:
+    """Return the module of "module:name"."""
+    return name.partition(":")[0]
+
+
+def check_allowed(name: str, what: str, allow: Collection[str]) -> None:
+    """Refuse to import what a file names, unless the caller has allowed its module.
+
+    Raises:
+        RunError: naming the module and how it is allowed.
+    """
+    module = owner_module(name)
+    if not is_allowed(module, allow):
+        raise RunError(
+            f"{what} {name} is code that a file names, and none is run unless it is allowed: "
+            f"--allow-code {module}, in Python allow=({module!r},)"
+        )
 
 
 def find_object(name: str, what: str) -> Any:
@@ -197,13 +222,14 @@ def find_versions(content: Any, what: str) -> dict[str, str]:
     return found
 
 
-def check_versions(versions: Mapping[str, str], what: str) -> None:
+def check_versions(versions: Mapping[str, str], what: str, allow: Collection[str]) -> None:
     """Refuse other versions than those recorded.
 
     Raises:
-        RunError: something has changed since.
+        RunError: something has changed since, or may not be imported.
     """
     for name, version in versions.items():
+        check_allowed(name, what, allow)
         now = find_version(find_object(name, what), what)
         if now != version:
             raise RunError(

@@ -1,7 +1,7 @@
 """What outcomes keep of every trial: recorders of the environment, by name, by value or as a function of the state."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -41,19 +41,19 @@ class StoredDescriptors:
 
     text: str
 
-    def restore(self, what: str) -> tuple[Recorder, ...]:
-        """Return the recorders.
+    def restore(self, what: str, allow: Collection[str] = ()) -> tuple[Recorder, ...]:
+        """Return the recorders; of the user's code only modules in `allow` are imported.
 
         Raises:
-            RunError: one cannot be restored.
+            RunError: one cannot be restored, or needs other code.
         """
         content = json.loads(self.text)
         versions = (
             content.pop() if content and isinstance(content[-1], dict) and "versions" in content[-1] else {}
         )
         try:
-            check_versions(versions.get("versions", {}), what)
-            return check_descriptors(restore(content))
+            check_versions(versions.get("versions", {}), what, allow)
+            return check_descriptors(restore(content, allow))
         except (TaskError, AttributeError) as error:
             raise RunError(f"{what}: {error}") from error
 

@@ -70,7 +70,14 @@ class ProcessBackend(WorkerPool[_Worker]):
     def _start(self) -> _Worker:
         ours, theirs = multiprocessing.Pipe()
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-        command = [sys.executable, "-m", "evolution.backends.worker", str(theirs.fileno()), self._simulate]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "evolution.backends.worker",
+            str(theirs.fileno()),
+            self._simulate,
+        ]
         process = subprocess.Popen[bytes](
             command, env=environment, stdin=subprocess.DEVNULL, **share_pipe(theirs.fileno())
         )

@@ -1,6 +1,7 @@
 """The task of a run: a value or a name, and as a file describes it until it is needed."""
 
 import json
+from collections.abc import Collection
 from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
@@ -20,18 +21,18 @@ class StoredTask:
 
     text: str
 
-    def restore(self) -> Any:
-        """Return the task.
+    def restore(self, allow: Collection[str] = ()) -> Any:
+        """Return the task; of the user's code only modules in `allow` are imported.
 
         Raises:
-            RunError: it cannot be restored, or has changed since.
+            RunError: it cannot be restored, needs other code, or has changed since.
         """
         from symbrion_gym.tasks.task import read_task  # loads MuJoCo
 
         content = json.loads(self.text)
         try:
-            check_versions(content.pop("versions", {}), "task")
-            return read_task(content)
+            check_versions(content.pop("versions", {}), "task", allow)
+            return read_task(content, allow)
         except (TaskError, AttributeError) as error:
             raise RunError(f"task: {error}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
@@ -341,10 +342,10 @@ class BodyEvolutionConfig(Nested):
         """
         return cls(**read_content(content, KINDS, "config"))
 
-    def restore(self) -> BodyEvolutionConfig:
+    def restore(self, allow: Collection[str] = ()) -> BodyEvolutionConfig:
         """Return the configuration with what a user wrote imported again.
 
         Raises:
             RunError: it is not there, or of another version.
         """
-        return restore(self)
+        return restore(self, allow)

@@ -7,7 +7,7 @@ what follows is the same to the bit.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -78,6 +78,7 @@ def resume_bodies(
     simulate: Simulate | None = None,
     on_iteration: OnIteration | None = None,
     progress: Progress = silent,
+    allow: Collection[str] = (),
     **changes: Any,
 ) -> BodyRun:
     """Continue a search for bodies as if it had never stopped.
@@ -87,6 +88,7 @@ def resume_bodies(
         simulate: the function that tries jobs; None means physics.
         on_iteration: called with the run so far after each new iteration.
         progress: called with the progress of the run.
+        allow: modules of yours that the folder names and that may be imported; a folder runs no other code.
         changes: new values of `iterations`, `max_seconds` (None for no limit), `workers`, `backend` or `address`.
 
     Raises:
@@ -99,7 +101,7 @@ def resume_bodies(
     run_folder = RunFolder(folder)
     with run_folder.lock():
         stored, record = read_folder(run_folder.path)
-        config, known = replace(stored, folder=str(folder), **changes).restore(), record.num_lessons
+        config, known = replace(stored, folder=str(folder), **changes).restore(allow), record.num_lessons
         if simulate is None:
             prepare_arena(config.arena, progress)
         if config != stored:

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +66,7 @@ def judge(
     start: "str | Point | None" = None,
     randomization: Randomization = UNSTRETCHED,
     workers: int = 1,
+    allow: Collection[str] = (),
 ) -> Outcome:
     """Try a champion in randomized trials: start, yaw, friction and torque differ.
 
@@ -76,6 +78,7 @@ def judge(
         start: "floor", "pit" or (x, y) [m]; None: as in the run where that had a place or a task, else "floor".
         randomization: ranges of the conditions; by default the arena is not stretched.
         workers: number of threads.
+        allow: modules of yours that a champion from a file names and that may be imported.
 
     Returns:
         The outcome; `successes` of its `trials` succeeded.
@@ -86,7 +89,13 @@ def judge(
     (trials,) = as_integers("trials", [trials], 1, MAX_TRIALS, RunError)
     (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
     conditions = make_champion_trials(
-        champion, arena, start, count=trials, seed=(seed, _JUDGE_SEED), randomization=randomization
+        champion,
+        arena,
+        start,
+        count=trials,
+        seed=(seed, _JUDGE_SEED),
+        randomization=randomization,
+        allow=allow,
     )
     backend = make_backend("batch", workers)
     (outcome,) = backend.run([Job(np.array(champion.genotype), conditions)])
@@ -104,6 +113,7 @@ def play(
     speed: float = 5.0,
     fps: int = 20,
     size: tuple[int, int] = (640, 400),
+    allow: Collection[str] = (),
 ) -> Recording:
     """Play one trial under nominal conditions and record it.
 
@@ -117,11 +127,12 @@ def play(
         speed: speed of film and window, relative to the robot.
         fps: frames a second.
         size: width and height of a frame [pixel].
+        allow: as of `judge`.
 
     Raises:
         ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
     """
-    conditions = make_champion_trials(champion, arena, start)
+    conditions = make_champion_trials(champion, arena, start, allow)
     environment = SnakePitEnv(
         render_mode="human" if window else "rgb_array",
         width=size[0],
@@ -137,7 +148,11 @@ def play(
 
 
 def make_champion_trials(
-    champion: Champion, arena: "ArenaSource", start: "str | Point | None" = None, **others: Any
+    champion: Champion,
+    arena: "ArenaSource",
+    start: "str | Point | None" = None,
+    allow: Collection[str] = (),
+    **others: Any,
 ) -> Trials:
     """Return trials of a champion: its body, its controller and its task, all found anew in the arena.
 
@@ -145,12 +160,13 @@ def make_champion_trials(
         champion: champion to try.
         arena: a name, folder, file or `Arena`.
         start: as of `judge`.
+        allow: as of `judge`.
         others: other fields of the trials.
 
     Raises:
         RunError: controller or task cannot be restored.
     """
-    champion = restore(champion)
+    champion = restore(champion, allow)
     episode = champion.episode
     if start is None and isinstance(episode.find_start(), str):
         start = "floor"

@@ -1,5 +1,6 @@
 """A champion as a policy, in the form that reinforcement-learning libraries call."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from jaxtyping import Bool, Float
 from evolution.controllers.protocol import Structure, check_genotypes, reset_rows
 from evolution.errors import RunError
 from evolution.search.run import load_champion
+from evolution.search.stored_config import restore
 from evolution.search.validation import Champion
 
 
@@ -18,13 +20,17 @@ class ChampionPolicy:
     Args:
         champion: champion of a run, or the path of one (folder or `champion.json`).
         structure: `observation_structure` of the environment in which it acts.
+        allow: modules of yours that a champion from a file names and that may be imported.
 
     Raises:
         RunError: no champion there, or the environment lacks a sensor that its controller reads.
     """
 
-    def __init__(self, champion: Champion | str | Path, structure: Structure) -> None:
-        self.champion = champion if isinstance(champion, Champion) else load_champion(champion)
+    def __init__(
+        self, champion: Champion | str | Path, structure: Structure, allow: Collection[str] = ()
+    ) -> None:
+        loaded = champion if isinstance(champion, Champion) else load_champion(champion)
+        self.champion = restore(loaded, allow)
         self._organism = self.champion.body.find_organism()
         self._controller = self.champion.control.make_controller(self._organism, self.champion.episode)
         self._genotype = np.array(self.champion.genotype)

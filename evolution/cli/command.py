@@ -1,8 +1,10 @@
 """What all subcommands share: common options, and checks of paths."""
 
 import abc
+import contextlib
 import dataclasses
 import os
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,17 @@ class Command(abc.ABC):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class TrustingCommand(Command):
+    """A subcommand that reads files in which code of a user may be named."""
+
+    allow_code: tuple[str, ...] = ()
+    """Modules or packages of yours that the files name and that may be imported; no other code of a file is run."""
+
+    def __post_init__(self) -> None:
+        find_modules_here(*(each.partition(".")[0] for each in self.allow_code))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class SeededCommand(Command):
     """A subcommand that uses random numbers."""
 
@@ -43,8 +56,24 @@ class SeededCommand(Command):
     """Seed of all random numbers; equal seeds give equal results."""
 
     def __post_init__(self) -> None:
+        parent = getattr(super(), "__post_init__", None)
+        if parent is not None:
+            parent()
         if self.seed < 0:
             raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
+
+
+def find_modules_here(*names: object) -> None:
+    """Let the command line name modules in the working folder, after all others; unless it names code, none is found.
+
+    Args:
+        names: values of options: "module:name" of a controller, task or fitness, or modules of `--allow-code`.
+    """
+    if any(isinstance(name, str) and (":" in name or name.isidentifier()) for name in names):
+        with contextlib.suppress(OSError):  # the folder has been removed
+            here = os.getcwd()
+            if here not in sys.path:
+                sys.path.append(here)
 
 
 def require_file(path: Path, option: str) -> None:

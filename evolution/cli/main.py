@@ -8,7 +8,6 @@ import contextlib
 import io
 import json
 import logging
-import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -49,7 +48,6 @@ EXPECTED_ERRORS = (
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     prepare_streams()
-    _find_modules_here()
     problem: OSError | None = None
     try:
         code = run(sys.argv[1:] if arguments is None else arguments)
@@ -59,14 +57,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if problem is not None and not is_unread(problem):
         code = _fail(problem, 1)
     sys.exit(code)
-
-
-def _find_modules_here() -> None:
-    """Let "module:name" of a controller or fitness name a module in the working folder, after all others."""
-    with contextlib.suppress(OSError):  # the folder has been removed
-        here = os.getcwd()
-        if here not in sys.path:
-            sys.path.append(here)
 
 
 def run(arguments: Sequence[str]) -> int:

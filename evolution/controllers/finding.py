@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -144,7 +144,11 @@ def controller_to_json(controller: Any) -> str | dict[str, Any]:
 
 
 def read_controller(
-    content: Any, organism: Organism, config: ControllerConfig | None = None, num_tracks: int = 0
+    content: Any,
+    organism: Organism,
+    config: ControllerConfig | None = None,
+    num_tracks: int = 0,
+    allow: Collection[str] = (),
 ) -> Controller:
     """Return the controller of a record.
 
@@ -153,13 +157,16 @@ def read_controller(
         organism: body that it moves.
         config: as in `find_controller`.
         num_tracks: as in `find_controller`.
+        allow: modules of users that may be imported.
 
     Raises:
-        RunError: it cannot be restored: its module is missing or fails, or its version has changed.
+        RunError: it cannot be restored: its module is not allowed, is missing or fails, or its version has changed.
     """
     if not isinstance(content, str | Mapping):
         raise RunError(f"controller is {content!r}; a name, or name, version and source are needed")
     reference = _read_reference(content) if isinstance(content, Mapping) else content
+    if isinstance(reference, ControllerSource):
+        reference = reference.allow(allow)
     return find_controller(reference, organism, config, num_tracks)
 
 

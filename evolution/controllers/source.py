@@ -6,10 +6,11 @@ import dataclasses
 import importlib
 import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from evolution.errors import RunError
+from evolution.references import check_allowed
 from reconstruction.files.typed_json import JsonError, as_type
 
 if TYPE_CHECKING:
@@ -29,12 +30,14 @@ class ControllerSource:
         version: its version when the run began.
         source: "module:name" of a controller, or of a class or function of the organism that returns one.
         arguments: fields of a dataclass that `source` names; None for a class or function of the organism.
+        is_allowed: whether its module may be imported; not where a file named it and nobody has allowed it since.
     """
 
     name: str
     version: str
     source: str
     arguments: tuple[tuple[str, Any], ...] | None = None
+    is_allowed: bool = dataclasses.field(default=True, compare=False)
 
     def __post_init__(self) -> None:
         split_path(self.source)
@@ -48,6 +51,8 @@ class ControllerSource:
         Raises:
             RunError: its module is missing, it is of another version than recorded, or it cannot be made.
         """
+        if not self.is_allowed:
+            check_allowed(self.source, "controller", ())
         found = import_path(self.source)
         if self.arguments is not None:
             made = call_maker(lambda: found(**dict(self.arguments or ())), self.source)
@@ -60,6 +65,16 @@ class ControllerSource:
                 "restore that version of its module, or start a new run"
             )
         return made
+
+    def allow(self, modules: Collection[str]) -> ControllerSource:
+        """Return the source that may be imported.
+
+        Raises:
+            RunError: its module is not among those allowed.
+        """
+        if not self.is_allowed:
+            check_allowed(self.source, "controller", modules)
+        return dataclasses.replace(self, is_allowed=True)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON content; `read_source` reads it."""
@@ -74,7 +89,8 @@ def read_source(content: Mapping[str, Any]) -> ControllerSource:
         RunError: the content is none.
     """
     try:
-        return as_type(dict(content), ControllerSource, "controller")
+        given = {name: value for name, value in content.items() if name != "is_allowed"}
+        return dataclasses.replace(as_type(given, ControllerSource, "controller"), is_allowed=False)
     except JsonError as error:
         raise RunError(str(error)) from error
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -242,13 +242,13 @@ class EvolutionConfig(Nested):
                 content["validation"] = rename_keys(content["validation"], FORMER_VALIDATION_NAMES)
         return cls(**read_content(content, KINDS, "config"))
 
-    def restore(self) -> "EvolutionConfig":
+    def restore(self, allow: Collection[str] = ()) -> "EvolutionConfig":
         """Return the configuration with what a user wrote imported again.
 
         Raises:
             RunError: something cannot be imported, or has changed since the run began.
         """
-        return restore(self)
+        return restore(self, allow)
 
 
 def _collect_for_digest(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

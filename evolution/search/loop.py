@@ -6,7 +6,7 @@ physics; so what follows is the same to the bit.
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -76,6 +76,7 @@ def resume(
     simulate: Simulate | None = None,
     on_generation: OnGeneration | None = None,
     progress: Progress = silent,
+    allow: Collection[str] = (),
     **changes: Any,
 ) -> Run:
     """Continue a run as if it had never stopped.
@@ -85,6 +86,7 @@ def resume(
         simulate: the function that tries jobs; None means physics.
         on_generation: called with the run so far after each new generation.
         progress: called with the progress of the run.
+        allow: modules of yours that the folder names and that may be imported; a folder runs no other code.
         changes: new values of `generations`, `workers`, `backend`, `address` or `stop_when_solved`.
 
     Raises:
@@ -98,7 +100,7 @@ def resume(
         raise RunError(f"{folder} contains no run; evolve begins one")
     with run_folder.lock():
         stored = run_folder.read_config()
-        config = replace(stored, folder=str(folder), **changes).restore()
+        config = replace(stored, folder=str(folder), **changes).restore(allow)
         record = run_folder.read_record(config)
         if simulate is None and config.generations > record.num_generations:
             prepare(config, progress)

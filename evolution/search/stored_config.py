@@ -1,7 +1,7 @@
 """A configuration as JSON: fields of parts side by side, as in every version; what a user wrote by reference."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -13,6 +13,7 @@ from evolution.backends.stored_task import StoredTask, task_to_json
 from evolution.backends.trials import Randomization, RolloutConfig
 from evolution.controllers.controller import ControllerConfig
 from evolution.controllers.finding import controller_to_json
+from evolution.controllers.source import ControllerSource
 from evolution.errors import RunError
 from evolution.references import Reference, refer
 from evolution.search.stages import Stage
@@ -20,8 +21,8 @@ from reconstruction.files.typed_json import JsonError, as_type
 from symbrion_gym.robot.organism import Organism
 
 Kinds = dict[str, Any]
-"""Name of a field -> type of its JSON content. A dataclass: a user may replace it by one of another class, of which a
-file keeps name, version and fields."""
+"""Name of a field -> type of its JSON content. In place of the scoring a user may give a function or another class, of
+which a file keeps name, version and fields."""
 SHARED_KINDS: Kinds = {
     "modules": int,
     "organism": Organism | None,
@@ -81,6 +82,10 @@ def _describe(name: str, value: Any, kind: Any, dict_factory: DictFactory) -> An
     if isinstance(kind, type) and is_dataclass(kind):
         if type(value) is kind:
             return asdict(value, dict_factory=dict_factory)
+        if name != "scoring":
+            raise RunError(
+                f"{name} is a {type(value).__qualname__}, which a file does not keep; use {kind.__name__}"
+            )
         return (value if isinstance(value, Reference) else refer(value, name)).to_json()
     if name == "task":
         return task_to_json(value)
@@ -124,12 +129,14 @@ def read_content(content: object, kinds: Kinds, where: str) -> dict[str, Any]:
 
 
 def _read_field(name: str, value: Any, kind: Any, where: str) -> Any:
-    if isinstance(kind, type) and is_dataclass(kind) and isinstance(value, dict) and "name" in value:
+    if name == "scoring" and isinstance(value, dict) and "name" in value:
         return Reference.from_json(value, where)
     if name == "environment" and isinstance(value, dict):
         value = list(value.items())
     if name == "controller" and isinstance(value, str) and ":" in value:
         raise RunError(f"{where} is {value!r}; the name of a law, or an object with name, version and source")
+    if name == "task" and isinstance(value, str) and ":" in value:
+        raise RunError(f"{where} is {value!r}; the name of a task, or an object with type and fields")
     try:
         found = as_type(value, kind, where)
     except JsonError as error:
@@ -137,16 +144,22 @@ def _read_field(name: str, value: Any, kind: Any, where: str) -> Any:
     return StoredDescriptors(json.dumps(found, sort_keys=True)) if name == "descriptors" and found else found
 
 
-def restore(config: N) -> N:
+def restore(config: N, allow: Collection[str] = ()) -> N:
     """Return a configuration with what a user wrote imported again.
 
+    Args:
+        config: as a file or a program gave it.
+        allow: modules of the user that may be imported.
+
     Raises:
-        RunError: something cannot be imported, or has changed since the run began.
+        RunError: something may not or cannot be imported, or has changed since the run began.
     """
     changes: dict[str, Any] = {}
     for name, value in config.flatten().items():
         if isinstance(value, Reference | StoredDescriptors):
-            changes[name] = value.restore(name)
+            changes[name] = value.restore(name, allow)
         elif isinstance(value, StoredTask):
-            changes[name] = value.restore()
+            changes[name] = value.restore(allow)
+        elif isinstance(value, ControllerSource):
+            changes[name] = value.allow(allow)
     return replace(config, **changes) if changes else config  # pyright: ignore[reportArgumentType]

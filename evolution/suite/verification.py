@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
+from evolution.references import check_allowed
 from evolution.suite.submission import Entry, Score, Submission, find_score
 from evolution.suite.tasks import find_suite_task
 from reconstruction.progress import Progress, silent
@@ -36,21 +37,28 @@ class Check(NamedTuple):
         )
 
 
-def verify(submission: Submission, progress: Progress = silent, tasks: Sequence[str] = ()) -> list[Check]:
+def verify(
+    submission: Submission,
+    progress: Progress = silent,
+    tasks: Sequence[str] = (),
+    allow: Collection[str] = (),
+) -> list[Check]:
     """Run every genotype of a submission again, on the scan and in the truth.
-
-    A controller "module:name" is imported, which runs its code: verify only what you would run.
 
     Args:
         submission: what was read.
         progress: called with the task and the share done.
         tasks: names of the tasks whose entries are verified; empty for all.
+        allow: modules of controllers "module:name" that may be imported, which runs their code.
 
     Raises:
-        RunError: a genotype cannot be tried, or there is no such task.
+        RunError: a controller is not allowed, a genotype cannot be tried, or there is no such task.
     """
     names = {find_suite_task(name).name for name in tasks}
     entries = [entry for entry in submission.entries if not names or entry.task in names]
+    for entry in entries:
+        if ":" in entry.controller:
+            check_allowed(entry.controller, "controller", allow)
     checks = []
     for number, entry in enumerate(entries):
         progress(entry.task, number / len(entries))

@@ -73,7 +73,7 @@ def run_in_processes(workers: int) -> RunJobs:
 
 def _start(work: Work) -> subprocess.Popen[str]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
-    words = [sys.executable, "-m", "reconstruction.tiles.workers", work.__module__, work.__name__]
+    words = [sys.executable, "-P", "-m", "reconstruction.tiles.workers", work.__module__, work.__name__]
     return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
 
 

@@ -1,16 +1,24 @@
-"""Tasks as JSON: values by type and fields, functions by module and name."""
+"""Tasks as JSON: values by type and fields, functions by module and name.
+
+What a file names is never called as it stands: it must be a dataclass or a plain function of the rooms named in
+`KNOWN_ROOMS`, or of a module that the caller allows. Other modules are not even imported.
+"""
 
 from __future__ import annotations
 
 import functools
 import importlib
+from collections.abc import Collection
 from dataclasses import fields, is_dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from symbrion_gym.errors import TaskError
 
+KNOWN_ROOMS = ("symbrion_gym.tasks",)
+"""Where the tasks, goals, terms and recorders of this project are defined."""
 _PLAIN = (str, int, float, bool, type(None))
 
 
@@ -42,24 +50,33 @@ def describe(value: Any) -> Any:
     raise TaskError(f"{value!r} cannot be stored; use numbers, texts, tuples, dataclasses and functions")
 
 
-def restore(content: Any) -> Any:
+def restore(content: Any, allow: Collection[str] = ()) -> Any:
     """Return the value of what `describe` returned.
 
+    Args:
+        content: what `describe` returned, perhaps of a file of unknown origin.
+        allow: modules and packages of the user that may be imported.
+
     Raises:
-        TaskError: a module or a name is not there, or does not take these fields.
+        TaskError: a module is not allowed, a name is not there or is neither a dataclass nor a plain function, or
+            does not take these fields.
     """
     if isinstance(content, list):
-        return tuple(restore(each) for each in content)
+        return tuple(restore(each, allow) for each in content)
     if not isinstance(content, dict):
         return content
     name = content.get("type", content.get("function"))
-    found = _find(name)
+    found = _find_kind(name, allow)
+    fields = content.get("fields" if "type" in content else "keywords", {})
+    if not isinstance(fields, dict):
+        raise TaskError(f"{name}: its fields are {fields!r}; an object is needed")
     try:
         if "type" in content:
-            return found(**{key: restore(each) for key, each in content.get("fields", {}).items()})
+            if not isinstance(found, type):
+                raise TaskError(f"{name!r} is no dataclass, so that nothing is made of it")
+            return found(**{key: restore(each, allow) for key, each in fields.items()})
         if "keywords" in content:
-            keywords = {key: restore(each) for key, each in content["keywords"].items()}
-            return functools.partial(found, **keywords)
+            return functools.partial(found, **{key: restore(each, allow) for key, each in fields.items()})
     except TypeError as error:
         raise TaskError(f"{name} does not take what was stored: {error}") from error
     return found
@@ -77,6 +94,28 @@ def _find_name(value: Any) -> str:
     if _find(path) is not value:
         raise TaskError(f"{path} is something else than {value!r}; give each function a name of its own")
     return path
+
+
+def is_allowed(module: str, allow: Collection[str]) -> bool:
+    """Return whether a module is one of those named, or lies in a package that is."""
+    return any(module == each or module.startswith(f"{each}.") for each in allow)
+
+
+def _find_kind(name: Any, allow: Collection[str]) -> Any:
+    """Return a dataclass or function that a file names, imported only where its module is known or allowed."""
+    module = name.partition(":")[0] if isinstance(name, str) else ""
+    if not is_allowed(module, KNOWN_ROOMS) and not is_allowed(module, allow):
+        raise TaskError(
+            f"{name!r} is not code of this project, and a file runs none unless it is allowed: "
+            f"--allow-code {module}, in Python allow=({module!r},)"
+        )
+    if any(part.startswith("_") for part in name.partition(":")[2].split(".")):
+        raise TaskError(f"{name!r} is private; a file names public code only")
+    found = _find(name)
+    is_kind = isinstance(found, FunctionType) or is_dataclass(found)
+    if not is_kind or found.__module__ != module:
+        raise TaskError(f"{name!r} is no dataclass and no plain function of that module")
+    return found
 
 
 def _find(name: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -92,13 +93,17 @@ class Task:
         return self.goal.find(arena, organism, self.start)
 
 
-def read_task(content: Any) -> Task:
+def read_task(content: Any, allow: Collection[str] = ()) -> Task:
     """Return the task of what `Task.as_dict` returned.
+
+    Args:
+        content: what it returned.
+        allow: modules of the user that may be imported for it.
 
     Raises:
         TaskError: it is none, or a term of it cannot be found.
     """
-    task = restore(content)
+    task = restore(content, allow)
     if not isinstance(task, Task):
         raise TaskError(f"this describes no task but a {type(task).__name__}")
     return task

@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from evolution.backends.outcome import Outcome
 from evolution.backends.scoring import Scoring
-from evolution.backends.trials import Randomization
 
 
 def minus_effort(outcome: Outcome, body) -> float:
@@ -45,10 +42,3 @@ class Remembering(Scoring):
     def __init__(self, memory: float) -> None:
         super().__init__()
         object.__setattr__(self, "memory", memory)
-
-
-class Turned(Randomization):
-    """Always turned as far as the range allows."""
-
-    def draw(self, seed, count):
-        return super().draw(seed, count) | {"yaw": np.full(count, self.yaw[1])}

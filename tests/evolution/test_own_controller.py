@@ -21,6 +21,8 @@ TINY = {
     "environment": {"duration": 0.4},
 }
 
+ALLOW = ("own_controllers", "vanishing_controller")
+
 
 @pytest.fixture(scope="module")
 def run() -> ev.Run:
@@ -62,14 +64,14 @@ def test_a_record_names_it_and_is_resumed(run, tmp_path, monkeypatch):
     stored = (folder / "config.json").read_text()
     for text in ('"own_controllers:Wave"', '"wave"', '"3"'):
         assert text in stored
-    more = ev.resume(folder, generations=3)
+    more = ev.resume(folder, generations=3, allow=ALLOW)
     assert (more.history["best"][:2] == run.history["best"]).all()
     champion = ev.load_champion(folder)
     assert champion.names == ("size", "lag")
     assert json.loads((folder / "champion.json").read_text())
     monkeypatch.setattr(Wave, "version", "4")
     with pytest.raises(ev.RunError, match=r"version '4', the record of '3'"):
-        ev.resume(folder, generations=4)
+        ev.resume(folder, generations=4, allow=ALLOW)
 
 
 def test_a_run_whose_controller_is_gone_is_refused(tmp_path, monkeypatch):
@@ -92,7 +94,7 @@ def test_a_run_whose_controller_is_gone_is_refused(tmp_path, monkeypatch):
     assert not end.value.code
     assert "vanishing_controller" not in sys.modules
     with pytest.raises(ev.RunError, match="'vanishing_controller' cannot be imported"):
-        ev.resume(folder, generations=3)
+        ev.resume(folder, generations=3, allow=ALLOW)
 
 
 def test_what_a_record_or_worker_cannot_find_again_is_refused_at_once(tmp_path: Path):

@@ -11,7 +11,7 @@ from evolution.references import Reference, check_signature, find_object, refer
 
 def restore(reference: Reference) -> object:
     content = json.loads(json.dumps(reference.to_json()))
-    return Reference.from_json(content, "scoring").restore("scoring")
+    return Reference.from_json(content, "scoring").restore("scoring", ["fitnesses"])
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_what_nothing_restores_is_refused(value):
 def test_another_version_is_refused():
     reference = refer(fitnesses.minus_effort, "scoring")
     with pytest.raises(RunError, match=r"scoring fitnesses:minus_effort has changed: version '1', not '0'"):
-        Reference(reference.name, "0").restore("scoring")
+        Reference(reference.name, "0").restore("scoring", ["fitnesses"])
 
 
 @pytest.mark.parametrize(
@@ -70,11 +70,11 @@ def test_damaged_references_are_refused(content):
 
 
 def test_fields_of_a_function_are_refused():
-    with pytest.raises(RunError, match="no class"):
-        Reference("fitnesses:minus_effort", "1", "{}").restore("scoring")
+    with pytest.raises(RunError, match="no dataclass"):
+        Reference("fitnesses:minus_effort", "1", "{}").restore("scoring", ["fitnesses"])
     version = refer(fitnesses.Squared, "scoring").version
     with pytest.raises(RunError, match="recorded fields"):
-        Reference("fitnesses:Squared", version, '{"factor": "big"}').restore("scoring")
+        Reference("fitnesses:Squared", version, '{"factor": "big"}').restore("scoring", ["fitnesses"])
 
 
 def test_signatures_are_checked():

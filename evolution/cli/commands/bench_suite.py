@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from evolution.cli.command import Command, UsageError, require_file, require_writable_file
+from evolution.cli.command import TrustingCommand, UsageError, require_file, require_writable_file
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
 from reconstruction.quantities import format_count
@@ -15,7 +15,7 @@ METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae",
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BenchSuite(Command):
+class BenchSuite(TrustingCommand):
     """Run a baseline of the benchmark suite, verify submissions, or make the leaderboard.
 
     Example: symbrion bench-suite verify baseline.json
@@ -40,6 +40,7 @@ class BenchSuite(Command):
     (.html) of board."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.action in ("verify", "board"):
             if not self.files:
                 raise UsageError(f"{self.action}: no submission; give one or more files")
@@ -98,7 +99,7 @@ class BenchSuite(Command):
         rows = []
         for file in self.files:
             with console.track(f"Verification of {file}") as step:
-                checks = verify(load_submission(file), step.progress, self.tasks)
+                checks = verify(load_submission(file), step.progress, self.tasks, self.allow_code)
             for check in checks:
                 failed += not check.holds
                 told, found = check.entry.truth, check.truth

@@ -16,7 +16,13 @@ from evolution.backends.trials import TrialConfig
 from evolution.body_search.config import ALGORITHMS, BodiesConfig
 from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena, check_arena_folder
-from evolution.cli.command import Command, SeededCommand, UsageError, require_writable_folder
+from evolution.cli.command import (
+    SeededCommand,
+    TrustingCommand,
+    UsageError,
+    find_modules_here,
+    require_writable_folder,
+)
 from evolution.cli.commands.evolve_bodies import make_bodies_config, resume_run_of_bodies, run_bodies
 from evolution.cli.config_options import make_config, make_options, read_environment
 from evolution.cli.console import Console
@@ -98,6 +104,8 @@ class Evolve(SeededCommand):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        task, controller = self.episode.task, self.control.controller  # pyright: ignore[reportAttributeAccessIssue]
+        find_modules_here(*(each for each in (task, controller, self.fitness) if ":" in str(each)))
         for arena in self.stages or (self.arena,):
             check_arena(arena)
         if self.execution.generations < 1:
@@ -195,7 +203,7 @@ def describe_body(config: "ev.EvolutionConfig") -> str:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Resume(Command):
+class Resume(TrustingCommand):
     """Continue a run; the history is bit-identical to that of a run that was never interrupted.
 
     Example: symbrion resume runs/a --generations 100
@@ -220,6 +228,7 @@ class Resume(Command):
     """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         require_run(self.folder)
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
@@ -235,7 +244,8 @@ class Resume(Command):
 
     def run(self, console: Console) -> dict[str, Any]:
         options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
-        changes = {name: value for name, value in options.items() if value is not None}
+        changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+        changes["allow"] = self.allow_code
         if has_bodies(self.folder):
             if self.max_seconds is not None:
                 changes["max_seconds"] = None if self.max_seconds == "unlimited" else self.max_seconds

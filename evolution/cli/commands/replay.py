@@ -10,7 +10,7 @@ import tyro
 import evolution as ev
 from evolution.body_search.run import has_bodies
 from evolution.cli.arguments import check_arena
-from evolution.cli.command import SeededCommand, UsageError, require_writable_file
+from evolution.cli.command import SeededCommand, TrustingCommand, UsageError, require_writable_file
 from evolution.cli.commands.evolve import find_replay_arena, require_run
 from evolution.cli.console import Console
 from reconstruction.extras import require_extras
@@ -19,7 +19,7 @@ from reconstruction.quantities import format_count
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Replay(SeededCommand):
+class Replay(SeededCommand, TrustingCommand):
     """Judge the champion of a run by randomized trials; record one trial as a video, or watch it.
 
     Example: symbrion replay runs/a --arena truth --video champion.mp4
@@ -88,6 +88,7 @@ class Replay(SeededCommand):
                     self.seed,
                     start=self.start,
                     workers=os.cpu_count() or 1,
+                    allow=self.allow_code,
                 )
             console.print_line(
                 f"the champion succeeds in {outcome.successes} of {outcome.trials} trials in {arena}"
@@ -112,7 +113,9 @@ class Replay(SeededCommand):
         console.print_line(f"{path}: a click on a body shows it drive")
 
     def _show(self, champion: "ev.Champion", arena: str, console: Console) -> None:
-        recording = ev.play(champion, arena, self.seed, start=self.start, window=True, speed=self.speed)
+        recording = ev.play(
+            champion, arena, self.seed, start=self.start, window=True, speed=self.speed, allow=self.allow_code
+        )
         verdict = "succeeds" if recording.success else "does not succeed"
         console.print_line(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
 
@@ -121,7 +124,15 @@ class Replay(SeededCommand):
         from evolution.report.video import encode_video
 
         with console.track("Video"):
-            recording = ev.play(champion, arena, self.seed, start=self.start, film=True, speed=self.speed)
+            recording = ev.play(
+                champion,
+                arena,
+                self.seed,
+                start=self.start,
+                film=True,
+                speed=self.speed,
+                allow=self.allow_code,
+            )
         if not recording.frames:
             console.print_line("no video: this machine has no OpenGL")
             return None

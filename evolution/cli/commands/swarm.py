@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from evolution.cli.command import MISSED, SeededCommand, UsageError, require_writable_folder
+from evolution.cli.command import MISSED, SeededCommand, TrustingCommand, UsageError, require_writable_folder
 from evolution.cli.console import Console
 from evolution.errors import RunError
 from reconstruction.extras import require_extras
@@ -13,7 +13,7 @@ from reconstruction.files.atomic_write import write_atomically
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Swarm(SeededCommand):
+class Swarm(SeededCommand, TrustingCommand):
     """Let single robots, scattered before a pit that none of them can cross, become one body that crosses it.
 
     One meets the pit and becomes the seed; the others find its beacon, dock and lock; the organism crosses with an
@@ -59,7 +59,14 @@ class Swarm(SeededCommand):
         except RunError as error:
             raise UsageError(str(error)) from error
         config = SwarmRunConfig(
-            self.out, story, self.trials, self.champion, self.generations, self.workers, self.film
+            self.out,
+            story,
+            self.trials,
+            self.champion,
+            self.generations,
+            self.workers,
+            self.film,
+            self.allow_code,
         )
         result = run_swarm(config, console.track)
         self._show(result.track, result.rows[0], console)

@@ -69,6 +69,7 @@ class SwarmRunConfig:
         generations: limit of its evolution.
         workers: threads of its evolution; the results do not depend on their number.
         film: whether to film the first story.
+        allow: modules of yours that the champion names and that may be imported.
     """
 
     folder: Path
@@ -78,3 +79,4 @@ class SwarmRunConfig:
     generations: int = 30
     workers: int = 1
     film: bool = True
+    allow: tuple[str, ...] = ()

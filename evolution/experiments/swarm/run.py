@@ -16,6 +16,7 @@ from evolution.experiments.run_champion import find_run_champion
 from evolution.experiments.swarm.config import BASELINE_TIME, StoryConfig, SwarmRunConfig
 from evolution.experiments.swarm.story import Story, tell_story
 from evolution.search.run import load_champion
+from evolution.search.stored_config import restore
 from reconstruction.files.atomic_write import write_atomically
 from reconstruction.files.bounded_read import read_npz
 from reconstruction.files.typed_json import JsonError, read_json
@@ -114,7 +115,7 @@ def find_champion(config: SwarmRunConfig, progress: Progress) -> ev.Champion:
     """
     count = config.story.num_robots
     if config.champion is not None:
-        champion = load_champion(config.champion)
+        champion = restore(load_champion(config.champion), config.allow)
         if champion.body.find_organism() != sg.snake(count):
             raise ev.RunError(
                 f"the champion {config.champion} is no snake of {count} modules; give --robots as its body has, or "

@@ -77,11 +77,15 @@ def search(seed, iterations=10):
     return taught
 
 
-def test_the_search_finds_the_longest_row_and_is_repeatable():
-    taught = search(0)
-    assert "b(b(b(b(.))))" in [each.pupil.body.text for each in taught if each.rung == 1]
-    assert taught == search(0)
-    assert taught != search(1)
+def test_the_search_is_repeatable():
+    assert search(0) == search(0)
+    assert search(0) != search(1)
+
+
+def test_the_search_finds_the_longest_row():
+    """In most of six searches: 16 of 173 bodies learn to the end, of which chance has the longest row in one of 11."""
+    taught = [{each.pupil.body.text for each in search(seed) if each.rung == 1} for seed in range(6)]
+    assert sum("b(b(b(b(.))))" in bodies for bodies in taught) >= 4
 
 
 def test_no_body_learns_a_rung_twice():

@@ -54,8 +54,12 @@ def test_a_controller_of_a_user_is_found_recorded_and_restored(kind):
     content = json.loads(json.dumps(controller_to_json(controller)))
     assert refer_to_controller(content, BODY) == reference
     assert controller_to_json(reference) == controller_to_json(controller)
-    restored, genotypes = read_controller(content, BODY), np.full((3, len(controller.parameters)), 0.4)
-    for each in (controller, restored, find_controller(reference, BODY)):
+    allow = ("own_controllers",)
+    restored, genotypes = (
+        read_controller(content, BODY, allow=allow),
+        np.full((3, len(controller.parameters)), 0.4),
+    )
+    for each in (controller, restored, find_controller(reference.allow(allow), BODY)):
         action, _ = each.act(np.zeros((3, 4)), genotypes, {}, each.begin(3))
         again, _ = controller.act(np.zeros((3, 4)), genotypes, {}, controller.begin(3))
         assert np.array_equal(action, again)
@@ -124,7 +128,7 @@ def test_another_version_is_refused(monkeypatch):
     content = controller_to_json(find_controller(Wave, BODY))
     monkeypatch.setattr(Wave, "version", "4")
     with pytest.raises(RunError, match=r"version '4', the record of '3'"):
-        read_controller(content, BODY)
+        read_controller(content, BODY, allow=("own_controllers",))
     with pytest.raises(RunError, match=r"'path' is of version '1' here, the record of '2'"):
         read_controller({"name": "path", "version": "2"}, BODY)
 
@@ -168,7 +172,7 @@ def test_what_is_no_controller_is_refused_at_once(spec, message):
 )
 def test_records_that_cannot_be_restored_are_refused(content, message):
     with pytest.raises(RunError, match=message):
-        read_controller(content, BODY)
+        read_controller(content, BODY, allow=("gone", "own_controllers"))
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_outcomes_have_what_is_asked_of_every_trial():
 
 def test_a_run_keeps_descriptors_in_its_record_and_resumes_with_them(tmp_path):
     run = evolve(replace(CONFIG, folder=str(tmp_path / "run")))
-    again = resume(tmp_path / "run", generations=2)
+    again = resume(tmp_path / "run", generations=2, allow=(__name__,))
     assert [len(entry.outcome.descriptors) for entry in again.record.entries] == [2] * 8
     for read in (again, load_run(tmp_path / "run")):
         for one, other in zip(run.record.entries, read.record.entries, strict=False):
@@ -63,7 +63,7 @@ def test_descriptors_of_a_file_are_not_imported_until_they_are_restored():
     stored = EvolutionConfig.from_json(json.loads(json.dumps(config.to_json())))
     assert isinstance(stored.descriptors, StoredDescriptors)
     assert stored.digest() == config.digest()
-    assert stored.restore().descriptors == config.descriptors
+    assert stored.restore((__name__,)).descriptors == config.descriptors
 
 
 @pytest.mark.parametrize("descriptors", ["shape", (7,), ("pose", None)])

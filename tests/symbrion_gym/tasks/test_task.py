@@ -35,7 +35,7 @@ def test_terms_of_ones_own_are_restored_by_module_and_name():
         terminations=(Termination("low", low),),
         rewards=(Reward("tick", own_terms.count, 0.5, per_second=True),),
     )
-    again = read_task(json.loads(json.dumps(task.as_dict())))
+    again = read_task(json.loads(json.dumps(task.as_dict())), allow=("own_terms",))
     assert again.rewards == task.rewards
     function = again.terminations[0].function
     assert (function.func, function.keywords) == (own_terms.is_low, {"below": 0.02})
