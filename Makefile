@@ -1,48 +1,46 @@
-# Everything runs in .venv; the first target that needs it makes it. The steps stand in tools/make.py, which needs
-# no make: `python tools/make.py demo` does what `make demo` does, also on Windows.
+# Everything runs in .venv; the first target that needs it makes it.
 PYTHON ?= python3
-STEP := @$(PYTHON) tools/make.py
+RUN := .venv/bin/python
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: setup demo test test-slow check mutants bench figures paper docs assets clean
+.PHONY: setup demo test test-slow check paper docs assets clean
 
-setup:
-	$(STEP) setup
+setup: .venv/.installed
 
-demo:
-	$(STEP) demo
+.venv/.installed: pyproject.toml constraints.txt
+	test -x $(RUN) || $(PYTHON) -m venv .venv
+	$(INSTALL) -e .[dev]
+	touch $@
 
-test:
-	$(STEP) test
+# The whole pipeline on a small scale; open demo/report.html.
+demo: setup
+	$(RUN) -m evolution demo --out demo
 
-test-slow:
-	$(STEP) test-slow
+test: setup
+	$(RUN) -m pytest -m "not slow" -n 2 --dist loadfile
 
-check:
-	$(STEP) check
+test-slow: setup
+	$(RUN) -m pytest -m slow
 
-# Break the code in small ways and count what no test notices; continues where it was stopped. AGAIN=1: survivors
-# only; SHARE=0.3: a sample.
-mutants:
-	$(STEP) mutants $(if $(AGAIN),--again) $(if $(SHARE),--share $(SHARE))
+# Style, types, licenses of the dependencies.
+check: setup
+	$(RUN) -m ruff check .
+	$(RUN) -m ruff format --check .
+	$(RUN) -m pyright
+	$(RUN) -m tools.licenses
 
-# All benchmarks, then the tables of README and docs; QUICK=1: small sizes, into benchmarks/results/quick.
-bench:
-	$(STEP) bench $(if $(QUICK),--quick)
-
-# The tables of README and docs from the results that exist.
-figures:
-	$(STEP) figures
-
-paper:
-	$(STEP) paper
+# The paper's experiments, compared with its numbers: paper/report.html.
+paper: setup
+	$(RUN) -m evolution paper --out paper
 
 # The documentation as a site: site/index.html.
-docs:
-	$(STEP) docs
+docs: setup
+	$(INSTALL) -e .[docs]
+	NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --strict --quiet
 
-# Make the ready-made arenas that the package ships again (see assets/README.md).
-assets:
-	$(STEP) assets
+# The ready-made arenas that the package ships (see assets/README.md).
+assets: setup
+	$(RUN) -m evolution assets --out assets/arenas
 
 clean:
-	$(STEP) clean
+	rm -rf .venv demo paper site build dist

@@ -27,16 +27,16 @@ from benchmarks.material.arena_surfaces import (
 from benchmarks.material.ray_casts import compare_with_embree, measure_scans
 from benchmarks.material.sleds import compare_pulled
 from benchmarks.report import load_record, write_results
-from reconstruction.geometry.mesh_repair import repair_mesh
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.contact.decomposition import decompose
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.contact.solid import close_downwards
-from symbrion_gym.contact.surface_error import measure_arena
+from reconstruction._src.geometry.mesh_repair import repair_mesh
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.scanned_surface import cut_irregular, make_scanned_surface
+from symbrion_gym._src.contact.decomposition import decompose
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.solid import close_downwards
+from symbrion_gym._src.contact.surface_error import measure_arena
 
 _PIT = Course().pit
 _EASY_PIT = 0.30

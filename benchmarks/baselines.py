@@ -20,11 +20,11 @@ import numpy as np
 from benchmarks.evolution_runs import Results
 from benchmarks.material.learning import ALGORITHMS, learn
 from benchmarks.material.learning_run import Budget
-from evolution.backends.trials import Randomization
-from evolution.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
-from evolution.search.evaluation import evaluate
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.registration import ENVIRONMENTS
+from evolution._src.backends.trials import Randomization
+from evolution._src.controllers.controller import REACTIVE_HINT, U_SHAPE_HINT, make_controller
+from evolution._src.search.evaluation import evaluate
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.registration import ENVIRONMENTS
 
 SEED = 5
 PITS = tuple(round(0.36 + 0.01 * step, 2) for step in range(11))

@@ -24,8 +24,8 @@ from benchmarks.material.beyond import (
 )
 from benchmarks.material.longer_training import train_longer
 from benchmarks.report import describe_moment
-from evolution.backends.scoring import Scoring, compute_fitness
-from evolution.champions.playback import judge
+from evolution._src.backends.scoring import Scoring, compute_fitness
+from evolution._src.champions.playback import judge
 
 SEEDS = tuple(range(5))
 TRIALS = 20

@@ -18,16 +18,16 @@ import symbrion_gym as sg
 from benchmarks.material.color_judge import PAINTS, judge
 from benchmarks.material.made_scenes import SCENES, MadeScan
 from benchmarks.report import write_results
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.reconstruct import reconstruct
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.preprocess import preprocess
-from reconstruction.scans.selection import thin
-from symbrion_gym.arenas.obj_mesh import format_surface
-from symbrion_gym.arenas.png import to_png
-from symbrion_gym.arenas.texture import TEXTURE_FILE, make_texture
-from symbrion_gym.ready_made import RECIPES, SPACING
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.preprocess import preprocess
+from reconstruction._src.scans.selection import thin
+from symbrion_gym._src.arenas.obj_mesh import format_surface
+from symbrion_gym._src.arenas.png import to_png
+from symbrion_gym._src.arenas.texture import TEXTURE_FILE, make_texture
+from symbrion_gym._src.ready_made import RECIPES, SPACING
 
 Courses = dict[str, tuple[sg.Course | sg.StairsCourse, int]]
 """Name -> course and seed of its survey."""

@@ -22,10 +22,10 @@ from benchmarks.material.driving_scenes import (
 )
 from benchmarks.material.goal_driving import DRIVERS, NUM_STARTS, drive
 from benchmarks.report import write_results
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.robot.organism import Organism, snake
-from symbrion_gym.traversability.drawing import draw_traversability
-from symbrion_gym.traversability.routes import Place
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.robot.organism import Organism, snake
+from symbrion_gym._src.traversability.drawing import draw_traversability
+from symbrion_gym._src.traversability.routes import Place
 
 SCENES: dict[str, tuple[Callable[[], Arena], Place | None]] = {
     "room": (make_furnished_room, None),

@@ -23,8 +23,8 @@ from benchmarks.material.crossings import cross, draw_conditions, draw_controlle
 from benchmarks.material.robustness import step_at_random
 from benchmarks.report import load_record, write_results
 from symbrion_gym import ArenaError, load_arena
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 RANDOM_EPISODES = 10_000
 EVOLVED_EPISODES = 2_000

@@ -23,9 +23,9 @@ from benchmarks.evolution_judging import judge_again
 from benchmarks.evolution_machine import measure_backends, measure_kills, measure_overhead, measure_workers
 from benchmarks.evolution_runs import Results, make_model, measure_runs
 from benchmarks.evolution_summary import find_gaps, is_robust
-from evolution.search.config import EvolutionConfig
-from evolution.search.stages import Stage
-from symbrion_gym.arenas.course import Course
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.stages import Stage
+from symbrion_gym._src.arenas.course import Course
 
 SEEDS = (0, 1, 2, 3, 4)
 HELD_OUT = 5

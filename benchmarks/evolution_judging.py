@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.report import describe_moment
-from evolution.champions.playback import judge
-from evolution.search.validation import Champion
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
+from evolution._src.champions.playback import judge
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
 
 TRIALS = 20
 """Trials in the true arena, which the search never saw."""

@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from evolution.backends.making import make_backend
-from evolution.backends.rollout import simulate
-from evolution.backends.trials import Job, Trials
-from evolution.controllers.controller import REACTIVE_HINT
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.run import format_history
-from symbrion_gym.environment import organism_vector_env as vector
+from evolution._src.backends.making import make_backend
+from evolution._src.backends.rollout import simulate
+from evolution._src.backends.trials import Job, Trials
+from evolution._src.controllers.controller import REACTIVE_HINT
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.run import format_history
+from symbrion_gym._src.environment import organism_vector_env as vector
 
 BASE_TRIALS = EvolutionConfig().trials
 _ENDLESS = (("duration", 10.0), ("stuck_time", 20.0))
@@ -36,8 +36,8 @@ _SMALL = EvolutionConfig(
 )
 _PROGRAM = """
 import json, sys
-from evolution.search.loop import evolve
-from evolution.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.config import EvolutionConfig
 evolve(EvolutionConfig.from_json(json.loads(sys.argv[1])))
 """
 

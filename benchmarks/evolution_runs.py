@@ -10,18 +10,18 @@ from typing import Any
 from benchmarks.evolution_judging import SPENT, Row, describe_champion, judge_row
 from benchmarks.evolution_summary import summarize
 from benchmarks.report import describe_moment, load_record, write_results
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve
-from evolution.search.record import SAMPLE
-from evolution.search.run import Run
-from evolution.search.validation import Champion, find_candidates
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.ready_made import SPACING
-from symbrion_gym.sensing.survey import survey
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.record import SAMPLE
+from evolution._src.search.run import Run
+from evolution._src.search.validation import Champion, find_candidates
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.ready_made import SPACING
+from symbrion_gym._src.sensing.survey import survey
 
 
 class Results:

@@ -12,14 +12,14 @@ import trimesh
 
 from benchmarks.material.bare_surfaces import make_bare
 from benchmarks.report import write_results
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.errors import TaskError
-from symbrion_gym.ready_made import RECIPES, SPACING
-from symbrion_gym.sensing.survey import survey
-from symbrion_gym.tasks.features.gap import Gap, find_gap
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.ready_made import RECIPES, SPACING
+from symbrion_gym._src.sensing.survey import survey
+from symbrion_gym._src.tasks.features.gap import Gap, find_gap
 
 PITS = (0.45, 0.40, 0.35, 0.30, 0.25)
 """Widths of the pit [m]."""

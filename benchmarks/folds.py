@@ -17,10 +17,10 @@ import symbrion_gym as sg
 from benchmarks.material.changes import make_changes
 from benchmarks.material.clouds import DATA, load_stairs, make_far_arena, make_hills
 from benchmarks.report import write_results
-from reconstruction.reconstruct import reconstruct
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.ready_made import RECIPES, SPACING
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.ready_made import RECIPES, SPACING
 
 PITS = (0.40, 0.45)
 SEEDS = {0.40: 20, 0.45: 10}

@@ -22,24 +22,24 @@ from typing import Any
 
 from benchmarks.evolution_runs import Results
 from benchmarks.report import describe_versions
-from evolution.body_search.loop import evolve_bodies
-from evolution.landscape.assembly import assemble
-from evolution.landscape.config import (
+from evolution._src.body_search.loop import evolve_bodies
+from evolution._src.landscape.assembly import assemble
+from evolution._src.landscape.config import (
     HELD_OUT_TASKS,
     SECOND_HELD_OUT_TASKS,
     TASKS,
     LandscapeConfig,
     make_search,
 )
-from evolution.landscape.judging import KINDS, judge_bodies
-from evolution.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
-from evolution.landscape.making import let_bodies_learn
-from evolution.landscape.places import find_published_arena, save_places
-from evolution.landscape.reliability import describe_reliability, find_goal
-from evolution.landscape.remaking import draw_places, find_differences
-from evolution.landscape.scores import BUDGET, SMALL, find_rungs, score_searches
-from evolution.landscape.table import Landscape, load_landscape
-from evolution.search.provenance import find_revision
+from evolution._src.landscape.judging import KINDS, judge_bodies
+from evolution._src.landscape.longer import COUNT, TIMES, describe_longer, learn_longer, save_longer
+from evolution._src.landscape.making import let_bodies_learn
+from evolution._src.landscape.places import find_published_arena, save_places
+from evolution._src.landscape.reliability import describe_reliability, find_goal
+from evolution._src.landscape.remaking import draw_places, find_differences
+from evolution._src.landscape.scores import BUDGET, SMALL, find_rungs, score_searches
+from evolution._src.landscape.table import Landscape, load_landscape
+from evolution._src.search.provenance import find_revision
 
 PARTS = ("map", "longer", "again", "replays", "held_out", "second_held_out", "real")
 HELD_OUT = {"held_out": HELD_OUT_TASKS, "second_held_out": SECOND_HELD_OUT_TASKS}

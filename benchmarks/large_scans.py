@@ -17,10 +17,10 @@ import numpy as np
 
 from benchmarks.material.landscape import Landscape, make_landscape, write_scan
 from benchmarks.report import write_results
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.tiles.config import TilesConfig
-from reconstruction.tiles.folder import TiledSurface
-from reconstruction.tiles.tiling import reconstruct_tiles
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.folder import TiledSurface
+from reconstruction._src.tiles.tiling import reconstruct_tiles
 
 DENSITY = 100
 """Points in a square meter: of a good aerial scan."""

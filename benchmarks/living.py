@@ -22,7 +22,7 @@ import reconstruction as rc
 import symbrion_gym as sg
 from benchmarks.material import changes as material
 from benchmarks.report import describe_moment, load_record, write_results
-from symbrion_gym.contact.local_changes import find_local_changes, measure_gaps, sample_faces
+from symbrion_gym._src.contact.local_changes import find_local_changes, measure_gaps, sample_faces
 
 HELD_OUT = (sg.Course(width=1.6, pit=0.35), (-2.6, -2.35, -0.5, -0.1, 0.2), 11)
 """Course, box and seed that nothing was tuned on."""
@@ -145,7 +145,7 @@ def measure_room(repeats: int) -> dict[str, Any]:
 
 def measure_live(seed: int, quick: bool) -> dict[str, Any]:
     """Run `symbrion live` once and return its figures."""
-    from evolution.experiments.live.live import LiveConfig, run_live
+    from evolution._src.experiments.live.live import LiveConfig, run_live
 
     with tempfile.TemporaryDirectory() as folder:
         config = LiveConfig(Path(folder), seed, workers=2)

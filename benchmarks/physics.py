@@ -47,8 +47,8 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
 from benchmarks.material.physics_worlds import IMPRATIOS, World
-from symbrion_gym.environment.config import CONTACTS
-from symbrion_gym.robot.sliding_loads import find_load_gain, find_sliding_rate
+from symbrion_gym._src.environment.config import CONTACTS
+from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
 
 TRACKS = ("spheres", "wheels", "cylinders")
 STEADY = {"wheel_armature": 0.004}

@@ -26,10 +26,10 @@ from benchmarks.material.made_scenes import SCENES
 from benchmarks.material.plain_rooms import ROOMS
 from benchmarks.material.ray_casts import find_poses
 from benchmarks.report import write_results
-from symbrion_gym.arenas.geometry import ArenaGeometry
-from symbrion_gym.arenas.primitives import find_arena_primitives
-from symbrion_gym.arenas.spec import SURFACE_GROUP, make_arena_spec
-from symbrion_gym.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.arenas.geometry import ArenaGeometry
+from symbrion_gym._src.arenas.primitives import find_arena_primitives
+from symbrion_gym._src.arenas.spec import SURFACE_GROUP, make_arena_spec
+from symbrion_gym._src.sensing.laser_scanner import LaserScanner
 
 CHOSEN_ON = ("gsrm", "gg", "room", "table", "thin walls", "spiral stairs", "bare room", "warehouse")
 SET_ASIDE = ("rubble", "office", "corridor")

@@ -41,7 +41,7 @@ from benchmarks.material.scan_sources import (
 )
 from benchmarks.material.snake_steps import compare_steps
 from benchmarks.report import load_record, write_results
-from symbrion_gym.arenas.arena import Arena
+from symbrion_gym._src.arenas.arena import Arena
 
 _PEER = Path(__file__).parent / "material" / "open3d_peer.py"
 _QUICK = ("table", "thin walls", "rough ground", "apartment", "stairs", "aerial /50")

@@ -22,8 +22,8 @@ from benchmarks.material.c_gsrm import run_c_gsrm
 from benchmarks.material.clouds import CLOUDS, DATA, REAL, Cloud, make_arena
 from benchmarks.material.stairs import compare_stairs
 from benchmarks.report import write_results
-from reconstruction.reconstruct import reconstruct
-from reconstruction.surfaces.quality import Quality, measure_quality
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.surfaces.quality import Quality, measure_quality
 
 SIZES: dict[str, tuple[str, dict[str, Any]]] = {
     "gsrm 800": ("gsrm", {"units": 800}),
@@ -162,7 +162,7 @@ def measure_cold_start(repeats: int = 5) -> dict[str, float]:
     for method in ("gsrm", "gg"):
         code = (
             "import time; begin = time.perf_counter(); import numpy as np; "
-            "points = np.load({path!r}); from reconstruction.reconstruct import reconstruct; "
+            "points = np.load({path!r}); from reconstruction._src.reconstruct import reconstruct; "
             "reconstruct(points, {method!r}, units=2200).mesh; print(time.perf_counter() - begin)"
         )
         with tempfile.TemporaryDirectory() as folder:

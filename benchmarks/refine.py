@@ -21,11 +21,11 @@ import trimesh
 
 from benchmarks.material.changes import NUM_POINTS, Change, draw, make_changes, make_surface
 from benchmarks.report import write_results
-from reconstruction.geometry.sampling import sample_area
-from reconstruction.reconstruct import reconstruct
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.surfaces.quality import find_distances
-from symbrion_gym.arenas.course import Course
+from reconstruction._src.geometry.sampling import sample_area
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.surfaces.quality import find_distances
+from symbrion_gym._src.arenas.course import Course
 
 SIZES: dict[str, tuple[str, dict[str, Any]]] = {
     "gsrm 2200": ("gsrm", {"units": 2200}),

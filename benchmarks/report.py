@@ -16,8 +16,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from evolution.search.provenance import find_revision
-from reconstruction.files.atomic_write import write_atomically
+from evolution._src.search.provenance import find_revision
+from reconstruction._src.base.atomic_write import write_atomically
 
 RESULTS = Path(os.environ.get("BENCHMARK_RESULTS", Path(__file__).parent / "results"))
 PACKAGES = ("mujoco", "jax", "numpy", "scipy", "coacd", "cma", "gymnasium", "trimesh")

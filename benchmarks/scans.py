@@ -17,14 +17,14 @@ from scipy.spatial import cKDTree
 
 from benchmarks.material.survey_noise import measure_noise
 from benchmarks.report import write_results
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.scans.leveling import level_floor
-from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels, thin
-from reconstruction.scans.scan import ScanLog
-from reconstruction.scans.scan_log_file import load_scan_log
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.sensing.survey import SurveyRobot, make_path, survey
-from symbrion_gym.sensing.survey_world import SurveyWorld
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.scans.leveling import level_floor
+from reconstruction._src.scans.preprocess import preprocess, remove_mixed_pixels, thin
+from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.scans.scan_log_file import load_scan_log
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.sensing.survey import SurveyRobot, make_path, survey
+from symbrion_gym._src.sensing.survey_world import SurveyWorld
 
 REAL_SCAN = Path(__file__).parents[2] / "shared" / "data" / "3dtk_scan000.3d"
 FAR = 0.03

@@ -16,7 +16,7 @@ import numpy as np
 
 import evolution as ev
 from benchmarks.evolution_runs import Results
-from evolution.search.archive import make_archive
+from evolution._src.search.archive import make_archive
 
 GENERATIONS, GENOTYPES, TRIALS = 6, 16, 1
 SEEDS = (0, 1, 2)

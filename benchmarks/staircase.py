@@ -31,15 +31,15 @@ from benchmarks.material.stairs import (
     stretch_stairs,
 )
 from benchmarks.report import write_results
-from evolution.champions.policy import ChampionPolicy
-from evolution.controllers.controller import SENSORS
-from evolution.search.validation import Champion
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.formats import load_points
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.making import make_arena
+from evolution._src.champions.policy import ChampionPolicy
+from evolution._src.controllers.controller import SENSORS
+from evolution._src.search.validation import Champion
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.formats import load_points
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.making import make_arena
 
 SCAN = Path(__file__).parents[2] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 UNITS, SPACING, SQUEEZE = 1500, 0.03, 0.15

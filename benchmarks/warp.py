@@ -25,7 +25,7 @@ from benchmarks.material.warp_speed import (
     measure_host,
     measure_networks,
 )
-from reconstruction.extras import find_missing, require_extras
+from reconstruction._src.base.extras import find_missing, require_extras
 
 WORLDS = (64, 256, 1024, 4096, 16384)
 QUICK_WORLDS = (16, 64)
@@ -182,7 +182,7 @@ def run(
 
 
 def _find_device() -> str:
-    from symbrion_gym.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.warp.requirements import find_device, import_warp
 
     return find_device(import_warp()[0], None).alias
 

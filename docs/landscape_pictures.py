@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from evolution.landscape.longer import load_longer
-from evolution.landscape.scores import BUDGET, SMALL, list_searches, run_search
-from evolution.landscape.table import load_landscape
-from evolution.report.landscape import (
+from evolution._src.landscape.longer import load_longer
+from evolution._src.landscape.scores import BUDGET, SMALL, list_searches, run_search
+from evolution._src.landscape.table import load_landscape
+from evolution._src.report.landscape import (
     draw_distribution,
     draw_longer,
     draw_searches,
@@ -13,9 +13,9 @@ from evolution.report.landscape import (
     draw_truth,
     draw_winners,
 )
-from evolution.report.pictures import to_png
-from reconstruction.files.atomic_write import write_atomically
-from symbrion_gym.assets import find_assets
+from evolution._src.report.pictures import to_png
+from reconstruction._src.base.atomic_write import write_atomically
+from symbrion_gym._src.assets import find_assets
 
 IMAGES = Path(__file__).parent / "images"
 SEEDS = 10

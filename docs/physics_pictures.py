@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from benchmarks.material.physics_theory import find_beam_gap_limit, find_gap_limits
 from benchmarks.material.physics_wheels import find_step_limit
 from benchmarks.material.physics_worlds import World
-from reconstruction.files.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_atomically
 
 FOLDER = Path(__file__).parent / "images"
 RESULTS = Path(__file__).parents[1] / "benchmarks" / "results" / "physics.json"

@@ -2,37 +2,36 @@
 
 from typing import TYPE_CHECKING
 
-from reconstruction.deprecation import export_former_names
-from reconstruction.lazy import export_lazily
+from reconstruction._src.base.lazy import export_lazily
 
 if TYPE_CHECKING:
-    from evolution.backends.outcome import Outcome
-    from evolution.backends.scoring import Scoring
-    from evolution.backends.trials import Randomization, RolloutConfig
-    from evolution.bodies.genome import BodyGenome
-    from evolution.body_search.config import BodiesConfig, BodyEvolutionConfig
-    from evolution.body_search.confirmation import confirm
-    from evolution.body_search.learning import LearningConfig
-    from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
-    from evolution.champions.playback import Recording, judge, play
-    from evolution.champions.policy import ChampionPolicy
-    from evolution.controllers.config import ControllerConfig
-    from evolution.controllers.finding import find_controller
-    from evolution.controllers.protocol import Controller, OutOfBoundsWarning
-    from evolution.dispatch import evolve
-    from evolution.errors import EvolutionError, RunError
-    from evolution.search.archive import ArchiveConfig
-    from evolution.search.cmaes import CmaesConfig
-    from evolution.search.config import EvolutionConfig
-    from evolution.search.elites_of_record import find_elites
-    from evolution.search.evaluation import Evaluation, Evaluator, evaluate
-    from evolution.search.grid import Grid, evaluate_grid
-    from evolution.search.islands import IslandsConfig
-    from evolution.search.loop import load_run, resume
-    from evolution.search.run import Run, load_champion
-    from evolution.search.side_by_side import evolve_side_by_side
-    from evolution.search.stages import Stage
-    from evolution.search.validation import Champion, Validation
+    from evolution._src.backends.outcome import Outcome
+    from evolution._src.backends.scoring import Scoring
+    from evolution._src.backends.trials import Randomization, RolloutConfig
+    from evolution._src.bodies.genome import BodyGenome
+    from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
+    from evolution._src.body_search.confirmation import confirm
+    from evolution._src.body_search.learning import LearningConfig
+    from evolution._src.body_search.loop import evolve_bodies, load_bodies, resume_bodies
+    from evolution._src.champions.playback import Recording, judge, play
+    from evolution._src.champions.policy import ChampionPolicy
+    from evolution._src.controllers.config import ControllerConfig
+    from evolution._src.controllers.finding import find_controller
+    from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
+    from evolution._src.dispatch import evolve
+    from evolution._src.errors import EvolutionError, RunError
+    from evolution._src.search.archive import ArchiveConfig
+    from evolution._src.search.cmaes import CmaesConfig
+    from evolution._src.search.config import EvolutionConfig
+    from evolution._src.search.elites_of_record import find_elites
+    from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
+    from evolution._src.search.grid import Grid, evaluate_grid
+    from evolution._src.search.islands import IslandsConfig
+    from evolution._src.search.loop import load_run, resume
+    from evolution._src.search.run import Run, load_champion
+    from evolution._src.search.side_by_side import evolve_side_by_side
+    from evolution._src.search.stages import Stage
+    from evolution._src.search.validation import Champion, Validation
 
 __all__ = [
     "ArchiveConfig",
@@ -78,5 +77,4 @@ __all__ = [
     "resume_bodies",
 ]
 
-_load, __dir__ = export_lazily(__name__)
-__getattr__ = export_former_names(_load, Randomisation="Randomization")
+__getattr__, __dir__ = export_lazily(__name__)

@@ -2,7 +2,7 @@
 
 import sys
 
-from reconstruction.extras import MissingExtraError, require_extras
+from reconstruction._src.base.extras import MissingExtraError, require_extras
 
 
 def main() -> None:
@@ -11,7 +11,7 @@ def main() -> None:
         require_extras("the command `symbrion`", "cli")
     except MissingExtraError as error:
         sys.exit(f"symbrion: {error}")
-    from evolution.cli.main import main as run_command_line
+    from evolution._src.cli.main import main as run_command_line
 
     run_command_line()
 

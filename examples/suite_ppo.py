@@ -5,8 +5,8 @@
     symbrion bench-suite verify ppo.json
 
 The policy is a network of 2 x 32 units (tanh). It is trained on the scanned arena alone, for the budget of the suite.
-Its weights are the genotype of the controller `evolution.controllers.policy_network:PolicyNetwork`, in pure NumPy, so
-that it is verified without PyTorch. Where the body is free, a row of three is trained. A run that was stopped goes on.
+Its weights are the genotype of the controller `evolution._src.controllers.policy_network:PolicyNetwork`, in pure NumPy,
+so that it is verified without PyTorch. Where the body is free, a row of three is trained.
 """
 
 import argparse
@@ -20,17 +20,17 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 
-from evolution.backends.rollout import make_environment_options
-from evolution.controllers.policy_network import HOLD, UNITS, PolicyNetwork
-from evolution.search.run import describe_origin
-from evolution.suite.running import fill_submission
-from evolution.suite.submission import Entry, find_score
-from evolution.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
-from symbrion_gym.adapters.stable_baselines_env import StableBaselinesEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.robot.body_plans import organism_to_text
+from evolution._src.backends.rollout import make_environment_options
+from evolution._src.controllers.policy_network import HOLD, UNITS, PolicyNetwork
+from evolution._src.search.run import describe_origin
+from evolution._src.suite.running import fill_submission
+from evolution._src.suite.submission import Entry, find_score
+from evolution._src.suite.tasks import BUDGET, EXAM_SEED, SUITE, SuiteTask, find_suite_task
+from symbrion_gym._src.adapters.stable_baselines_env import StableBaselinesEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.robot.body_plans import organism_to_text
 
-CONTROLLER = "evolution.controllers.policy_network:PolicyNetwork"
+CONTROLLER = "evolution._src.controllers.policy_network:PolicyNetwork"
 TICK, NUM_ENVS, STEPS, ROW = 0.02, 8, 64, 3
 """Seconds of a tick; simulations side by side, decisions of each between updates; modules where the body is free."""
 POLICY = {"net_arch": list(UNITS), "log_std_init": -1.0, "activation_fn": torch.nn.Tanh}

@@ -2,53 +2,53 @@
 
 from typing import TYPE_CHECKING
 
-from reconstruction.lazy import export_lazily
-from reconstruction.reconstruct import reconstruct  # the function has the name of its module
-from reconstruction.reconstruction import Reconstruction
+from reconstruction._src.base.lazy import export_lazily
+from reconstruction._src.reconstruct import reconstruct  # the function has the name of its module
+from reconstruction._src.reconstruction import Reconstruction
 
 if TYPE_CHECKING:
-    from reconstruction.errors import ReconstructionError, ReconstructionPackageError, ScanError
-    from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig
-    from reconstruction.networks.gsrm.gsrm import GSRMConfig
-    from reconstruction.objects.config import ObjectsConfig
-    from reconstruction.objects.finding import FoundObject, find_objects
-    from reconstruction.progress import Progress, silent
-    from reconstruction.resolution import ResolutionConfig, choose_units
-    from reconstruction.scans.cells import SparsePointsConfig
-    from reconstruction.scans.cloud import Cloud
-    from reconstruction.scans.cloud_file import load_cloud, make_log_cloud, recenter
-    from reconstruction.scans.cloud_preprocess import preprocess_cloud
-    from reconstruction.scans.depth_image import Intrinsics, load_depth_image
-    from reconstruction.scans.formats import load_points, save_points
-    from reconstruction.scans.frames import FrameConfig, describe_odd_size
-    from reconstruction.scans.leveling import LevelingConfig
-    from reconstruction.scans.localization import LocalizationConfig, localise, localize
-    from reconstruction.scans.mesh_files import is_mesh, load_mesh
-    from reconstruction.scans.mixed_pixels import MixedPixelsConfig
-    from reconstruction.scans.noise_priors import NoisePriors
-    from reconstruction.scans.preprocess import (
+    from reconstruction._src.base.errors import ReconstructionError, ReconstructionPackageError, ScanError
+    from reconstruction._src.base.progress import Progress, silent
+    from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig
+    from reconstruction._src.networks.gsrm.gsrm import GSRMConfig
+    from reconstruction._src.objects.config import ObjectsConfig
+    from reconstruction._src.objects.finding import FoundObject, find_objects
+    from reconstruction._src.resolution import ResolutionConfig, choose_units
+    from reconstruction._src.scans.cells import SparsePointsConfig
+    from reconstruction._src.scans.cloud import Cloud
+    from reconstruction._src.scans.cloud_file import load_cloud, make_log_cloud, recenter
+    from reconstruction._src.scans.cloud_preprocess import preprocess_cloud
+    from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
+    from reconstruction._src.scans.formats import load_points, save_points
+    from reconstruction._src.scans.frames import FrameConfig, describe_odd_size
+    from reconstruction._src.scans.leveling import LevelingConfig
+    from reconstruction._src.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction._src.scans.mesh_files import is_mesh, load_mesh
+    from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig
+    from reconstruction._src.scans.noise_priors import NoisePriors
+    from reconstruction._src.scans.preprocess import (
         PreprocessConfig,
         level_floor,
         preprocess,
         remove_mixed_pixels,
         smooth_ranges,
     )
-    from reconstruction.scans.scan import ScanLog
-    from reconstruction.scans.scan_log_file import load_scan_log
-    from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
-    from reconstruction.scans.smoothing import SmoothingConfig
-    from reconstruction.slip.drags import DragConfig, FrictionReadings, SlipPriors, find_friction
-    from reconstruction.slip.patches import (
+    from reconstruction._src.scans.scan import ScanLog
+    from reconstruction._src.scans.scan_log_file import load_scan_log
+    from reconstruction._src.scans.selection import CropConfig, crop, find_crop_box, thin
+    from reconstruction._src.scans.smoothing import SmoothingConfig
+    from reconstruction._src.slip.drags import DragConfig, FrictionReadings, SlipPriors, find_friction
+    from reconstruction._src.slip.patches import (
         EstimatedPatch,
         FrictionEstimate,
         FrictionPatchConfig,
         find_friction_patches,
     )
-    from reconstruction.slip.readings import SlipReadings
-    from reconstruction.surfaces.quality import Quality, measure_quality
-    from reconstruction.tiles.config import TilesConfig
-    from reconstruction.tiles.folder import TiledSurface
-    from reconstruction.tiles.tiling import reconstruct_tiles
+    from reconstruction._src.slip.readings import SlipReadings
+    from reconstruction._src.surfaces.quality import Quality, measure_quality
+    from reconstruction._src.tiles.config import TilesConfig
+    from reconstruction._src.tiles.folder import TiledSurface
+    from reconstruction._src.tiles.tiling import reconstruct_tiles
 
 __all__ = [
     "Cloud",

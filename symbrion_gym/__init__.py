@@ -3,35 +3,35 @@
 Importing this package registers the environments `symbrion_gym/SnakePit-v1` and its siblings.
 """
 
-import symbrion_gym.headless
+import symbrion_gym._src.headless
 
 import symbrion_gym.tasks  # noqa: F401  isort: skip  (so that `symbrion_gym.tasks` is there)
 
 from typing import TYPE_CHECKING
 
-from reconstruction.lazy import export_lazily
-from symbrion_gym.registration import register
+from reconstruction._src.base.lazy import export_lazily
+from symbrion_gym._src.registration import register
 
 if TYPE_CHECKING:
-    from symbrion_gym.adapters.stable_baselines import make_sb3_env
-    from symbrion_gym.arenas.arena import Arena
-    from symbrion_gym.arenas.coloring import color_arena
-    from symbrion_gym.arenas.course import Course, StairsCourse
-    from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
-    from symbrion_gym.arenas.loading import load_arena
-    from symbrion_gym.arenas.making import make_arena
-    from symbrion_gym.arenas.object_placing import place_objects
-    from symbrion_gym.arenas.placed_objects import PlacedObject
-    from symbrion_gym.arenas.texture_atlas import AtlasConfig
-    from symbrion_gym.arenas.tiles import load_tiles
-    from symbrion_gym.arenas.updating import update_arena
-    from symbrion_gym.assets import NAMED_ARENAS
-    from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
-    from symbrion_gym.environment.organism_env import OrganismEnv
-    from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-    from symbrion_gym.environment.snake_pit import SnakePitEnv
-    from symbrion_gym.environment.vector import SnakePitVectorEnv
-    from symbrion_gym.errors import (
+    from symbrion_gym._src.adapters.stable_baselines import make_sb3_env
+    from symbrion_gym._src.arenas.arena import Arena
+    from symbrion_gym._src.arenas.coloring import color_arena
+    from symbrion_gym._src.arenas.course import Course, StairsCourse
+    from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
+    from symbrion_gym._src.arenas.loading import load_arena
+    from symbrion_gym._src.arenas.making import make_arena
+    from symbrion_gym._src.arenas.object_placing import place_objects
+    from symbrion_gym._src.arenas.placed_objects import PlacedObject
+    from symbrion_gym._src.arenas.texture_atlas import AtlasConfig
+    from symbrion_gym._src.arenas.tiles import load_tiles
+    from symbrion_gym._src.arenas.updating import update_arena
+    from symbrion_gym._src.assets import NAMED_ARENAS
+    from symbrion_gym._src.environment.config import EnvironmentConfig, SnakePitConfig
+    from symbrion_gym._src.environment.organism_env import OrganismEnv
+    from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+    from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+    from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+    from symbrion_gym._src.errors import (
         ArenaError,
         OptionError,
         OrganismError,
@@ -39,34 +39,34 @@ if TYPE_CHECKING:
         SymbrionGymError,
         TaskError,
     )
-    from symbrion_gym.robot.belts import Tracks, TracksConfig, add_tracks
-    from symbrion_gym.robot.body_plans import load_organism, organism_to_text
-    from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
-    from symbrion_gym.robot.random_organism import make_random_organism
-    from symbrion_gym.robot.scout import ScoutConfig, make_scout
-    from symbrion_gym.robot.sensor_noise import SensorNoise
-    from symbrion_gym.sensing.camera import CameraConfig
-    from symbrion_gym.sensing.friction_robot import FrictionRobot, SlipNoise
-    from symbrion_gym.sensing.laser_scanner import LaserScanner
-    from symbrion_gym.sensing.rangefinder import RangeFinder
-    from symbrion_gym.sensing.scout_camera import Camera
-    from symbrion_gym.sensing.survey import survey
-    from symbrion_gym.sensing.survey_robot import SurveyRobot
-    from symbrion_gym.sensing.survey_world import SurveyRoom
-    from symbrion_gym.sensing.timing import Timing, timing
-    from symbrion_gym.tasks.audit import Audit, AuditLimits, Trajectory, audit
-    from symbrion_gym.tasks.catalog import make_task
-    from symbrion_gym.tasks.criteria import SuccessCriteria
-    from symbrion_gym.tasks.features.gap import GapSearch, PitSearch
-    from symbrion_gym.tasks.route import RouteMargins
-    from symbrion_gym.tasks.starts import Start
-    from symbrion_gym.tasks.state import TaskState
-    from symbrion_gym.tasks.task import Task, read_task
-    from symbrion_gym.tasks.terms import Goal, Reward, Termination
-    from symbrion_gym.traversability.drawing import draw_traversability
-    from symbrion_gym.traversability.drivable import TraversabilityMap
-    from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
-    from symbrion_gym.traversability.routes import DrivingRoute, RouteConfig
+    from symbrion_gym._src.robot.belts import Tracks, TracksConfig, add_tracks
+    from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
+    from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+    from symbrion_gym._src.robot.random_organism import make_random_organism
+    from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
+    from symbrion_gym._src.robot.sensor_noise import SensorNoise
+    from symbrion_gym._src.sensing.camera import CameraConfig
+    from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipNoise
+    from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+    from symbrion_gym._src.sensing.rangefinder import RangeFinder
+    from symbrion_gym._src.sensing.scout_camera import Camera
+    from symbrion_gym._src.sensing.survey import survey
+    from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+    from symbrion_gym._src.sensing.survey_world import SurveyRoom
+    from symbrion_gym._src.sensing.timing import Timing, timing
+    from symbrion_gym._src.tasks.audit import Audit, AuditLimits, Trajectory, audit
+    from symbrion_gym._src.tasks.catalog import make_task
+    from symbrion_gym._src.tasks.criteria import SuccessCriteria
+    from symbrion_gym._src.tasks.features.gap import GapSearch, PitSearch
+    from symbrion_gym._src.tasks.route import RouteMargins
+    from symbrion_gym._src.tasks.starts import Start
+    from symbrion_gym._src.tasks.state import TaskState
+    from symbrion_gym._src.tasks.task import Task, read_task
+    from symbrion_gym._src.tasks.terms import Goal, Reward, Termination
+    from symbrion_gym._src.traversability.drawing import draw_traversability
+    from symbrion_gym._src.traversability.drivable import TraversabilityMap
+    from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
+    from symbrion_gym._src.traversability.routes import DrivingRoute, RouteConfig
 
 register()
 

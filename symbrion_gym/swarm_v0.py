@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from reconstruction.extras import require_extras
+from reconstruction._src.base.extras import require_extras
 
 if TYPE_CHECKING:
-    from symbrion_gym.swarm.environment import SwarmEnv
+    from symbrion_gym._src.swarm.environment import SwarmEnv
 
 
 def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
@@ -23,6 +23,6 @@ def parallel_env(render_mode: str | None = None, **options: Any) -> SwarmEnv:
         ArenaError: there is no such arena, or it has no pit or no room for so many robots.
     """
     require_extras("`swarm_v0.parallel_env`", "swarm")
-    from symbrion_gym.swarm.environment import SwarmEnv
+    from symbrion_gym._src.swarm.environment import SwarmEnv
 
     return SwarmEnv(render_mode=render_mode, **options)

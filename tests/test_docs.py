@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import tyro
 
-from evolution.cli.commands import COMMANDS
+from evolution._src.cli.commands import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -11,7 +11,7 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.backends.trials import Job
+from evolution._src.backends.trials import Job
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -66,10 +66,10 @@ def test_ppo_is_trained_saved_judged_and_filmed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_ppo_submits_to_the_suite_what_it_has_learned() -> None:
     pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
-    from evolution.controllers.finding import find_controller
-    from evolution.suite.submission import Submission
-    from evolution.suite.tasks import EXAM_SEED, find_suite_task
-    from evolution.suite.verification import verify
+    from evolution._src.controllers.finding import find_controller
+    from evolution._src.suite.submission import Submission
+    from evolution._src.suite.tasks import EXAM_SEED, find_suite_task
+    from evolution._src.suite.verification import verify
 
     example, task = load("suite_ppo"), find_suite_task("stairs, 3 in a row")
     entry = example.train(task, 0, seconds=100.0)
@@ -110,7 +110,7 @@ def test_a_scout_drives_by_dead_reckoning() -> None:
 
 
 def test_pycma_searches_around_an_evaluator(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evolution.backends.rollout.simulate", bowl)
+    monkeypatch.setattr("evolution._src.backends.rollout.simulate", bowl)
     genotype, fitness = load("search_with_pycma").main(generations=3)
     assert len(genotype) == 8
     assert np.isfinite(fitness)

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-import reconstruction.extras
+import reconstruction._src.base.extras
 from evolution import __main__ as start
-from evolution.cli.main import run
-from reconstruction.extras import EXTRAS, MissingExtraError, require_extras
+from evolution._src.cli.main import run
+from reconstruction._src.base.extras import EXTRAS, MissingExtraError, require_extras
 
 ROOT = Path(__file__).parents[1]
 MODULES = [module for modules in EXTRAS.values() for module in modules]
@@ -54,9 +54,9 @@ sys.meta_path.insert(0, Hidden())
 def without_extras(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make every module of every extra but `cli` look absent."""
     absent = set(MODULES) - set(EXTRAS["cli"])
-    found = reconstruction.extras.find_spec
+    found = reconstruction._src.base.extras.find_spec
     monkeypatch.setattr(
-        reconstruction.extras, "find_spec", lambda name: None if name in absent else found(name)
+        reconstruction._src.base.extras, "find_spec", lambda name: None if name in absent else found(name)
     )
 
 
@@ -108,7 +108,7 @@ def test_a_command_says_which_extra_it_lacks(
 
 
 def test_the_command_line_says_that_it_lacks_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(SystemExit, match=r"^symbrion: .*'cli'.*pip install 'symbrion-gym\[cli\]'$") as end:
         start.main()
     assert "\n" not in str(end.value.code)

@@ -13,14 +13,14 @@ import mujoco.viewer
 import numpy as np
 import pytest
 
-from evolution.backends.processes import open_pipe, share_pipe
-from evolution.cli.command import UsageError, require_writable_folder
-from evolution.cli.streams import is_unread
-from evolution.report.provenance import describe_machine
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.files.cache import CACHE_VARIABLE, find_cache_folder
-from symbrion_gym import headless
-from symbrion_gym.environment.rendering import SceneRenderer
+from evolution._src.backends.processes import open_pipe, share_pipe
+from evolution._src.cli.command import UsageError, require_writable_folder
+from evolution._src.cli.streams import is_unread
+from evolution._src.report.provenance import describe_machine
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.cache import CACHE_VARIABLE, find_cache_folder
+from symbrion_gym._src import headless
+from symbrion_gym._src.environment.rendering import SceneRenderer
 
 ROOT = Path(__file__).parents[1]
 FILES = [
@@ -37,7 +37,7 @@ POSIX_NAMES = {
 }  # fmt: skip
 """Attributes of `os`, `signal` and `time`, and options of `subprocess`, that Windows lacks."""
 GUARDED = {
-    ("reconstruction/files/cache.py", "getuid"): "behind hasattr",
+    ("reconstruction/_src/base/cache.py", "getuid"): "behind hasattr",
 }
 
 
@@ -89,7 +89,7 @@ def test_egl_is_for_linux_without_a_display(
 
 
 def test_only_the_package_selects_opengl() -> None:
-    for name in ("Makefile", "tools/make.py", ".ci/run"):
+    for name in ("Makefile", ".ci/run"):
         assert "MUJOCO_GL" not in (ROOT / name).read_text()
 
 

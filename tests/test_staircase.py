@@ -9,7 +9,7 @@ import trimesh
 
 from benchmarks import staircase
 from benchmarks.material import stairs
-from reconstruction.scans.formats import load_points
+from reconstruction._src.scans.formats import load_points
 
 
 def _make_beams(undercut: float = 0.0) -> np.ndarray:

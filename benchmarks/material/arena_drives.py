@@ -10,9 +10,9 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.material.crossings import KNOTS, cross, draw_conditions
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 MODULES = 8
 Drive = Callable[[Arena, int], tuple[np.ndarray, np.ndarray]]

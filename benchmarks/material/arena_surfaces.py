@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.formats import load_points
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.surface_file import load_surface
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.formats import load_points
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.surface_file import load_surface
 
 STAIRS = Path(__file__).resolve().parents[3] / "shared" / "data" / "octomap_stairs_scan.dat.bz2"
 BUNNY = STAIRS.with_name("stanford-bunny.obj")

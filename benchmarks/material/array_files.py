@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from reconstruction.files.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_atomically
 
 
 def save_arrays(path: Path, arrays: dict[str, Any]) -> None:

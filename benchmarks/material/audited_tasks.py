@@ -13,17 +13,17 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 
-from evolution.backends.parts import count_tracks
-from evolution.controllers.controller import OwnController, make_law
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.errors import ArenaError, TaskError
-from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym.robot.random_organism import make_random_organism
-from symbrion_gym.tasks.audit import Trajectory
-from symbrion_gym.tasks.second_judge import audit_task
+from evolution._src.backends.parts import count_tracks
+from evolution._src.controllers.controller import OwnController, make_law
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import ArenaError, TaskError
+from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.random_organism import make_random_organism
+from symbrion_gym._src.tasks.audit import Trajectory
+from symbrion_gym._src.tasks.second_judge import audit_task
 
 BODIES: dict[str, Organism] = {
     **{f"snake {count}": snake(count) for count in range(2, 10)},

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 
 def make_bare(surface: trimesh.Trimesh, yaw: float = 0.0, move: tuple[float, float] = (0.0, 0.0)) -> Arena:

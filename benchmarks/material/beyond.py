@@ -12,21 +12,21 @@ import numpy as np
 
 import evolution as ev
 from benchmarks.material.rubble import save_rubble
-from evolution.backends.trials import Randomization, RolloutConfig
-from evolution.bodies.genome import make_row
-from evolution.body_search.confirmation import confirm
-from evolution.body_search.run import BodyRun
-from evolution.controllers.config import ControllerConfig
-from evolution.controllers.controller import U_SHAPE_HINT
-from evolution.landscape.places import SPACING, TIME_LIMIT, UNITS
-from evolution.search.run import Run
-from evolution.search.search_config import SearchConfig
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import StairsCourse
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.sensing.survey import survey
+from evolution._src.backends.trials import Randomization, RolloutConfig
+from evolution._src.bodies.genome import make_row
+from evolution._src.body_search.confirmation import confirm
+from evolution._src.body_search.run import BodyRun
+from evolution._src.controllers.config import ControllerConfig
+from evolution._src.controllers.controller import U_SHAPE_HINT
+from evolution._src.landscape.places import SPACING, TIME_LIMIT, UNITS
+from evolution._src.search.run import Run
+from evolution._src.search.search_config import SearchConfig
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import StairsCourse
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.sensing.survey import survey
 
 LARGEST = 12
 """Modules of the largest body."""

@@ -9,9 +9,9 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from reconstruction.geometry.sampling import sample_area
-from reconstruction.surfaces.quality import find_distances
-from symbrion_gym.arenas.course import Course
+from reconstruction._src.geometry.sampling import sample_area
+from reconstruction._src.surfaces.quality import find_distances
+from symbrion_gym._src.arenas.course import Course
 
 NUM_POINTS = 60_000
 NOISE = 0.005

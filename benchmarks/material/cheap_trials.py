@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from evolution.backends.environment_options import sort_options
-from evolution.backends.outcome import Outcome
-from evolution.backends.rollout import simulate
-from evolution.backends.trials import Job
-from evolution.search.record import SAMPLE
+from evolution._src.backends.environment_options import sort_options
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.rollout import simulate
+from evolution._src.backends.trials import Job
+from evolution._src.search.record import SAMPLE
 
 _KIND = 1
 """Place of the kind of a trial in its seed."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.material.crossings import LAWS, cross, draw_conditions, evolve
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 LANES = 40
 GENERATIONS = 5

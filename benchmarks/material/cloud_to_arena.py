@@ -21,8 +21,8 @@ import trimesh
 
 from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.scan_sources import ScanCase
-from reconstruction.files.atomic_write import write_atomically
-from symbrion_gym.arenas.arena import Arena
+from reconstruction._src.base.atomic_write import write_atomically
+from symbrion_gym._src.arenas.arena import Arena
 
 LONGEST = 1800.0
 """A process that takes longer is ended [s]."""

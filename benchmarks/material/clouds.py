@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from reconstruction.geometry.sampling import sample_area
-from reconstruction.scans.formats import load_points
-from symbrion_gym.arenas.course import Course, StairsCourse
+from reconstruction._src.geometry.sampling import sample_area
+from reconstruction._src.scans.formats import load_points
+from symbrion_gym._src.arenas.course import Course, StairsCourse
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 """Folder of the real scans, which are not part of this repository."""

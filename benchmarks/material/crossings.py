@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import cma
 import numpy as np
 
-from evolution.controllers.controller import make_controller
-from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.tasks.audit import Trajectory, audit
+from evolution._src.controllers.controller import make_controller
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.tasks.audit import Trajectory, audit
 
 KNOTS = np.linspace(-0.55, 1.10, 12)
 """Knots of the posture along the course, from the middle of the pit [m]."""

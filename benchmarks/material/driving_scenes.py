@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 CEILING = 2.4
 """Height of the rooms [m]."""

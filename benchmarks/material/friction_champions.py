@@ -5,19 +5,19 @@ from typing import Any, NamedTuple
 
 from scipy.stats import binomtest
 
-from evolution.backends.trials import Randomization
-from evolution.champions.playback import judge
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve
-from evolution.search.validation import Validation
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.ready_made import SPACING
-from symbrion_gym.sensing.friction_robot import FrictionRobot
-from symbrion_gym.sensing.survey import survey
+from evolution._src.backends.trials import Randomization
+from evolution._src.champions.playback import judge
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.validation import Validation
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.ready_made import SPACING
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot
+from symbrion_gym._src.sensing.survey import survey
 
 ICE = Course(pit=0.0, friction_patches=((-1.6, -0.4, -0.25, 1.0, 0.15),))
 """Two ramps; ice on the first, from its left side to 0.25 m right of the middle: straight ahead leads onto it."""

@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reconstruction.slip.drags import find_friction
-from reconstruction.slip.patches import FrictionEstimate, find_friction_patches
-from reconstruction.slip.readings import SlipReadings
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.friction_map import FrictionMap
-from symbrion_gym.arenas.ground_friction import make_friction_map
-from symbrion_gym.sensing.friction_drive import drive_lanes
-from symbrion_gym.sensing.friction_robot import FrictionRobot
+from reconstruction._src.slip.drags import find_friction
+from reconstruction._src.slip.patches import FrictionEstimate, find_friction_patches
+from reconstruction._src.slip.readings import SlipReadings
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.ground_friction import make_friction_map
+from symbrion_gym._src.sensing.friction_drive import drive_lanes
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot
 
 LEAST_WAY = 1.0
 """Patches on which the robot drove less are not judged [m]."""

@@ -17,10 +17,10 @@ from benchmarks.material.pursuit import (
     make_random,
 )
 from benchmarks.material.tracked_robot import TrackedRobot
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.robot.organism import Organism, snake
-from symbrion_gym.traversability.routes import DrivingRoute
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.robot.organism import Organism, snake
+from symbrion_gym._src.traversability.routes import DrivingRoute
 
 NUM_STARTS = 16
 """Random starts in the region of the goal."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 
-from reconstruction.files.atomic_write import write_atomically
+from reconstruction._src.base.atomic_write import write_atomically
 
 _CHUNK = 1_000_000
 

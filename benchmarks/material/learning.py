@@ -14,10 +14,10 @@ import numpy as np
 import symbrion_gym as sg
 from benchmarks.material.learning_run import FRESH_SEED, Budget, Policy, Run
 from benchmarks.material.simple_policy import GoalPolicy
-from evolution.backends.parts import count_tracks
-from evolution.controllers.controller import make_law
-from evolution.controllers.protocol import Controller
-from evolution.search.cmaes import Space, Strategy
+from evolution._src.backends.parts import count_tracks
+from evolution._src.controllers.controller import make_law
+from evolution._src.controllers.protocol import Controller
+from evolution._src.search.cmaes import Space, Strategy
 
 FRAME_SKIP = 20
 """Physics steps of a decision of PPO and SAC: 0.1 s instead of 0.02."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import evolution as ev
 from benchmarks.material.beyond import Found, Place, evolve_for, make_search, make_training
-from evolution.backends.trials import Randomization
-from evolution.bodies.genome import parse_genome
+from evolution._src.backends.trials import Randomization
+from evolution._src.bodies.genome import parse_genome
 
 TIMES = 2.0
 """Longest training in units of the time of the search for the body."""

@@ -10,8 +10,8 @@ import trimesh
 
 from benchmarks.material.object_rooms import PlacedObject, RoomSurvey, make_room, place_mesh
 from benchmarks.material.ray_casts import make_embree_cast
-from reconstruction.files.atomic_write import write_atomically
-from reconstruction.scans.depth_image import Intrinsics, load_depth_image
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
 
 CAMERA = Intrinsics(525.0, 525.0, 319.5, 239.5)
 """Of the first Kinect, 640 x 480 pixels, as its drivers have them."""

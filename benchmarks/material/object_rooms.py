@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 
 from benchmarks.material.ray_casts import make_embree_cast
-from reconstruction.geometry.pose import make_rotation
-from reconstruction.scans.cloud import Cloud
+from reconstruction._src.geometry.pose import make_rotation
+from reconstruction._src.scans.cloud import Cloud
 
 MIN_READINGS = 60
 """An object counts as seen with this many readings on it; one with fewer is neither wanted nor false."""

@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from benchmarks.material.array_files import load_arrays, save_arrays
 from benchmarks.material.scan_sources import ScanCase
-from reconstruction.geometry.elevation import Elevation
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.contact.kinds import make_height_field
-from symbrion_gym.contact.quality import ArenaQuality
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.contact.kinds import make_height_field
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 THICKNESS = 0.06
 """How thick prisms of a decimated mesh are [m]."""

@@ -10,9 +10,9 @@ import numpy as np
 import evolution as ev
 from benchmarks.material.crossings import cross, draw_conditions, draw_controllers
 from benchmarks.report import load_record
-from symbrion_gym.environment.config import CONTACTS
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.config import CONTACTS
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 _TICKS = 100
 

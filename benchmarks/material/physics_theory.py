@@ -15,9 +15,9 @@ from jaxtyping import Float
 from scipy.optimize import linprog
 
 from benchmarks.material.physics_worlds import GRAVITY
-from symbrion_gym.robot.organism import Organism
-from symbrion_gym.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym.robot.tracks import find_driven_wheels, find_wheel_radius
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
+from symbrion_gym._src.robot.tracks import find_driven_wheels, find_wheel_radius
 
 _LEVEL = 1e-4
 """Wheels whose lowest points differ in height by less all stand on flat ground [m]."""

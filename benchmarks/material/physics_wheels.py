@@ -8,10 +8,10 @@ from scipy.optimize import linprog, minimize
 
 from benchmarks.material.physics_theory import find_feet, find_largest, find_masses, find_standing
 from benchmarks.material.physics_worlds import GRAVITY
-from symbrion_gym.robot.organism import Organism
-from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.robot.sliding_loads import Contacts
-from symbrion_gym.robot.tracks import find_wheel_radius
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.robot.sliding_loads import Contacts
+from symbrion_gym._src.robot.tracks import find_wheel_radius
 
 _STILL = 1e-6
 """Points that slide more slowly, as a share of the belts' speed, rub with a part of their friction."""

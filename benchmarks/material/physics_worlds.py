@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.robot.organism import Organism, snake
-from symbrion_gym.robot.scout_constants import CYLINDER_TRACKS, ScoutConfig
-from symbrion_gym.robot.tracks import find_wheel_radius
+from symbrion_gym._src.robot.organism import Organism, snake
+from symbrion_gym._src.robot.scout_constants import CYLINDER_TRACKS, ScoutConfig
+from symbrion_gym._src.robot.tracks import find_wheel_radius
 
 GRAVITY = 9.81
 """[m/s²]."""

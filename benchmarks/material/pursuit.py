@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.material.tracked_robot import TrackedRobot
-from symbrion_gym.traversability.drivable import TraversabilityMap
-from symbrion_gym.traversability.routes import DrivingRoute
+from symbrion_gym._src.traversability.drivable import TraversabilityMap
+from symbrion_gym._src.traversability.routes import DrivingRoute
 
 Driver = Callable[[Float[np.ndarray, " 3"], float, np.random.Generator], tuple[float, float]]
 """From the middle of the robot [m], its heading [rad] and a generator to the speeds of its left and right tracks

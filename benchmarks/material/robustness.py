@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from symbrion_gym.environment.config import SENSORS
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.config import SENSORS
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 _LANES = 64
 _TICKS = 1000

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from evolution.landscape.places import SPACING, TIME_LIMIT, UNITS
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.preprocess import preprocess, thin
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.sensing.survey import survey
+from evolution._src.landscape.places import SPACING, TIME_LIMIT, UNITS
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.preprocess import preprocess, thin
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.sensing.survey import survey
 
 LENGTH, WIDTH = 4.4, 2.0
 """Size of the floor [m]: room for twelve modules in a row before the blocks and behind them."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evolution.controllers.protocol import Structure
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from evolution._src.controllers.protocol import Structure
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 _NUM_IR = 8
 

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from scipy.ndimage import minimum_filter1d
 
-from reconstruction.geometry.elevation import Elevation
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
 
 SPEED = 0.3
 _LANES = (-0.7, -0.45, -0.2, 0.05, 0.3, 0.55, 0.8)

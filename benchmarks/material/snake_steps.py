@@ -11,11 +11,11 @@ import numpy as np
 import trimesh
 
 from benchmarks.material.contact_judge import cast, sample
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.spec import SURFACE_GROUP
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.robot.organism import snake
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.spec import SURFACE_GROUP
+from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.robot.organism import snake
 
 MODULES = 8
 NUM_SPOTS = 3

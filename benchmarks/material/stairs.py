@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from reconstruction.geometry.orientation import find_components
-from reconstruction.geometry.sampling import sample_area
-from reconstruction.surfaces.quality import count_topology, find_distances
+from reconstruction._src.geometry.orientation import find_components
+from reconstruction._src.geometry.sampling import sample_area
+from reconstruction._src.surfaces.quality import count_topology, find_distances
 
 YAW = np.deg2rad(2.25)
 FIRST_RISER, TREAD, RISE, NUM_STEPS = 5.14, 0.34, 0.144, 12

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from reconstruction.scans.leveling import level_floor
-from reconstruction.scans.localization import localize
-from reconstruction.scans.noise_priors import NoisePriors
-from reconstruction.scans.scan import ScanLog
-from symbrion_gym.sensing.survey import survey
-from symbrion_gym.sensing.survey_robot import SurveyRobot
+from reconstruction._src.scans.leveling import level_floor
+from reconstruction._src.scans.localization import localize
+from reconstruction._src.scans.noise_priors import NoisePriors
+from reconstruction._src.scans.scan import ScanLog
+from symbrion_gym._src.sensing.survey import survey
+from symbrion_gym._src.sensing.survey_robot import SurveyRobot
 
 FACTORS = (0.5, 1.0, 2.0)
 """Noise of the robot, in that of the default one."""

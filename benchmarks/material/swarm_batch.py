@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 import symbrion_gym as sg
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.swarm.kinematic.batch import KinematicBatch
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.starts import find_field, scatter
-from symbrion_gym.swarm.world import SwarmCommands, SwarmState
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.swarm.kinematic.batch import KinematicBatch
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.starts import find_field, scatter
+from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
 
 NUM_ROBOTS = 8
 SIZES = (8, 32, 64)

@@ -10,9 +10,9 @@ import numpy as np
 import evolution as ev
 import symbrion_gym as sg
 from benchmarks.material.clouds import DATA
-from evolution.experiments.swarm.config import StoryConfig
-from evolution.experiments.swarm.docking_trials import DockingTimes, run_docking_trials
-from evolution.experiments.swarm.story import tell_story
+from evolution._src.experiments.swarm.config import StoryConfig
+from evolution._src.experiments.swarm.docking_trials import DockingTimes, run_docking_trials
+from evolution._src.experiments.swarm.story import tell_story
 
 HARDWARE = DATA / "docking_trials.csv"
 PAIR = "Scout->Scout"

@@ -11,19 +11,19 @@ from jaxtyping import Float
 from scipy.stats import fisher_exact
 
 from benchmarks.material.swarm_docks import assemble
-from evolution.backends.parts import BodyConfig, ControlConfig
-from evolution.backends.trials import Randomization
-from evolution.champions.docked import DockedChampion
-from evolution.search.validation import Champion
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.swarm.docks import make_docking, sort_links
-from symbrion_gym.swarm.dynamic.motion import FOLDED, Motion
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.organism_senses import find_modules
-from symbrion_gym.swarm.world import SwarmCommands
+from evolution._src.backends.parts import BodyConfig, ControlConfig
+from evolution._src.backends.trials import Randomization
+from evolution._src.champions.docked import DockedChampion
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.swarm.docks import make_docking, sort_links
+from symbrion_gym._src.swarm.dynamic.motion import FOLDED, Motion
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.organism_senses import find_modules
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 TRIALS = 20
 GENOTYPE = (

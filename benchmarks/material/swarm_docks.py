@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float
 
 import symbrion_gym as sg
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.docks import DockConfig
-from symbrion_gym.swarm.dynamic.mating import find_error
-from symbrion_gym.swarm.dynamic.motion import find_jump, find_kinetic_energy, find_momentum
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.docks import DockConfig
+from symbrion_gym._src.swarm.dynamic.mating import find_error
+from symbrion_gym._src.swarm.dynamic.motion import find_jump, find_kinetic_energy, find_momentum
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 FORCE = 100.0
 """Load of a latch [N]: what a docking unit holds."""

@@ -9,14 +9,14 @@ import numpy as np
 from jaxtyping import Float
 
 import symbrion_gym as sg
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.kinematic.config import KinematicConfig
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.senses import Senses
-from symbrion_gym.swarm.signals.signals import Signals, Transmissions
-from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState, SwarmWorld
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.senses import Senses
+from symbrion_gym._src.swarm.signals.signals import Signals, Transmissions
+from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState, SwarmWorld
 
 NUM_ROBOTS = 50
 SPEED_BAR = 20.0

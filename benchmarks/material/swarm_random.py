@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.swarm.docks import DockConfig, find_groups
-from symbrion_gym.swarm.dynamic.motion import Motion, find_kinetic_energy
-from symbrion_gym.swarm.dynamic.transfer import read_motion
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.fidelity import make_world
-from symbrion_gym.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
-from symbrion_gym.swarm.kinematic.rotations import find_headings
-from symbrion_gym.swarm.mixed import MixedWorld
-from symbrion_gym.swarm.world import SwarmCommands, SwarmWorld
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.swarm.docks import DockConfig, find_groups
+from symbrion_gym._src.swarm.dynamic.motion import Motion, find_kinetic_energy
+from symbrion_gym._src.swarm.dynamic.transfer import read_motion
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.fidelity import make_world
+from symbrion_gym._src.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
+from symbrion_gym._src.swarm.kinematic.rotations import find_headings
+from symbrion_gym._src.swarm.mixed import MixedWorld
+from symbrion_gym._src.swarm.world import SwarmCommands, SwarmWorld
 
 NUM_ROBOTS = 8
 STEPS = 1_000_000

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 import symbrion_gym as sg
-from evolution.experiments.swarm.config import StoryConfig
-from evolution.experiments.swarm.story import find_gathering_time
-from evolution.experiments.swarm.weights_search import EVOLVED, WeightsConfig, evolve_weights
-from symbrion_gym.swarm.behavior.weights import BehaviorWeights
+from evolution._src.experiments.swarm.config import StoryConfig
+from evolution._src.experiments.swarm.story import find_gathering_time
+from evolution._src.experiments.swarm.weights_search import EVOLVED, WeightsConfig, evolve_weights
+from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights
 
 SEEDS = 5
 """Searches."""

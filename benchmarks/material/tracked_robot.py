@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.spec import SURFACE_GROUP
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.robot.organism import Organism
-from symbrion_gym.traversability.footprint import Footprint
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.spec import SURFACE_GROUP
+from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.traversability.footprint import Footprint
 
 _SETTLING = 100
 """Physics steps at rest after a robot has been put down."""

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from symbrion_gym.assets import NAMED_ARENAS
-from symbrion_gym.errors import OptionError
-from symbrion_gym.warp.making import make_vector_env
+from symbrion_gym._src.assets import NAMED_ARENAS
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.warp.making import make_vector_env
 
 TICKS = 50
 """Of a measurement, after as many to warm up and to reach the ground."""
@@ -24,8 +24,8 @@ def find_task(arena: str) -> dict[str, Any]:
 
 def find_array(device: str) -> str:
     """Return "jax" where JAX sees a device of Warp, and "numpy" where only Warp does."""
-    from symbrion_gym.warp.device.handover import find_jax_device
-    from symbrion_gym.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.warp.device.handover import find_jax_device
+    from symbrion_gym._src.warp.requirements import find_device, import_warp
 
     try:
         find_jax_device(find_device(import_warp()[0], device))
@@ -120,7 +120,7 @@ def wait(envs: Any) -> float:
 
 def _find_memory(device: str) -> float:
     """Return the memory in use on a GPU, of all its processes [bytes]; 0 on the processor."""
-    from symbrion_gym.warp.requirements import find_device, import_warp
+    from symbrion_gym._src.warp.requirements import find_device, import_warp
 
     found = find_device(import_warp()[0], device)
     return 0.0 if found.is_cpu else float(found.total_memory - found.free_memory)
@@ -135,9 +135,9 @@ def _summarize(envs: Any, seconds: float, ticks: int = TICKS) -> dict[str, float
 
 def measure_generation(genotypes: int = GENOTYPES, trials: int = TRIALS) -> dict[str, float]:
     """Return the time of a generation of the travelling law, the first with compilation, and the shares of success."""
-    from evolution.backends.rollout import simulate_on_device
-    from evolution.backends.trials import Job, Trials, find_trial_controller
-    from evolution.search.config import EvolutionConfig
+    from evolution._src.backends.rollout import simulate_on_device
+    from evolution._src.backends.trials import Job, Trials, find_trial_controller
+    from evolution._src.search.config import EvolutionConfig
 
     config = EvolutionConfig(arena="truth", start="pit", controller="travelling")
     conditions = Trials(
@@ -171,7 +171,7 @@ def measure_networks(points: int = NETWORK_POINTS) -> dict[str, dict[str, float]
     import jax
 
     from benchmarks.material.clouds import make_arena
-    from reconstruction.reconstruct import reconstruct
+    from reconstruction._src.reconstruct import reconstruct
 
     cloud, rows = make_arena(points).points, {}
     kinds = {device.platform: device for device in (*jax.devices("cpu"), *jax.devices())}

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.material import audited_tasks
 from benchmarks.material.audited_tasks import ARENAS, BODIES, TASKS, Cell, list_cells
-from symbrion_gym.tasks.audit import Audit
+from symbrion_gym._src.tasks.audit import Audit
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.cheap_trials import summarize
 from benchmarks.material import cheap_trials
-from evolution.backends.outcome import Outcome
-from evolution.backends.trials import Job, Trials
-from evolution.search.record import SAMPLE, VALIDATION
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.trials import Job, Trials
+from evolution._src.search.record import SAMPLE, VALIDATION
 
 
 def pretend(jobs: Sequence[Job], threads: int) -> list[Outcome]:

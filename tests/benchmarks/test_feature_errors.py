@@ -8,9 +8,9 @@ import pytest
 from benchmarks.features import _MOVE, judge, summarize
 from benchmarks.material.bare_surfaces import make_bare
 from benchmarks.material.survey_noise import find_priors, make_robot
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.sensing.survey_robot import SurveyRobot
-from symbrion_gym.tasks.features.gap import find_gap
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+from symbrion_gym._src.tasks.features.gap import find_gap
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 137.0])

@@ -7,8 +7,8 @@ from benchmarks.material.driving_scenes import make_box, make_exact_arena
 from benchmarks.material.goal_driving import drive, drive_to_goal
 from benchmarks.material.pursuit import Pursuit, PursuitConfig, drive_route
 from benchmarks.material.tracked_robot import TrackedRobot
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.traversability.footprint import Footprint
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.traversability.footprint import Footprint
 
 
 @pytest.fixture(scope="module")

@@ -16,9 +16,9 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
 from benchmarks.material.physics_worlds import GRAVITY, Bench, World
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.sliding_loads import find_load_gain, find_sliding_rate
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
 
 FEET = np.array([(x, y) for x in (0.0325, 0.0, -0.0325) for y in (0.0325, -0.0325)])
 

@@ -10,8 +10,8 @@ from benchmarks.material.contact_judge import cast
 from benchmarks.material.made_scenes import RANGE_NOISE, make_noise_heights, make_table, save
 from benchmarks.material.scan_sources import PUBLIC, MissingScanError, load_case, load_file
 from benchmarks.material.snake_steps import find_spots
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
 
 ROW = {
     "points": 50_000,

@@ -6,9 +6,9 @@ import pytest
 import benchmarks.warp as benchmark
 from benchmarks.material import warp_speed
 from benchmarks.material.warp_ppo import QUICK
-from evolution.backends import rollout
-from evolution.backends.trials import Job, Trials, find_trial_controller
-from symbrion_gym.errors import OptionError
+from evolution._src.backends import rollout
+from evolution._src.backends.trials import Job, Trials, find_trial_controller
+from symbrion_gym._src.errors import OptionError
 
 DETERMINISM = {
     "simulations",
@@ -104,13 +104,13 @@ def test_speed_is_measured_with_torch(stored):
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_gpu")
 def test_where_jax_sees_no_gpu_only_the_physics_is_on_it(monkeypatch, stored):
-    import symbrion_gym.warp.device.batch
-    import symbrion_gym.warp.device.handover
+    import symbrion_gym._src.warp.device.batch
+    import symbrion_gym._src.warp.device.handover
 
     def refuse(device):
         raise OptionError("JAX does not see device")
 
-    for module in (symbrion_gym.warp.device.batch, symbrion_gym.warp.device.handover):
+    for module in (symbrion_gym._src.warp.device.batch, symbrion_gym._src.warp.device.handover):
         monkeypatch.setattr(module, "find_jax_device", refuse)
     assert benchmark.run(True, "cpu", worlds=(2,), only=("speed", "determinism"), arenas=("truth",)) == []
     assert stored["speed_numpy"]["array"] == stored["determinism"]["2 worlds"]["array"] == "numpy"

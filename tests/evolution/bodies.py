@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
 
 
 def make_random_tree(num_modules: int, seed: int) -> Organism:

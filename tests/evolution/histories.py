@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from evolution.search.config import EvolutionConfig
-from evolution.search.record import SAMPLE, TIMES, Entry
-from evolution.search.run import Run
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.record import SAMPLE, TIMES, Entry
+from evolution._src.search.run import Run
 
 TOY = EvolutionConfig(
     arena="truth",

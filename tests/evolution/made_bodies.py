@@ -1,8 +1,8 @@
 """A search for bodies on made physics: larger bodies go farther."""
 
 import evolution as ev
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
 
 
 def simulate(jobs, threads):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from symbrion_gym.robot.organism import Organism
+from symbrion_gym._src.robot.organism import Organism
 
 
 class Wave:

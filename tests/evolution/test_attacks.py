@@ -13,15 +13,15 @@ import pytest
 import toys
 
 import evolution as ev
-from evolution.champions.policy import ChampionPolicy
-from evolution.cli.main import run as run_command
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.record import Record
-from evolution.suite.submission import Entry, Score, Submission, load_submission
-from evolution.suite.verification import verify
-from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.task import Task, read_task
+from evolution._src.champions.policy import ChampionPolicy
+from evolution._src.cli.main import run as run_command
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.record import Record
+from evolution._src.suite.submission import Entry, Score, Submission, load_submission
+from evolution._src.suite.verification import verify
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.task import Task, read_task
 
 INTRUDER = """
 from dataclasses import dataclass
@@ -50,10 +50,10 @@ TERMS = {
     "process": SHELL,
     "process by keyword": {"function": "subprocess:run", "keywords": {"args": ["touch", "MARK"]}},
     "function of the system": {"function": "os:system"},
-    "reached through a room": {"function": "symbrion_gym.tasks.storage:importlib.import_module"},
-    "private": {"function": "symbrion_gym.tasks.storage:_find"},
-    "method": {"function": "symbrion_gym.arenas.arena:Arena.save"},
-    "another room": {"type": "symbrion_gym.arenas.arena:Arena", "fields": {}},
+    "reached through a room": {"function": "symbrion_gym._src.tasks.storage:importlib.import_module"},
+    "private": {"function": "symbrion_gym._src.tasks.storage:_find"},
+    "method": {"function": "symbrion_gym._src.arenas.arena:Arena.save"},
+    "another room": {"type": "symbrion_gym._src.arenas.arena:Arena", "fields": {}},
     "dataclass of an intruder": {"type": "intruder:Term", "fields": {}},
     "function of an intruder": {"function": "intruder:term"},
     "class without fields": {"type": "subprocess:Popen"},
@@ -130,7 +130,11 @@ def make_task(term):
 @pytest.mark.parametrize("attack", TERMS)
 def test_a_task_runs_nothing(attack, folder, mark):
     term = point_at(TERMS[attack], mark)
-    for task in (term, make_task(term), {"type": "symbrion_gym.tasks.task:Task", "fields": {"name": term}}):
+    for task in (
+        term,
+        make_task(term),
+        {"type": "symbrion_gym._src.tasks.task:Task", "fields": {"name": term}},
+    ):
         with pytest.raises(TaskError):
             read_task(task)
     for task in (term, make_task(term)):
@@ -155,7 +159,7 @@ def test_no_name_or_version_of_a_task_is_imported(folder, mark):
         {"descriptors": [{"type": "intruder:Term", "fields": {}}, {"versions": {"intruder:Term": "1"}}]},
         {"scoring": {"name": "subprocess:Popen", "version": "", "fields": {"args": ["touch", "MARK"]}}},
         {"scoring": {"name": "intruder:term", "version": ""}},
-        {"scoring": {"name": "evolution.cli.main:main", "version": ""}},
+        {"scoring": {"name": "evolution._src.cli.main:main", "version": ""}},
         {"validation": {"name": "intruder:Term", "version": "", "fields": {}}},
         {"controller": {"name": "intruder", "version": "1", "source": "intruder:Maker"}},
         {"controller": {"name": "intruder", "version": "1", "source": "intruder:Maker", "is_allowed": True}},

@@ -9,8 +9,8 @@ import pytest
 from own_controllers import Hold, Wave
 
 import evolution as ev
-from evolution.cli.main import main
-from symbrion_gym.environment.snake_pit import SnakePitEnv
+from evolution._src.cli.main import main
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
 
 TINY = {
     "arena": "truth",

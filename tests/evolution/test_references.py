@@ -5,8 +5,8 @@ import json
 import fitnesses
 import pytest
 
-from evolution.errors import RunError
-from evolution.references import Reference, check_signature, find_object, refer
+from evolution._src.errors import RunError
+from evolution._src.references import Reference, check_signature, find_object, refer
 
 
 def restore(reference: Reference) -> object:

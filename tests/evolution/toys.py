@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from evolution.backends.trials import Job, Outcome, Trials
-from evolution.errors import RunError
+from evolution._src.backends.trials import Job, Outcome, Trials
+from evolution._src.errors import RunError
 
 MARK = "SYMBRION_TEST_MARK"
 """Environment variable that names a file; the first worker to see it missing makes it and dies."""

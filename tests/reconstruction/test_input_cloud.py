@@ -7,13 +7,13 @@ import pytest
 import trimesh
 from test_reconstruct import make_ground
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.visibility import find_seen_sides
-from reconstruction.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
-from reconstruction.reconstruct import reconstruct
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.scans.cloud import Cloud
-from reconstruction.surfaces.quality import find_distances
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.visibility import find_seen_sides
+from reconstruction._src.input_cloud import join_clouds, make_cloud, make_cloud_of_rays
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.surfaces.quality import find_distances
 
 UTM = np.array([365_000.0, 5_800_000.0, 40.0])
 ABOVE = np.array([0.0, 0.0, 2.0])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from reconstruction.quantities import (
+from reconstruction._src.base.quantities import (
     format_count,
     format_distance,
     format_energy,

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.range_checks import (
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.range_checks import (
     as_floats,
     as_integers,
     as_range,

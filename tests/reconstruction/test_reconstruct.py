@@ -11,11 +11,11 @@ import pytest
 import trimesh
 from damage import flip_bits
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.orientation import orient_outwards
-from reconstruction.reconstruct import reconstruct
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.scans.point_check import check_points
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.orientation import orient_outwards
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.scans.point_check import check_points
 
 METHODS = ("gsrm", "gg")
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.reconstruct import reconstruct
-from reconstruction.resolution import ResolutionConfig, choose_units
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.resolution import ResolutionConfig, choose_units
 
 
 def make_floor(number: int, seed: int = 0) -> np.ndarray:

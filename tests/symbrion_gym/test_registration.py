@@ -4,10 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import StairsCourse
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.registration import ENVIRONMENTS, register
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import StairsCourse
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.registration import ENVIRONMENTS, register
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*out of date")  # Gymnasium says so of every v0 that has a v1
 

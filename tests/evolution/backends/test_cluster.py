@@ -9,10 +9,10 @@ from dataclasses import replace
 import pytest
 import toys
 
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import make_backend
-from evolution.search.loop import evolve
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import make_backend
+from evolution._src.search.loop import evolve
 
 try:
     import ray

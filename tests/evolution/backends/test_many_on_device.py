@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.backends import rollout
-from evolution.search.record import VALIDATION
+from evolution._src.backends import rollout
+from evolution._src.search.record import VALIDATION
 
 pytestmark = pytest.mark.slow
 OPTIONS: dict[str, Any] = {

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import toys
 
-from evolution.backends.pool import PoolConfig
-from evolution.backends.processes import ProcessBackend
-from evolution.errors import RunError
-from evolution.search.evaluation import make_backend
+from evolution._src.backends.pool import PoolConfig
+from evolution._src.backends.processes import ProcessBackend
+from evolution._src.errors import RunError
+from evolution._src.search.evaluation import make_backend
 
 
 @pytest.fixture

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evolution.backends import rollout
-from evolution.backends.rollout import make_environment_options, simulate, split_job
-from evolution.backends.trials import Job, Outcome, Randomization, RolloutConfig, Trials
-from evolution.champions.policy import ChampionPolicy
-from evolution.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import evaluate, make_backend
-from evolution.search.loop import evolve
-from evolution.search.validation import Champion
-from symbrion_gym.environment.snake_pit import SnakePitEnv
+from evolution._src.backends import rollout
+from evolution._src.backends.rollout import make_environment_options, simulate, split_job
+from evolution._src.backends.trials import Job, Outcome, Randomization, RolloutConfig, Trials
+from evolution._src.champions.policy import ChampionPolicy
+from evolution._src.controllers.controller import REACTIVE_HINT, SENSORS, make_controller
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import evaluate, make_backend
+from evolution._src.search.loop import evolve
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
 
 SHORT = Trials(modules=4, count=3, seed=(4,), environment=(("duration", 3.0),))
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evolution.backends.tile_jobs import run_in_cluster
-from evolution.errors import RunError
-from reconstruction.tiles.tile import reconstruct_tile
-from reconstruction.tiles.workers import run_here
+from evolution._src.backends.tile_jobs import run_in_cluster
+from evolution._src.errors import RunError
+from reconstruction._src.tiles.tile import reconstruct_tile
+from reconstruction._src.tiles.workers import run_here
 
 
 def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

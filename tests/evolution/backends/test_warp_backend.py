@@ -6,18 +6,18 @@ from dataclasses import replace
 import pytest
 import toys
 
-import reconstruction.extras
-from evolution.backends import making, rollout
-from evolution.backends.making import make_backend
-from evolution.body_search.config import BodyEvolutionConfig
-from evolution.errors import RunError
-from evolution.search import loop
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import evaluate
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.record import VALIDATION
-from evolution.search.validation import Validation
-from reconstruction.extras import MissingExtraError
+import reconstruction._src.base.extras
+from evolution._src.backends import making, rollout
+from evolution._src.backends.making import make_backend
+from evolution._src.body_search.config import BodyEvolutionConfig
+from evolution._src.errors import RunError
+from evolution._src.search import loop
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import evaluate
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.record import VALIDATION
+from evolution._src.search.validation import Validation
+from reconstruction._src.base.extras import MissingExtraError
 
 CONFIG = EvolutionConfig(arena="truth", generations=3, backend="warp", stop_when_solved=False)
 
@@ -34,7 +34,7 @@ def engines(monkeypatch):
 
 
 def test_without_the_extra_one_line_names_the_command(monkeypatch, tmp_path):
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     message = r"^backend 'warp' needs the extra 'gpu' .*: pip install 'symbrion-gym\[gpu\]'$"
     with pytest.raises(MissingExtraError, match=message):
         make_backend("warp")

@@ -4,11 +4,11 @@ import itertools
 
 import pytest
 
-from evolution.bodies.enumeration import enumerate_bodies
-from evolution.bodies.genome import is_possible, parse_genome
-from evolution.errors import RunError
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import Docking, Organism
+from evolution._src.bodies.enumeration import enumerate_bodies
+from evolution._src.bodies.genome import is_possible, parse_genome
+from evolution._src.errors import RunError
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Docking, Organism
 
 
 @pytest.mark.parametrize(("num_modules", "count"), list(enumerate([1, 2, 7, 29, 134, 643], start=1)))

@@ -2,11 +2,11 @@
 
 import pytest
 
-from evolution.bodies.genome import BodyGenome, genome_of, is_possible, parse_genome
-from evolution.errors import RunError
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.body_plans import load_organism
-from symbrion_gym.robot.organism import Docking, Organism, cross, snake
+from evolution._src.bodies.genome import BodyGenome, genome_of, is_possible, parse_genome
+from evolution._src.errors import RunError
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.body_plans import load_organism
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, snake
 
 ONE = BodyGenome()
 TEXTS = [".", "b(.)", "l(.)r(b(.))", "b(m(b(.)))", "b(b(l(.)))m(b(.))", "b(b(b(.)))l(.)r(.)"]

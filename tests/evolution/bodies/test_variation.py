@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evolution.bodies.enumeration import enumerate_bodies
-from evolution.bodies.genome import BodyGenome, is_possible, parse_genome
-from evolution.bodies.variation import OPERATORS, BodyLimits, cross_over, make_random_body, mutate
-from evolution.errors import RunError
+from evolution._src.bodies.enumeration import enumerate_bodies
+from evolution._src.bodies.genome import BodyGenome, is_possible, parse_genome
+from evolution._src.bodies.variation import OPERATORS, BodyLimits, cross_over, make_random_body, mutate
+from evolution._src.errors import RunError
 
 
 @pytest.mark.parametrize("operator", OPERATORS)

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.backends.trials import Job, Outcome
-from evolution.bodies.enumeration import enumerate_bodies
-from evolution.bodies.genome import genome_of, parse_genome
-from evolution.body_search.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
-from evolution.body_search.learning import Learning, LearningConfig, Pupil, inherit
-from evolution.body_search.loop import evolve_bodies, load_bodies, resume_bodies
-from evolution.body_search.record import BodyRecord
-from evolution.errors import RunError
-from evolution.search.loop import load_run
-from reconstruction.extras import MissingExtraError
+from evolution._src.backends.trials import Job, Outcome
+from evolution._src.bodies.enumeration import enumerate_bodies
+from evolution._src.bodies.genome import genome_of, parse_genome
+from evolution._src.body_search.config import ALGORITHMS, BodiesConfig, BodyEvolutionConfig
+from evolution._src.body_search.learning import Learning, LearningConfig, Pupil, inherit
+from evolution._src.body_search.loop import evolve_bodies, load_bodies, resume_bodies
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.errors import RunError
+from evolution._src.search.loop import load_run
+from reconstruction._src.base.extras import MissingExtraError
 
 BEST = "b(b(.)m(.))"
 """The best body of the made landscape."""
@@ -271,7 +271,7 @@ def test_archives_keep_an_elite_of_each_kind(algorithm):
 
 
 def test_every_algorithm_has_a_maker():
-    from evolution.body_search.algorithms.making import _MAKERS
+    from evolution._src.body_search.algorithms.making import _MAKERS
 
     assert tuple(_MAKERS) == ALGORITHMS
 

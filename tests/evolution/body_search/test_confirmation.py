@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
-from evolution.body_search.confirmation import CONFIRMATION, confirm, find_candidates
-from evolution.body_search.record import BodyRecord
-from evolution.body_search.run import BodyRun
-from evolution.errors import RunError
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
+from evolution._src.body_search.confirmation import CONFIRMATION, confirm, find_candidates
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.body_search.run import BodyRun
+from evolution._src.errors import RunError
 
 RELIABLE = 2
 """Modules of bodies that always succeed."""

@@ -7,12 +7,12 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
-from evolution.body_search.confirmation import CONFIRMATION
-from evolution.body_search.fresh_trials import FreshTrials, Retrial
-from evolution.body_search.run import CHAMPION, FRESH, RECORD, TABLE
-from evolution.errors import RunError
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
+from evolution._src.body_search.confirmation import CONFIRMATION
+from evolution._src.body_search.fresh_trials import FreshTrials, Retrial
+from evolution._src.body_search.run import CHAMPION, FRESH, RECORD, TABLE
+from evolution._src.errors import RunError
 
 FILES = (RECORD, TABLE, CHAMPION, FRESH)
 COUNT = 8

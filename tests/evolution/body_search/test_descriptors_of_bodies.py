@@ -7,8 +7,8 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.bodies.genome import parse_genome
-from evolution.body_search.descriptors import (
+from evolution._src.bodies.genome import parse_genome
+from evolution._src.body_search.descriptors import (
     DESCRIPTORS,
     MAX_EFFORT,
     measure_effort,
@@ -16,8 +16,8 @@ from evolution.body_search.descriptors import (
     measure_used_hinges,
     measure_width_to_length,
 )
-from evolution.body_search.learning import Lesson, Pupil
-from evolution.errors import RunError
+from evolution._src.body_search.learning import Lesson, Pupil
+from evolution._src.errors import RunError
 
 LESSON = Lesson(
     pupil=Pupil(parse_genome("b(.)m(.)")),

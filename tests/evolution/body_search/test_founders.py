@@ -6,8 +6,8 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.bodies.genome import BodyGenome, make_row
-from evolution.errors import RunError
+from evolution._src.bodies.genome import BodyGenome, make_row
+from evolution._src.errors import RunError
 
 FOUNDERS = (make_row(5).text, "l(b(.))")
 GENES = (("track_turn", 0.25), ("amplitude_back", 0.4))

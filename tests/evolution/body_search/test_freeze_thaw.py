@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evolution.bodies.genome import parse_genome
-from evolution.body_search.algorithms.freeze_thaw import NICHE_SHARE, FreezeThawSearch
-from evolution.body_search.config import BodiesConfig
-from evolution.body_search.learning import LearningConfig, Lesson, Pupil
-from evolution.body_search.prediction import Prediction, describe_shape
-from evolution.landscape.making import list_bodies
+from evolution._src.bodies.genome import parse_genome
+from evolution._src.body_search.algorithms.freeze_thaw import NICHE_SHARE, FreezeThawSearch
+from evolution._src.body_search.config import BodiesConfig
+from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution._src.body_search.prediction import Prediction, describe_shape
+from evolution._src.landscape.making import list_bodies
 
 BODIES = list_bodies(4)
 LEARNING = LearningConfig(rungs=(1, 2, 4), is_examined_early=False)
@@ -124,7 +124,7 @@ def test_what_is_expected_is_what_learning_as_predicted_would_tell():
     prediction = Prediction(lessons, 1)
     prediction.expect(expected, 1)
     known, parameters = prediction._known, prediction._parameters
-    from evolution.body_search.prediction import _compare, _find_covariance
+    from evolution._src.body_search.prediction import _compare, _find_covariance
 
     whole = _find_covariance(_compare(known, known), parameters[:3]) + parameters[3] * np.eye(13)
     numbers = prediction._to_numbers(asked, [1] * 10)

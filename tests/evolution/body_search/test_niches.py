@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evolution.bodies.genome import parse_genome
-from evolution.body_search.algorithms.genetic import HalvingSearch, NicheSearch
-from evolution.body_search.config import BodiesConfig
-from evolution.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution._src.bodies.genome import parse_genome
+from evolution._src.body_search.algorithms.genetic import HalvingSearch, NicheSearch
+from evolution._src.body_search.config import BodiesConfig
+from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil
 
 FITNESS = {"b(b(.))": 9.0, "b(l(.))": 8.0, "l(b(.))": 7.0, "l(.)": 3.0, "b(.)": 2.0, ".": 1.0}
 

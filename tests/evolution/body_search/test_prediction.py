@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evolution.bodies.genome import parse_genome
-from evolution.body_search.algorithms.surrogate import SurrogateSearch
-from evolution.body_search.config import BodiesConfig
-from evolution.body_search.learning import LearningConfig, Lesson, Pupil
-from evolution.body_search.prediction import MAX_LESSONS, Prediction, describe_shape
-from evolution.landscape.making import list_bodies
+from evolution._src.bodies.genome import parse_genome
+from evolution._src.body_search.algorithms.surrogate import SurrogateSearch
+from evolution._src.body_search.config import BodiesConfig
+from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil
+from evolution._src.body_search.prediction import MAX_LESSONS, Prediction, describe_shape
+from evolution._src.landscape.making import list_bodies
 
 BODIES = list_bodies(4)
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.bodies.genome import make_row
-from evolution.controllers.oscillators import TWIST_GENES
-from evolution.errors import RunError
-from evolution.report.body_page import make_body_page
+from evolution._src.bodies.genome import make_row
+from evolution._src.controllers.oscillators import TWIST_GENES
+from evolution._src.errors import RunError
+from evolution._src.report.body_page import make_body_page
 
 BODIES = ev.BodiesConfig(algorithm="surrogate", largest=12, dofs=2, children=4, population_size=6)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from evolution.backends.parts import BodyConfig, ControlConfig
-from evolution.champions.docked import DockedChampion
-from evolution.errors import RunError
-from evolution.search.validation import Champion
-from symbrion_gym.swarm.world import SwarmCommands
+from evolution._src.backends.parts import BodyConfig, ControlConfig
+from evolution._src.champions.docked import DockedChampion
+from evolution._src.errors import RunError
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.swarm.world import SwarmCommands
 from tests.symbrion_gym.swarm.dynamic_cases import make_docked
 
 NUM_GENES = 12

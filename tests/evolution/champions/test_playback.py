@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import toys
 
-from evolution.champions.playback import judge, play
-from evolution.controllers.controller import make_controller
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import make_backend
-from evolution.search.loop import evolve
-from evolution.search.validation import Champion
-from symbrion_gym.environment.snake_pit import SnakePitEnv
+from evolution._src.champions.playback import judge, play
+from evolution._src.controllers.controller import make_controller
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import make_backend
+from evolution._src.search.loop import evolve
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_a_judgement_repeats_no_conditions_of_a_run_with_the_same_seed(
     config = EvolutionConfig(seed=4, trials=3, generations=5, handle_noise=True, stop_when_solved=False)
     evolve(config, simulate=in_run)
     monkeypatch.setattr(
-        "evolution.champions.playback.make_backend",
+        "evolution._src.champions.playback.make_backend",
         lambda backend, workers: make_backend(backend, workers, simulate=in_judgement),
     )
     assert judge(champion, trials=3, seed=4).successes == 3
@@ -88,7 +88,7 @@ def test_a_window_shows_the_robot_at_its_pace_and_is_left_out_without_a_display(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     slept = []
-    monkeypatch.setattr("evolution.champions.playback.time.sleep", slept.append)
+    monkeypatch.setattr("evolution._src.champions.playback.time.sleep", slept.append)
     recording = play(champion, window=True, film=True, speed=2.0)
     assert recording.frames == []
     assert len(slept) == 100

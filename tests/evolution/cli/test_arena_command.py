@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from evolution.cli.main import run
+from evolution._src.cli.main import run
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("arena_view", "error_map"):
-        monkeypatch.setattr(f"evolution.report.{name}.WIDTH", 400)
+        monkeypatch.setattr(f"evolution._src.report.{name}.WIDTH", 400)
 
 
 def make(sheet: Path, *words: str) -> list[str]:
@@ -129,6 +129,6 @@ def test_impossible_options_are_refused(
 def test_what_cannot_be_viewed_is_refused(
     words: list[str], message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("evolution.cli.commands.view.has_display", lambda: False)
+    monkeypatch.setattr("evolution._src.cli.commands.view.has_display", lambda: False)
     assert run(["view", *words]) == 2
     assert message in capsys.readouterr().err

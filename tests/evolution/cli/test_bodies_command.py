@@ -6,10 +6,10 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.backends.outcome import Outcome
-from evolution.body_search.confirmation import CONFIRMATION
-from evolution.body_search.description import describe_success
-from evolution.cli.main import run
+from evolution._src.backends.outcome import Outcome
+from evolution._src.body_search.confirmation import CONFIRMATION
+from evolution._src.body_search.description import describe_success
+from evolution._src.cli.main import run
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--generations", "1"]
 SEARCH += ["--max-seconds", "1", "--quiet"]
@@ -18,8 +18,8 @@ SEARCH += ["--max-seconds", "1", "--quiet"]
 @pytest.fixture
 def made(monkeypatch):
     """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
-    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
-    monkeypatch.setattr("evolution.body_search.loop.warm_up", lambda *_: None)
+    monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
+    monkeypatch.setattr("evolution._src.body_search.loop.warm_up", lambda *_: None)
 
 
 def search(folder, *more):

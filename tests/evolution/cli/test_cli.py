@@ -10,9 +10,9 @@ import toys
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.cli.commands import COMMANDS
-from evolution.cli.commands.evolve import find_replay_arena
-from evolution.cli.main import run
+from evolution._src.cli.commands import COMMANDS
+from evolution._src.cli.commands.evolve import find_replay_arena
+from evolution._src.cli.main import run
 
 
 @pytest.fixture

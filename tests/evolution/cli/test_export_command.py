@@ -8,9 +8,9 @@ import mujoco
 import pytest
 
 import symbrion_gym as sg
-from evolution.cli.commands.export import Export
-from evolution.cli.main import run
-from symbrion_gym.arenas.export.export import FORMATS
+from evolution._src.cli.commands.export import Export
+from evolution._src.cli.main import run
+from symbrion_gym._src.arenas.export.export import FORMATS
 
 
 def test_the_formats_are_those_of_the_library() -> None:

@@ -10,7 +10,7 @@ import trimesh
 import reconstruction as rc
 import symbrion_gym as sg
 from benchmarks.material.known_objects import make_socket
-from evolution.cli.main import run
+from evolution._src.cli.main import run
 
 
 @pytest.fixture
@@ -79,6 +79,6 @@ def test_refusals_are_one_line(
 def test_a_missing_extra_is_named(
     files: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("reconstruction.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("reconstruction._src.base.extras.find_spec", lambda name: None)
     assert run(["objects", str(files / "room.ply"), "--object", str(files / "socket.stl")]) == 1
     assert "symbrion-gym[objects]" in capsys.readouterr().err

@@ -18,13 +18,13 @@ from kills import kill_at_each_moment
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution.cli.main import run
-from evolution.experiments.demo.demo import OUTPUTS as DEMO_OUTPUTS
-from evolution.experiments.demo.demo import DemoConfig, claim_folder
-from evolution.experiments.paper import robots
-from evolution.experiments.paper.config import QUICK
-from evolution.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
-from evolution.report.page import Page
+from evolution._src.cli.main import run
+from evolution._src.experiments.demo.demo import OUTPUTS as DEMO_OUTPUTS
+from evolution._src.experiments.demo.demo import DemoConfig, claim_folder
+from evolution._src.experiments.paper import robots
+from evolution._src.experiments.paper.config import QUICK
+from evolution._src.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
+from evolution._src.report.page import Page
 
 
 def put_user_file(folder: Path, name: str) -> Path:
@@ -231,7 +231,7 @@ def test_after_a_kill_the_paper_continues_in_its_folder(
         work()
 
 
-PROGRAM = "import sys; from evolution.cli.main import main; main(sys.argv[1:])"
+PROGRAM = "import sys; from evolution._src.cli.main import main; main(sys.argv[1:])"
 KILLS = 6
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from evolution.cli.commands.reconstruct import Reconstruct
-from evolution.cli.main import _parse, run
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.scans.scan import ScanLog
+from evolution._src.cli.commands.reconstruct import Reconstruct
+from evolution._src.cli.main import _parse, run
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.scans.scan import ScanLog
 
 SHEET = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.01], (2000, 3))
 

@@ -8,8 +8,8 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.cli.main import run
-from evolution.cli.search_limits import describe_stop, find_longest_iteration, warn_of_limit
+from evolution._src.cli.main import run
+from evolution._src.cli.search_limits import describe_stop, find_longest_iteration, warn_of_limit
 
 SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--no-confirm"]
 
@@ -17,8 +17,8 @@ SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", 
 @pytest.fixture(autouse=True)
 def made(monkeypatch):
     """Physics that is made: no robot moves; as in `made_bodies`, nothing succeeds."""
-    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
-    monkeypatch.setattr("evolution.body_search.loop.warm_up", lambda *_: None)
+    monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
+    monkeypatch.setattr("evolution._src.body_search.loop.warm_up", lambda *_: None)
 
 
 @pytest.mark.parametrize(
@@ -60,14 +60,14 @@ def test_an_interruption_names_the_command_that_goes_on(tmp_path, capsys, monkey
     def interrupt(jobs, threads):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("evolution.backends.rollout.simulate", interrupt)
+    monkeypatch.setattr("evolution._src.backends.rollout.simulate", interrupt)
     words = [*SEARCH, "--folder", folder] if command == "evolve" else ["resume", folder, "--generations", "2"]
     assert run([*words, "--quiet"]) == 130
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(
         f"interrupted by the keyboard; all but what was unfinished is stored; to go on: symbrion resume {folder}"
     )
-    monkeypatch.setattr("evolution.backends.rollout.simulate", made_bodies.simulate)
+    monkeypatch.setattr("evolution._src.backends.rollout.simulate", made_bodies.simulate)
     assert run(["resume", folder, "--generations", "2"]) == 0
     assert len(ev.load_bodies(folder).history) == 2
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from evolution.cli import console
-from evolution.cli.console import Step
+from evolution._src.cli import console
+from evolution._src.cli.console import Step
 
 
 class Log:

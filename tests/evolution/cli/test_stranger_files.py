@@ -9,15 +9,15 @@ import pytest
 import toys
 from evil_json import DEEP, find_trouble, mutate
 
-from evolution.backends.trials import Randomization, Scoring
-from evolution.errors import RunError
-from evolution.experiments.paper.config import QUICK
-from evolution.experiments.paper.folder import PaperFolder
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.run import RunFolder, load_champion
-from evolution.search.stages import Stage
-from evolution.search.validation import Validation
+from evolution._src.backends.trials import Randomization, Scoring
+from evolution._src.errors import RunError
+from evolution._src.experiments.paper.config import QUICK
+from evolution._src.experiments.paper.folder import PaperFolder
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.run import RunFolder, load_champion
+from evolution._src.search.stages import Stage
+from evolution._src.search.validation import Validation
 
 CONFIG = EvolutionConfig(
     arena="truth",

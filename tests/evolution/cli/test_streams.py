@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 import toys
 
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run
 
 ROOT = Path(__file__).parents[3]
-SYMBRION = f"{sys.executable} -c 'from evolution.cli.main import main; main()'"
+SYMBRION = f"{sys.executable} -c 'from evolution._src.cli.main import main; main()'"
 NAME = os.fsdecode(b"[bold]r\xc3\xbcn[/bold] $x^$ \xff\x1b[31m")
 """Markup, a letter beyond ASCII, bad mathematics, a byte that is no UTF-8, a control sequence."""
 pytestmark = pytest.mark.skipif(

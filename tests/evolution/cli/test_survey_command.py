@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-from evolution.cli.command import UsageError
-from evolution.cli.commands.survey import Survey, read_path
-from evolution.cli.main import run
-from symbrion_gym.sensing.survey import SurveyRobot
+from evolution._src.cli.command import UsageError
+from evolution._src.cli.commands.survey import Survey, read_path
+from evolution._src.cli.main import run
+from symbrion_gym._src.sensing.survey import SurveyRobot
 
 PLACES = [[-1.0, 1.6], [0.2, 2.8]]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.material.landscape import make_landscape, write_scan
-from evolution.cli.main import run
+from evolution._src.cli.main import run
 
 
 @pytest.fixture

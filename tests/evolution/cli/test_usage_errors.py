@@ -2,7 +2,7 @@
 
 import pytest
 
-from evolution.cli.main import run
+from evolution._src.cli.main import run
 
 
 @pytest.mark.parametrize(

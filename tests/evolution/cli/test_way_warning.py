@@ -4,7 +4,7 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.cli.way_warning import warn_of_way
+from evolution._src.cli.way_warning import warn_of_way
 
 
 def warn(arena, task, **options):
@@ -35,10 +35,10 @@ def test_a_way_too_narrow_for_the_widest_body_is_warned_of(stairs, caplog, monke
     def refuse(self, arena, organism, start):
         raise sg.ArenaError(f"no straight way of {organism.num_modules}")
 
-    monkeypatch.setattr("symbrion_gym.tasks.drivable_way.find_broken_traverse", lambda *_: None)
+    monkeypatch.setattr("symbrion_gym._src.tasks.drivable_way.find_broken_traverse", lambda *_: None)
     warn(stairs, "traverse")
     assert not caplog.records
-    monkeypatch.setattr("symbrion_gym.tasks.traverse.FarEnd.find", refuse)
+    monkeypatch.setattr("symbrion_gym._src.tasks.traverse.FarEnd.find", refuse)
     warn(stairs, "traverse")
     (record,) = caplog.records
     assert (

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from evolution.controllers.controller import (
+from evolution._src.controllers.controller import (
     CONTROLLERS,
     HINGE_RANGE,
     ControllerConfig,
     make_controller,
 )
-from evolution.controllers.laws import REACTIVE_GENES
-from evolution.errors import RunError
-from symbrion_gym.environment.config import SnakePitConfig
+from evolution._src.controllers.laws import REACTIVE_GENES
+from evolution._src.errors import RunError
+from symbrion_gym._src.environment.config import SnakePitConfig
 
 MODULES = 6
 CONFIG = ControllerConfig()

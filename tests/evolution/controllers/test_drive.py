@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from evolution.controllers.drive import count_tracks, find_bearing, make_drive
-from evolution.errors import RunError
-from symbrion_gym.robot.organism import cross, letter_h, snake
+from evolution._src.controllers.drive import count_tracks, find_bearing, make_drive
+from evolution._src.errors import RunError
+from symbrion_gym._src.robot.organism import cross, letter_h, snake
 
 GOAL = {"goal_direction": slice(0, 2)}
 

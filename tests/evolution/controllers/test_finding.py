@@ -9,17 +9,17 @@ import own_controllers
 import pytest
 from own_controllers import Hold, Wave, hold_4, make_driving_wave, make_wave
 
-from evolution.controllers.controller import CONTROLLERS
-from evolution.controllers.finding import (
+from evolution._src.controllers.controller import CONTROLLERS
+from evolution._src.controllers.finding import (
     controller_to_json,
     find_controller,
     read_controller,
     refer_to_controller,
 )
-from evolution.controllers.protocol import Controller, check_genotypes, find_arrays, reset_rows
-from evolution.controllers.source import ControllerSource, import_path
-from evolution.errors import RunError
-from symbrion_gym.robot.organism import cross, snake
+from evolution._src.controllers.protocol import Controller, check_genotypes, find_arrays, reset_rows
+from evolution._src.controllers.source import ControllerSource, import_path
+from evolution._src.errors import RunError
+from symbrion_gym._src.robot.organism import cross, snake
 
 BODY = snake(5)
 FOUND = {

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from evolution.controllers.joints import find_joints
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+from evolution._src.controllers.joints import find_joints
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
 
 
 def test_a_snake_is_a_row():

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from evolution.controllers.controller import CONTROLLERS, make_law
-from evolution.controllers.namespaces import add_to_column, find_namespace
-from symbrion_gym.environment.arena_and_organism import find_organism
-from symbrion_gym.environment.config import EnvironmentConfig
+from evolution._src.controllers.controller import CONTROLLERS, make_law
+from evolution._src.controllers.namespaces import add_to_column, find_namespace
+from symbrion_gym._src.environment.arena_and_organism import find_organism
+from symbrion_gym._src.environment.config import EnvironmentConfig
 
 NUM = 5
 

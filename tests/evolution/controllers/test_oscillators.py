@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from bodies import make_structure
 
-from evolution.controllers.config import ControllerConfig, OscillatorConfig
-from evolution.controllers.controller import make_law
-from evolution.controllers.oscillators import OscillatorController
-from evolution.errors import RunError
-from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from evolution._src.controllers.config import ControllerConfig, OscillatorConfig
+from evolution._src.controllers.controller import make_law
+from evolution._src.controllers.oscillators import OscillatorController
+from evolution._src.errors import RunError
+from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 TICKS_PER_SECOND = 50
 

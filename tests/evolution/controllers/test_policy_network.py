@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from evolution.backends.parts import read_organism
-from evolution.controllers.finding import find_controller
-from evolution.controllers.policy_network import HOLD, SENSORS, UNITS, PolicyNetwork
+from evolution._src.backends.parts import read_organism
+from evolution._src.controllers.finding import find_controller
+from evolution._src.controllers.policy_network import HOLD, SENSORS, UNITS, PolicyNetwork
 
 STRUCTURE = {"hinge_angle": slice(0, 1), "pitch": slice(1, 3), "contact": slice(3, 5)}
-NAME = "evolution.controllers.policy_network:PolicyNetwork"
+NAME = "evolution._src.controllers.policy_network:PolicyNetwork"
 
 
 @pytest.fixture

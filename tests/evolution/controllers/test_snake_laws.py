@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bodies import make_observations, make_structure
 
-from evolution.controllers.controller import HINGE_RANGE, ControllerConfig, make_law
-from evolution.controllers.laws import _interpolate
-from symbrion_gym.robot.organism import snake
+from evolution._src.controllers.controller import HINGE_RANGE, ControllerConfig, make_law
+from evolution._src.controllers.laws import _interpolate
+from symbrion_gym._src.robot.organism import snake
 
 KNOTS, SPACING = ControllerConfig().knots, 0.1254
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from bodies import TREES, make_observations, make_structure
 
-from evolution.controllers.controller import CONTROLLERS, make_law
-from evolution.controllers.laws import REACTIVE_GENES
-from evolution.controllers.protocol import Controller
-from evolution.errors import RunError
-from symbrion_gym.environment.config import SENSORS
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from evolution._src.controllers.controller import CONTROLLERS, make_law
+from evolution._src.controllers.laws import REACTIVE_GENES
+from evolution._src.controllers.protocol import Controller
+from evolution._src.errors import RunError
+from symbrion_gym._src.environment.config import SENSORS
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 COUNT = 13
 BODIES = [(name, control) for name in TREES for control in ("constant", "skid")] + [("single", "skid")]

@@ -7,14 +7,14 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.experiments.live.drive import DriveConfig, Readings, Stop, apply_error, drive_round
-from evolution.experiments.live.live import LiveConfig, claim_folder, measure_errors
-from evolution.experiments.live.matching import MatchConfig, find_points
-from evolution.experiments.live.route import plan_round
-from evolution.experiments.live.scene import Box, SceneConfig, find_regions, make_truth
-from reconstruction.surfaces.quality import find_distances
-from symbrion_gym.contact.local_changes import measure_gaps, sample_faces
-from symbrion_gym.robot.scout_rays import find_scout_rays
+from evolution._src.experiments.live.drive import DriveConfig, Readings, Stop, apply_error, drive_round
+from evolution._src.experiments.live.live import LiveConfig, claim_folder, measure_errors
+from evolution._src.experiments.live.matching import MatchConfig, find_points
+from evolution._src.experiments.live.route import plan_round
+from evolution._src.experiments.live.scene import Box, SceneConfig, find_regions, make_truth
+from reconstruction._src.surfaces.quality import find_distances
+from symbrion_gym._src.contact.local_changes import measure_gaps, sample_faces
+from symbrion_gym._src.robot.scout_rays import find_scout_rays
 
 
 def measure_distance(arena: sg.Arena, points: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from evolution.experiments.live.drive import DriveConfig
-from evolution.experiments.live.live import LiveConfig, run_live
-from evolution.experiments.live.scene import SceneConfig
-from symbrion_gym.sensing.friction_robot import FrictionRobot
+from evolution._src.experiments.live.drive import DriveConfig
+from evolution._src.experiments.live.live import LiveConfig, run_live
+from evolution._src.experiments.live.scene import SceneConfig
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot
 
 
 class Step:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from evolution.errors import RunError
-from evolution.experiments.output_folder import refuse_foreign_files
+from evolution._src.errors import RunError
+from evolution._src.experiments.output_folder import refuse_foreign_files
 
 
 def test_its_own_folder_and_a_fresh_one_pass(tmp_path: Path) -> None:

@@ -10,18 +10,18 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution.cli.main import run
-from evolution.experiments.paper.arenas import RECIPES
-from evolution.experiments.paper.benchmark import COARSE, FINES, MODELS, load_benchmark
-from evolution.experiments.paper.config import QUICK, PaperConfig
-from evolution.experiments.paper.experiments import list_experiments
-from evolution.experiments.paper.folder import PaperFolder
-from evolution.experiments.paper.laser import list_poses
-from evolution.experiments.paper.networks import cut_sides, list_networks, measure_surface
-from evolution.experiments.paper.physics import time_crossings
-from evolution.experiments.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
-from evolution.experiments.paper.robots import select_frames
-from evolution.experiments.paper.statistics import find_power, find_ratio, summarize
+from evolution._src.cli.main import run
+from evolution._src.experiments.paper.arenas import RECIPES
+from evolution._src.experiments.paper.benchmark import COARSE, FINES, MODELS, load_benchmark
+from evolution._src.experiments.paper.config import QUICK, PaperConfig
+from evolution._src.experiments.paper.experiments import list_experiments
+from evolution._src.experiments.paper.folder import PaperFolder
+from evolution._src.experiments.paper.laser import list_poses
+from evolution._src.experiments.paper.networks import cut_sides, list_networks, measure_surface
+from evolution._src.experiments.paper.physics import time_crossings
+from evolution._src.experiments.paper.ray_casters import BruteForceCaster, EmbreeCaster, TreeCaster
+from evolution._src.experiments.paper.robots import select_frames
+from evolution._src.experiments.paper.statistics import find_power, find_ratio, summarize
 
 
 def look_down(x: float, height: float = 1.5) -> np.ndarray:

@@ -14,10 +14,10 @@ import pytest
 from PIL import Image
 
 from evolution import report
-from evolution.cli.main import run
-from evolution.experiments.paper import PaperConfig
-from evolution.report.pictures import encode_png
-from symbrion_gym.arenas.course import Course
+from evolution._src.cli.main import run
+from evolution._src.experiments.paper import PaperConfig
+from evolution._src.report.pictures import encode_png
+from symbrion_gym._src.arenas.course import Course
 
 pytestmark = pytest.mark.slow
 

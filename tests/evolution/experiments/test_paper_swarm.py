@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 
 import symbrion_gym as sg
-from evolution.experiments.paper import swarm
-from evolution.experiments.paper.config import PaperConfig
-from evolution.experiments.paper.page.context import PaperContext
-from evolution.experiments.paper.page.swarm import add_swarm
-from evolution.experiments.swarm.config import StoryConfig
-from evolution.experiments.swarm.story import Story, tell_story
-from evolution.report.page import Page
+from evolution._src.experiments.paper import swarm
+from evolution._src.experiments.paper.config import PaperConfig
+from evolution._src.experiments.paper.page.context import PaperContext
+from evolution._src.experiments.paper.page.swarm import add_swarm
+from evolution._src.experiments.swarm.config import StoryConfig
+from evolution._src.experiments.swarm.story import Story, tell_story
+from evolution._src.report.page import Page
 
 
 def test_stories_become_rows_files_and_a_section(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from evolution.experiments.paper.benchmark import load_benchmark
-from evolution.experiments.paper.page import tables
-from evolution.experiments.paper.page.swarm import tabulate_stories
+from evolution._src.experiments.paper.benchmark import load_benchmark
+from evolution._src.experiments.paper.page import tables
+from evolution._src.experiments.paper.page.swarm import tabulate_stories
 
 ABOUT = {"machine": "a processor, mujoco 4.0.0", "date": "2026-11-21", "seconds": 1.0}
 COST = {"mean": 50.0, "deviation": 2.0, "median": 49.0}

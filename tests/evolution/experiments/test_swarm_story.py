@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from evolution.errors import RunError
-from evolution.experiments.swarm import run
-from evolution.experiments.swarm.config import StoryConfig, SwarmRunConfig
-from evolution.experiments.swarm.docking_trials import TrialSetup, run_docking_trials
-from evolution.experiments.swarm.film import choose_moments
-from evolution.experiments.swarm.pictures import draw_timeline
-from evolution.experiments.swarm.run import claim_folder, list_stories
-from evolution.experiments.swarm.story import tell_story
-from symbrion_gym.swarm.behavior.hearing import HearingConfig
-from symbrion_gym.swarm.behavior.memory import Mode
-from symbrion_gym.swarm.starts import find_field
+from evolution._src.errors import RunError
+from evolution._src.experiments.swarm import run
+from evolution._src.experiments.swarm.config import StoryConfig, SwarmRunConfig
+from evolution._src.experiments.swarm.docking_trials import TrialSetup, run_docking_trials
+from evolution._src.experiments.swarm.film import choose_moments
+from evolution._src.experiments.swarm.pictures import draw_timeline
+from evolution._src.experiments.swarm.run import claim_folder, list_stories
+from evolution._src.experiments.swarm.story import tell_story
+from symbrion_gym._src.swarm.behavior.hearing import HearingConfig
+from symbrion_gym._src.swarm.behavior.memory import Mode
+from symbrion_gym._src.swarm.starts import find_field
 
 
 def test_a_swarm_that_may_not_dock_is_not_across() -> None:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from evolution.errors import RunError
-from evolution.experiments.swarm.weights_search import WeightsConfig, evolve_weights, find_docking_times
-from symbrion_gym.errors import OptionError
-from symbrion_gym.swarm.behavior.weights import BehaviorWeights, list_bounds
+from evolution._src.errors import RunError
+from evolution._src.experiments.swarm.weights_search import WeightsConfig, evolve_weights, find_docking_times
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights, list_bounds
 
 
 @pytest.mark.slow

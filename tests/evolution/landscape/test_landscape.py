@@ -7,19 +7,19 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
-from evolution.body_search.config import BodiesConfig
-from evolution.errors import RunError
-from evolution.landscape.assembly import assemble
-from evolution.landscape.config import LandscapeConfig, make_search
-from evolution.landscape.judging import judge_bodies
-from evolution.landscape.making import count_rounds, let_bodies_learn, list_bodies
-from evolution.landscape.places import PLACES, find_published_arena, make_hills, make_true_arena
-from evolution.landscape.reliability import correlate_ranks, describe_reliability, find_goal
-from evolution.landscape.replay import Replay, Table, measure_area, replay, summarize
-from evolution.landscape.scores import IN_RUNGS, find_rungs, score_searches
-from evolution.landscape.table import ARRAYS, load_landscape
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
+from evolution._src.body_search.config import BodiesConfig
+from evolution._src.errors import RunError
+from evolution._src.landscape.assembly import assemble
+from evolution._src.landscape.config import LandscapeConfig, make_search
+from evolution._src.landscape.judging import judge_bodies
+from evolution._src.landscape.making import count_rounds, let_bodies_learn, list_bodies
+from evolution._src.landscape.places import PLACES, find_published_arena, make_hills, make_true_arena
+from evolution._src.landscape.reliability import correlate_ranks, describe_reliability, find_goal
+from evolution._src.landscape.replay import Replay, Table, measure_area, replay, summarize
+from evolution._src.landscape.scores import IN_RUNGS, find_rungs, score_searches
+from evolution._src.landscape.table import ARRAYS, load_landscape
 
 CONFIG = LandscapeConfig(largest=4, population_size=4, generations=(2,), exam_trials=2)
 ARENAS = {"pit": "gsrm", "rough": "simple"}
@@ -144,8 +144,8 @@ def test_exhaustive_replay_pays_for_all_and_finds_the_optimum(table):
     run = replay(table, "pit", "exhaustive", 0, total + 1.0)
     assert run.best[-1] == table.fitness[0].max()
     paid = Table(table, "pit")
-    from evolution.body_search.learner import Assignment
-    from evolution.body_search.learning import Pupil
+    from evolution._src.body_search.learner import Assignment
+    from evolution._src.body_search.learning import Pupil
 
     lessons = [paid.look_up(Assignment(Pupil(body), 0)) for body in (*table.bodies, *table.bodies)]
     assert paid.seconds == pytest.approx(total)
@@ -166,8 +166,8 @@ def test_replays_are_equal_for_equal_seeds_and_keep_their_budget(table, name):
 def test_a_replay_refuses_what_the_table_lacks(table):
     with pytest.raises(RunError, match="learn to generation 2"):
         Table(table, "pit", (1, 3))
-    from evolution.bodies.enumeration import enumerate_bodies
-    from evolution.body_search.learning import Pupil
+    from evolution._src.bodies.enumeration import enumerate_bodies
+    from evolution._src.body_search.learning import Pupil
 
     with pytest.raises(RunError, match="no body"):
         Table(table, "pit").find_place(Pupil(enumerate_bodies(5)[0]))

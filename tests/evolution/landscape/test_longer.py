@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
-from evolution.errors import RunError
-from evolution.landscape.assembly import assemble
-from evolution.landscape.config import LandscapeConfig
-from evolution.landscape.judging import judge_bodies
-from evolution.landscape.longer import (
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
+from evolution._src.errors import RunError
+from evolution._src.landscape.assembly import assemble
+from evolution._src.landscape.config import LandscapeConfig
+from evolution._src.landscape.judging import judge_bodies
+from evolution._src.landscape.longer import (
     FILE,
     describe_longer,
     find_fittest,
@@ -20,8 +20,8 @@ from evolution.landscape.longer import (
     load_longer,
     save_longer,
 )
-from evolution.landscape.making import let_bodies_learn
-from evolution.report.landscape import draw_longer
+from evolution._src.landscape.making import let_bodies_learn
+from evolution._src.report.landscape import draw_longer
 
 CONFIG = LandscapeConfig(largest=3, population_size=4, generations=(2,), exam_trials=2)
 ARENAS, TRUTHS = {"pit": "gsrm"}, {"pit": "truth"}

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evolution.backends.outcome import Outcome
-from evolution.bodies.genome import genome_of
-from evolution.errors import RunError
-from evolution.landscape.assembly import assemble
-from evolution.landscape.config import LandscapeConfig
-from evolution.landscape.judging import judge_bodies
-from evolution.landscape.making import let_bodies_learn
-from evolution.landscape.places import save_places
-from evolution.landscape.remaking import draw_places, find_differences
-from evolution.landscape.table import load_landscape
+from evolution._src.backends.outcome import Outcome
+from evolution._src.bodies.genome import genome_of
+from evolution._src.errors import RunError
+from evolution._src.landscape.assembly import assemble
+from evolution._src.landscape.config import LandscapeConfig
+from evolution._src.landscape.judging import judge_bodies
+from evolution._src.landscape.making import let_bodies_learn
+from evolution._src.landscape.places import save_places
+from evolution._src.landscape.remaking import draw_places, find_differences
+from evolution._src.landscape.table import load_landscape
 
 CONFIG = LandscapeConfig(largest=3, population_size=4, generations=(2,), exam_trials=2)
 

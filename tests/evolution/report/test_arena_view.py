@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import symbrion_gym as sg
-from evolution.report.arena_view import draw_arena, mute
-from evolution.report.pictures import to_png
-from evolution.report.raster import make_view
-from evolution.report.robot_view import ROBOT_COLOR, add_scale
-from evolution.report.shading import OVERSAMPLING
+from evolution._src.report.arena_view import draw_arena, mute
+from evolution._src.report.pictures import to_png
+from evolution._src.report.raster import make_view
+from evolution._src.report.robot_view import ROBOT_COLOR, add_scale
+from evolution._src.report.shading import OVERSAMPLING
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def truth() -> sg.Arena:
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evolution.report.arena_view.WIDTH", 300)
+    monkeypatch.setattr("evolution._src.report.arena_view.WIDTH", 300)
 
 
 def draw(arena: sg.Arena, *layers: str) -> np.ndarray:

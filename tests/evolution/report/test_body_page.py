@@ -6,12 +6,12 @@ import made_bodies
 import pytest
 
 import evolution as ev
-from evolution.bodies.genome import genome_of
-from evolution.body_search.confirmation import CONFIRMATION
-from evolution.body_search.record import BodyRecord
-from evolution.body_search.run import BodyRun
-from evolution.errors import RunError
-from evolution.report.body_page import make_body_page
+from evolution._src.bodies.genome import genome_of
+from evolution._src.body_search.confirmation import CONFIRMATION
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.body_search.run import BodyRun
+from evolution._src.errors import RunError
+from evolution._src.report.body_page import make_body_page
 
 
 def test_every_elite_has_a_card_with_its_plan(tmp_path):
@@ -54,7 +54,7 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
     ev.evolve(made_bodies.make_config(folder=tmp_path / "run"), simulate=simulate)
     ev.confirm(ev.load_bodies(tmp_path / "run"), 20, simulate=simulate)
     run = ev.load_bodies(tmp_path / "run")
-    monkeypatch.setattr("evolution.report.body_page._film", lambda *_: b"film")
+    monkeypatch.setattr("evolution._src.report.body_page._film", lambda *_: b"film")
     make_body_page(run, num_films=2).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
     first, *others = html.split("<details")[1:]

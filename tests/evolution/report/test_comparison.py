@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import toys
 
-from evolution.cli.main import run as run_command
-from evolution.report.comparison import COLUMNS, tabulate
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve
-from evolution.search.stages import Stage
+from evolution._src.cli.main import run as run_command
+from evolution._src.report.comparison import COLUMNS, tabulate
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.stages import Stage
 
 TOY = EvolutionConfig(arena="truth", generations=4, stop_when_solved=False)
 

@@ -8,10 +8,10 @@ import trimesh
 from PIL import Image
 
 import symbrion_gym as sg
-from evolution.report.error_map import describe_quality, draw_error_map
-from evolution.report.pictures import to_png
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
+from evolution._src.report.error_map import describe_quality, draw_error_map
+from evolution._src.report.pictures import to_png
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
 QUALITY = ArenaQuality(0.0, 0.0, 0.0, 1)
@@ -19,7 +19,7 @@ QUALITY = ArenaQuality(0.0, 0.0, 0.0, 1)
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("evolution.report.error_map.WIDTH", 300)
+    monkeypatch.setattr("evolution._src.report.error_map.WIDTH", 300)
 
 
 def make_box(low, high) -> trimesh.Trimesh:

@@ -2,14 +2,14 @@
 
 import pytest
 
-from evolution.landscape.replay import replay
-from evolution.landscape.table import load_landscape
+from evolution._src.landscape.replay import replay
+from evolution._src.landscape.table import load_landscape
 
 pytest.importorskip("matplotlib")
 
 
 def test_every_search_has_a_curve_of_its_own():
-    from evolution.report.landscape import draw_searches
+    from evolution._src.report.landscape import draw_searches
 
     table = load_landscape()
     names = [f"search {number}" for number in range(9)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from evolution.report.raster import find_outlines, make_view, rasterize
+from evolution._src.report.raster import find_outlines, make_view, rasterize
 
 CORNERS = np.asarray(trimesh.creation.box((2, 2, 2)).vertices)
 ABOVE = make_view(CORNERS, 90.0, -90.0, 100)

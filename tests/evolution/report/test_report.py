@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from evolution import report
-from evolution.report.pictures import DPI, encode_png, find_width
-from symbrion_gym.arenas.course import Course
+from evolution._src.report.pictures import DPI, encode_png, find_width
+from symbrion_gym._src.arenas.course import Course
 
 
 def open_picture(figure: Figure) -> np.ndarray:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 import toys
 
-from evolution.cli.main import run as run_command
-from evolution.errors import RunError
-from evolution.report.tensorboard_log import FOLDER, SCALARS, TensorBoardLog
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, resume
+from evolution._src.cli.main import run as run_command
+from evolution._src.errors import RunError
+from evolution._src.report.tensorboard_log import FOLDER, SCALARS, TensorBoardLog
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, resume
 
 TOY = EvolutionConfig(arena="truth", generations=2, stop_when_solved=False)
 needs_tensorboard = pytest.mark.skipif(

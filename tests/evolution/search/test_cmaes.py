@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evolution.errors import RunError
-from evolution.search.cmaes import CmaesConfig, Space, Strategy
+from evolution._src.errors import RunError
+from evolution._src.search.cmaes import CmaesConfig, Space, Strategy
 
 
 def make_space(size: int = 6, with_integer: bool = False) -> Space:

@@ -8,14 +8,14 @@ import pytest
 import toys
 from histories import TOY, without_times
 
-from evolution.backends.trials import RolloutConfig
-from evolution.controllers.controller import ControllerConfig
-from evolution.errors import RunError
-from evolution.search.cmaes import CmaesConfig
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, resume
-from evolution.search.stages import Stage
-from evolution.search.validation import FORMER_VALIDATION_NAMES, Champion, Validation
+from evolution._src.backends.trials import RolloutConfig
+from evolution._src.controllers.controller import ControllerConfig
+from evolution._src.errors import RunError
+from evolution._src.search.cmaes import CmaesConfig
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, resume
+from evolution._src.search.stages import Stage
+from evolution._src.search.validation import FORMER_VALIDATION_NAMES, Champion, Validation
 
 
 def test_configs_survive_json():

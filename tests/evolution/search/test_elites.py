@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from histories import TOY, without_times
 
-import reconstruction.extras
-from evolution.backends.outcome import Outcome
-from evolution.errors import RunError
-from evolution.search.archive import ArchiveConfig
-from evolution.search.elites_of_record import find_elites
-from evolution.search.loop import evolve, resume
-from evolution.search.restarting_search import RestartingSearch
-from evolution.search.stages import Stage
-from reconstruction.extras import MissingExtraError
+import reconstruction._src.base.extras
+from evolution._src.backends.outcome import Outcome
+from evolution._src.errors import RunError
+from evolution._src.search.archive import ArchiveConfig
+from evolution._src.search.elites_of_record import find_elites
+from evolution._src.search.loop import evolve, resume
+from evolution._src.search.restarting_search import RestartingSearch
+from evolution._src.search.stages import Stage
+from reconstruction._src.base.extras import MissingExtraError
 
 ARCHIVE = ArchiveConfig(axes=("effort", "seconds"), cells=(4, 5), lower=(0.0, 0.0), upper=(2.0, 5.0))
 RUN = replace(TOY, generations=8, population_size=10, archive=ARCHIVE)
@@ -131,7 +131,7 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_without_the_extra_one_line_names_the_command(monkeypatch):
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'symbrion-gym\[ribs\]'"):
         evolve(RUN, simulate=behave)
 

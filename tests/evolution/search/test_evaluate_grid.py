@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import evolution as ev
-from evolution.backends.outcome import Outcome
-from evolution.errors import RunError
+from evolution._src.backends.outcome import Outcome
+from evolution._src.errors import RunError
 
 NAMES = ev.Evaluator(modules=4, controller="reactive").controller.parameters
 

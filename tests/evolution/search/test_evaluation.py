@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import toys
 
-from evolution.backends.simulation import find_simulate, name_simulate
-from evolution.backends.trials import FAILED_PROGRESS, Outcome, Randomization, Scoring
-from evolution.errors import RunError
-from evolution.search.evaluation import evaluate, make_backend
+from evolution._src.backends.simulation import find_simulate, name_simulate
+from evolution._src.backends.trials import FAILED_PROGRESS, Outcome, Randomization, Scoring
+from evolution._src.errors import RunError
+from evolution._src.search.evaluation import evaluate, make_backend
 
 
 @pytest.mark.parametrize("toy", [toys.fragile, toys.nonsense])

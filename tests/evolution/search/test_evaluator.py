@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import toys
 
-from evolution.backends import rollout
-from evolution.backends.trials import RolloutConfig
-from evolution.controllers.protocol import OutOfBoundsWarning
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import Evaluator, evaluate
-from symbrion_gym.robot.organism import cross, snake
+from evolution._src.backends import rollout
+from evolution._src.backends.trials import RolloutConfig
+from evolution._src.controllers.protocol import OutOfBoundsWarning
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import Evaluator, evaluate
+from symbrion_gym._src.robot.organism import cross, snake
 
 SHORT = {"modules": 4, "trials": 2, "duration": 2.0, "controller": "reactive"}
 

@@ -7,10 +7,10 @@ import pytest
 import toys
 from histories import TOY, without_times
 
-from evolution.errors import RunError
-from evolution.search.cmaes import Space, Strategy
-from evolution.search.islands import Islands, IslandsConfig
-from evolution.search.loop import evolve, resume
+from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.search.islands import Islands, IslandsConfig
+from evolution._src.search.loop import evolve, resume
 
 SPACE = Space(("a", "b"), (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0), (1.0, 1.0))
 RUN = replace(TOY, generations=7, population_size=6, islands=IslandsConfig(3, interval=2))

@@ -8,13 +8,13 @@ import pytest
 import toys
 from histories import TOY, read_without_times, without_times
 
-from evolution.backends.trials import Outcome, Randomization, Scoring
-from evolution.controllers.controller import NUM_KNOTS
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run
-from evolution.search.record import REEVALUATION, SAMPLE, VALIDATION
-from evolution.search.stages import Stage
-from evolution.search.validation import Validation, find_candidates
+from evolution._src.backends.trials import Outcome, Randomization, Scoring
+from evolution._src.controllers.controller import NUM_KNOTS
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run
+from evolution._src.search.record import REEVALUATION, SAMPLE, VALIDATION
+from evolution._src.search.stages import Stage
+from evolution._src.search.validation import Validation, find_candidates
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
@@ -214,7 +214,7 @@ def test_workers_follow_the_configuration_and_are_stopped(monkeypatch, fails):
         made.append(arguments)
         return Workers()
 
-    monkeypatch.setattr("evolution.search.loop.make_backend", make)
+    monkeypatch.setattr("evolution._src.search.loop.make_backend", make)
     config = replace(SHORT, backend="processes", workers=3, address="here")
     if fails:
         with pytest.raises(KeyboardInterrupt):

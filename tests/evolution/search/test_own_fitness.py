@@ -9,12 +9,12 @@ import pytest
 import toys
 from histories import TOY, without_times
 
-from evolution.backends.scoring import Scoring
-from evolution.backends.trials import Randomization
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.evaluation import evaluate
-from evolution.search.loop import evolve, load_run, resume
+from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.trials import Randomization
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.evaluation import evaluate
+from evolution._src.search.loop import evolve, load_run, resume
 
 SHORT = replace(TOY, generations=3)
 OWN = {

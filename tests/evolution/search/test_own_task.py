@@ -7,12 +7,12 @@ import own_task
 import pytest
 import toys
 
-from evolution.backends.stored_task import StoredTask
-from evolution.champions.playback import judge, make_champion_trials
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.run import load_champion
+from evolution._src.backends.stored_task import StoredTask
+from evolution._src.champions.playback import judge, make_champion_trials
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.run import load_champion
 
 CONFIG = EvolutionConfig(
     arena="truth", modules=4, generations=1, population_size=4, trials=1, stop_when_solved=False

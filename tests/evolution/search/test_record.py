@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evolution.backends.trials import Outcome
-from evolution.errors import RunError
-from evolution.search.record import FORMAT, HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
+from evolution._src.backends.trials import Outcome
+from evolution._src.errors import RunError
+from evolution._src.search.record import FORMAT, HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
 
 
 def make_row(generation: int) -> dict[str, float]:

@@ -7,13 +7,13 @@ import pytest
 import toys
 from histories import TOY, find_samples, without_times
 
-from evolution.controllers.controller import REACTIVE_HINT
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.islands import IslandsConfig
-from evolution.search.loop import evolve, resume
-from evolution.search.record import SAMPLE, VALIDATION
-from evolution.search.stages import Stage
+from evolution._src.controllers.controller import REACTIVE_HINT
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.islands import IslandsConfig
+from evolution._src.search.loop import evolve, resume
+from evolution._src.search.record import SAMPLE, VALIDATION
+from evolution._src.search.stages import Stage
 
 
 def test_a_search_may_begin_from_zero():

@@ -13,12 +13,12 @@ import pytest
 import toys
 from histories import TOY, read_without_times, without_times
 
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.record import HISTORY, REEVALUATION, TIMES, VALIDATION, Record
-from evolution.search.run import Run
-from evolution.search.stages import Stage
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.record import HISTORY, REEVALUATION, TIMES, VALIDATION, Record
+from evolution._src.search.run import Run
+from evolution._src.search.stages import Stage
 
 SHORT = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
@@ -210,8 +210,8 @@ def test_a_finished_run_stays_as_it_is(tmp_path):
 
 PROGRAM = """
 import sys
-from evolution.search.loop import evolve, resume
-from evolution.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, resume
+from evolution._src.search.config import EvolutionConfig
 from pathlib import Path
 import toys
 folder = sys.argv[1]

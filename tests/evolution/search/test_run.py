@@ -18,11 +18,11 @@ import toys
 from damage import flip_bits
 from kills import kill_at_each_moment
 
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
-from evolution.search.record import HISTORY, Record
-from evolution.search.run import RunFolder, format_history, load_champion
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
+from evolution._src.search.record import HISTORY, Record
+from evolution._src.search.run import RunFolder, format_history, load_champion
 
 TOY = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 
@@ -103,7 +103,7 @@ def test_nothing_in_it_is_a_pickle(folder):
 
 def test_only_one_process_writes(folder):
     program = (
-        f"from evolution.search.run import RunFolder\nwith RunFolder({str(folder)!r}).lock():\n"
+        f"from evolution._src.search.run import RunFolder\nwith RunFolder({str(folder)!r}).lock():\n"
         "    print('held', flush=True)\n    input()"
     )
     process = subprocess.Popen(

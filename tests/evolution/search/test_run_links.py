@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import toys
 
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve, load_run, resume
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve, load_run, resume
 
 TOY = EvolutionConfig(arena="truth", generations=3, stop_when_solved=False)
 

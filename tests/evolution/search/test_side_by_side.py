@@ -7,12 +7,12 @@ import pytest
 import toys
 
 import evolution as ev
-from evolution.backends import rollout
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve
-from evolution.search.record import VALIDATION
-from evolution.search.side_by_side import evolve_side_by_side
+from evolution._src.backends import rollout
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.record import VALIDATION
+from evolution._src.search.side_by_side import evolve_side_by_side
 
 CONFIG = EvolutionConfig(arena="truth", generations=4, stop_when_solved=False)
 CONFIGS = [replace(CONFIG, seed=seed, generations=3 + seed, population_size=6 + seed) for seed in range(3)]
@@ -45,7 +45,7 @@ def test_samples_of_all_share_a_batch():
 
 
 def test_on_a_device_candidates_are_tried_on_the_c_engine(monkeypatch):
-    from evolution.backends import making
+    from evolution._src.backends import making
 
     device, exact = toys.Observed(), toys.Observed()
     monkeypatch.setattr(making, "require_extras", lambda *_: None)

@@ -8,10 +8,10 @@ import pytest
 
 import evolution as ev
 import symbrion_gym as sg
-from symbrion_gym.arenas import arena as arena_module
-from symbrion_gym.arenas import loading
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.assets import find_assets
+from symbrion_gym._src.arenas import arena as arena_module
+from symbrion_gym._src.arenas import loading
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.assets import find_assets
 
 
 class TruthWasRead(Exception):

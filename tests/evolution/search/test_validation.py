@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import toys
 
-from evolution.backends.trials import Outcome
-from evolution.errors import RunError
-from evolution.search.config import EvolutionConfig
-from evolution.search.loop import evolve
-from evolution.search.record import HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
-from evolution.search.stages import Stage
-from evolution.search.validation import Champion, Validation, find_candidates, select_champion
+from evolution._src.backends.trials import Outcome
+from evolution._src.errors import RunError
+from evolution._src.search.config import EvolutionConfig
+from evolution._src.search.loop import evolve
+from evolution._src.search.record import HISTORY, REEVALUATION, SAMPLE, VALIDATION, Entry, Record
+from evolution._src.search.stages import Stage
+from evolution._src.search.validation import Champion, Validation, find_candidates, select_champion
 
 
 def make_entry(

@@ -5,21 +5,21 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from evolution.backends.making import make_backend
-from evolution.backends.outcome import Outcome
-from evolution.cli.commands.bench_suite import METHODS as NAMES
-from evolution.errors import RunError
-from evolution.suite import running
-from evolution.suite import submission as submission_module
-from evolution.suite import tasks as tasks_module
-from evolution.suite.baselines.archives import CELLS, HIGHEST, measure
-from evolution.suite.baselines.evolving import breed
-from evolution.suite.baselines.methods import METHODS, run_baseline
-from evolution.suite.baselines.practice import Practice, find_law
-from evolution.suite.running import fill_submission, run_suite
-from evolution.suite.submission import Entry, Score, load_submission
-from evolution.suite.tasks import EXAM_SEED, EXAM_TRIALS, find_suite_task
-from reconstruction.extras import MissingExtraError
+from evolution._src.backends.making import make_backend
+from evolution._src.backends.outcome import Outcome
+from evolution._src.cli.commands.bench_suite import METHODS as NAMES
+from evolution._src.errors import RunError
+from evolution._src.suite import running
+from evolution._src.suite import submission as submission_module
+from evolution._src.suite import tasks as tasks_module
+from evolution._src.suite.baselines.archives import CELLS, HIGHEST, measure
+from evolution._src.suite.baselines.evolving import breed
+from evolution._src.suite.baselines.methods import METHODS, run_baseline
+from evolution._src.suite.baselines.practice import Practice, find_law
+from evolution._src.suite.running import fill_submission, run_suite
+from evolution._src.suite.submission import Entry, Score, load_submission
+from evolution._src.suite.tasks import EXAM_SEED, EXAM_TRIALS, find_suite_task
+from reconstruction._src.base.extras import MissingExtraError
 
 FIXED, FREE = "gap, 4 in a row", "gap, any body"
 BUDGET = 600.0
@@ -130,7 +130,7 @@ def test_a_failed_trial_has_a_place_in_the_archive():
 
 @pytest.mark.parametrize("method", sorted(needs_ribs))
 def test_archives_without_ribs_are_refused_by_name(method, monkeypatch):
-    monkeypatch.setattr("reconstruction.extras.find_missing", lambda extra: ["ribs"])
+    monkeypatch.setattr("reconstruction._src.base.extras.find_missing", lambda extra: ["ribs"])
     with pytest.raises(MissingExtraError, match=rf"{method}.*pip install 'symbrion-gym\[ribs\]'"):
         run_suite(method, (0,), (FIXED,), simulate=simulate)
 

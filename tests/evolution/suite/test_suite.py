@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evolution.backends.outcome import Outcome
-from evolution.cli.command import UsageError
-from evolution.cli.commands.bench_suite import BenchSuite
-from evolution.errors import RunError
-from evolution.landscape.places import GAP, find_published_arena, make_true_arena
-from evolution.suite import submission as submission_module
-from evolution.suite import tasks as tasks_module
-from evolution.suite import verification
-from evolution.suite.leaderboard import SHARED, count_wins, find_overview, format_rows, make_page, rank
-from evolution.suite.running import run_suite
-from evolution.suite.submission import Score, Submission, load_submission
-from evolution.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
-from symbrion_gym.arenas.arena import Arena
+from evolution._src.backends.outcome import Outcome
+from evolution._src.cli.command import UsageError
+from evolution._src.cli.commands.bench_suite import BenchSuite
+from evolution._src.errors import RunError
+from evolution._src.landscape.places import GAP, find_published_arena, make_true_arena
+from evolution._src.suite import submission as submission_module
+from evolution._src.suite import tasks as tasks_module
+from evolution._src.suite import verification
+from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, format_rows, make_page, rank
+from evolution._src.suite.running import run_suite
+from evolution._src.suite.submission import Score, Submission, load_submission
+from evolution._src.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task
+from symbrion_gym._src.arenas.arena import Arena
 
 SUBMISSIONS = Path(__file__).parents[3] / "benchmarks" / "submissions"
 FIXED, FREE = "gap, 4 in a row", "gap, any body"
@@ -97,7 +97,7 @@ def test_a_score_that_was_raised_is_found_out(tmp_path):
     with pytest.raises(RunError, match="no task 'moon'"):
         verification.verify(both, tasks=("moon",))
     Submission("raised", (raised,)).save(tmp_path / "raised.json")
-    from evolution.cli.console import Console
+    from evolution._src.cli.console import Console
 
     summary = BenchSuite(action="verify", files=(tmp_path / "raised.json",), quiet=True).run(
         Console(True, True)
@@ -143,7 +143,7 @@ def test_the_ranking_is_by_successes_in_the_truth(tmp_path):
     assert format_rows(rows)[0] == [FIXED, "high", "1", "1", "9.0", "0.0", "0.50", fitness, "0"]
     assert count_wins([low, high]) == {"low": 0, "high": 1}
     low.save(tmp_path / "low.json")
-    from evolution.cli.console import Console
+    from evolution._src.cli.console import Console
 
     BenchSuite(action="board", files=(tmp_path / "low.json",), out=tmp_path / "b.html").run(
         Console(True, True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.files.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
 
 
 def test_the_file_is_replaced_and_the_old_one_readable_until_then(tmp_path: Path) -> None:

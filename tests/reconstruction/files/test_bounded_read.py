@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from damage import flip_bits, make_npy, make_npz
 
-from reconstruction.files.bounded_read import UnreadableFileError, find_npz_names, open_bounded, read_npz
+from reconstruction._src.base.bounded_read import UnreadableFileError, find_npz_names, open_bounded, read_npz
 
 ARRAYS = {
     "grid": np.arange(12.0).reshape(3, 4),
@@ -146,8 +146,8 @@ def test_a_flipped_bit_gives_the_same_or_the_error(save) -> None:
 
 PROGRAM = """
 import sys
-from reconstruction.scans.formats import load_points
-from reconstruction.errors import ScanError
+from reconstruction._src.scans.formats import load_points
+from reconstruction._src.base.errors import ScanError
 
 def peak():  # getrusage would begin with the peak of the process that started this one
     with open("/proc/self/status") as file:

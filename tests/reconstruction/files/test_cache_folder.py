@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reconstruction.files import cache
+from reconstruction._src.base import cache
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import pytest
 from evil_json import DEEP
 
-from reconstruction.files.printable import make_printable
-from reconstruction.files.typed_json import JsonError, as_type, parse_json, read_json
+from reconstruction._src.base.printable import make_printable
+from reconstruction._src.base.typed_json import JsonError, as_type, parse_json, read_json
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.halfspaces import make_prism, make_solid
-from reconstruction.geometry.hulls import make_hull
-from reconstruction.geometry.outlines import (
+from reconstruction._src.geometry.halfspaces import make_prism, make_solid
+from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.outlines import (
     cut_outline,
     find_bounds,
     find_hull_outline,
@@ -14,7 +14,7 @@ from reconstruction.geometry.outlines import (
     is_within,
     measure_area,
 )
-from reconstruction.geometry.rectangles import find_box, find_smallest_rectangle, find_tight_rectangles
+from reconstruction._src.geometry.rectangles import find_box, find_smallest_rectangle, find_tight_rectangles
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 

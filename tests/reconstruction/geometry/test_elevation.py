@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.elevation import Elevation
+from reconstruction._src.geometry.elevation import Elevation
 
 
 def test_highest_surface_answers_and_outside_is_nan():

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from scipy.spatial import Delaunay
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.decimation import simplify
-from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.decimation import simplify
+from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.orientation import looks_down_below, orient_outwards
+from reconstruction._src.geometry.orientation import looks_down_below, orient_outwards
 
 
 def find_volume(vertices: np.ndarray, faces: np.ndarray) -> float:

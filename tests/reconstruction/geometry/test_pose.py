@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from reconstruction.geometry.pose import (
+from reconstruction._src.geometry.pose import (
     PlanarPose,
     compose_planar,
     find_planar_step,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from reconstruction.geometry.orientation import find_components, orient_to_viewpoints
-from reconstruction.geometry.reversals import turn_reversed_parts
-from reconstruction.surfaces.quality import count_topology
+from reconstruction._src.geometry.orientation import find_components, orient_to_viewpoints
+from reconstruction._src.geometry.reversals import turn_reversed_parts
+from reconstruction._src.surfaces.quality import count_topology
 
 
 def make_sheet(count: int = 21) -> tuple[np.ndarray, np.ndarray]:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
-from reconstruction.geometry.rims import RimConfig, drop_rim_slivers
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
+from reconstruction._src.geometry.rims import RimConfig, drop_rim_slivers
 
 ACROSS, ALONG = 11, 6
 

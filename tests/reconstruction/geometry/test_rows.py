@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reconstruction.geometry.rows import (
+from reconstruction._src.geometry.rows import (
     all_corners,
     any_corner,
     cross_rows,

@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from reconstruction.geometry.sampling import (
+from reconstruction._src.geometry.sampling import (
     sample_area,
     sample_cells,
     sample_evenly,

@@ -8,13 +8,13 @@ import pytest
 from shapes import make_sheet
 
 from reconstruction import GrowingGridConfig, GSRMConfig, Reconstruction, ReconstructionError, reconstruct
-from reconstruction.networks.change.detection import ChangeConfig
-from reconstruction.networks.growing_grid.cover import CoverConfig
-from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
-from reconstruction.networks.gsrm.topology_config import TopologyConfig
-from reconstruction.networks.least_squares import FitConfig
-from reconstruction.networks.som.compilation import keep_compiled_programs
-from reconstruction.networks.som.density import DensityConfig
+from reconstruction._src.networks.change.detection import ChangeConfig
+from reconstruction._src.networks.growing_grid.cover import CoverConfig
+from reconstruction._src.networks.gsrm.refinement_config import GSRMRefinementConfig
+from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
+from reconstruction._src.networks.least_squares import FitConfig
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.networks.som.density import DensityConfig
 
 keep_compiled_programs()
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.networks.surface_fit import fit_surface, make_ring
-from reconstruction.surfaces.quality import find_distances
+from reconstruction._src.networks.surface_fit import fit_surface, make_ring
+from reconstruction._src.surfaces.quality import find_distances
 
 
 def make_roof(half: int = 8) -> tuple[np.ndarray, np.ndarray]:

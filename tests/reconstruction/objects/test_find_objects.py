@@ -6,9 +6,9 @@ import pytest
 import reconstruction as rc
 from benchmarks.material.known_objects import make_socket
 from benchmarks.objects import judge
-from reconstruction.errors import ReconstructionError
-from reconstruction.objects.finding import suppress
-from reconstruction.objects.verification import Verdict
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.objects.finding import suppress
+from reconstruction._src.objects.verification import Verdict
 
 MESHES = {"socket": make_socket()}
 
@@ -70,14 +70,14 @@ def test_without_objects_there_is_nothing_to_find(library):
 
 
 def test_a_missing_library_is_named_in_one_line(monkeypatch):
-    monkeypatch.setattr("reconstruction.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("reconstruction._src.base.extras.find_spec", lambda name: None)
     with pytest.raises(RuntimeError, match=r"extra 'objects' .*cv2.*symbrion-gym\[objects\]"):
         rc.find_objects(np.zeros((10, 3)), MESHES)
 
 
 def test_of_two_finds_at_one_place_the_better_is_kept():
-    from reconstruction.objects.finding import _Candidate
-    from reconstruction.objects.model import make_model
+    from reconstruction._src.objects.finding import _Candidate
+    from reconstruction._src.objects.model import make_model
 
     model = make_model("socket", MESHES["socket"])
     poses = np.tile(np.eye(4), (3, 1, 1))

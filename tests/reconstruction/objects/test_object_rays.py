@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.objects.model import make_model
-from reconstruction.objects.rays import BeamIndex, Beams, cast
-from reconstruction.scans.cloud import Cloud
+from reconstruction._src.objects.model import make_model
+from reconstruction._src.objects.rays import BeamIndex, Beams, cast
+from reconstruction._src.scans.cloud import Cloud
 
 
 @pytest.fixture(scope="module")

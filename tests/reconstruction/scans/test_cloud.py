@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from reconstruction.errors import ScanError
-from reconstruction.scans.cloud import Cloud
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans.cloud import Cloud
 
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 COLORS = np.arange(12, dtype=np.uint8).reshape(4, 3)

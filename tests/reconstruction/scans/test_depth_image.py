@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reconstruction.errors import ScanError
-from reconstruction.scans.depth_image import Intrinsics, load_depth_image
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
 
 Image = pytest.importorskip("PIL.Image", reason="the extra `formats` is not installed")
 

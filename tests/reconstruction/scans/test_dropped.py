@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.dropped import find_dropped, measure_dropped
-from reconstruction.scans.preprocess import preprocess
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.dropped import find_dropped, measure_dropped
+from reconstruction._src.scans.preprocess import preprocess
 
 
 def make_walls(seed: int = 0) -> np.ndarray:

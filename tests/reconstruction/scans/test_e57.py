@@ -7,11 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import reconstruction.extras
-from reconstruction.errors import ScanError
-from reconstruction.extras import MissingExtraError
-from reconstruction.scans.cloud_file import load_cloud
-from reconstruction.scans.formats import load_points
+import reconstruction._src.base.extras
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import MissingExtraError
+from reconstruction._src.scans.cloud_file import load_cloud
+from reconstruction._src.scans.formats import load_points
 
 pye57 = pytest.importorskip("pye57", reason="the extra `formats` is not installed")
 
@@ -141,6 +141,6 @@ def test_damaged_files_give_points_or_the_error(tmp_path: Path, data: st.DataObj
 
 def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path / "a.e57", (columns(), TURN, np.ones(3)))
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"an \.e57 file needs the extra 'formats'"):
         load_cloud(path)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from reconstruction.errors import ScanError
-from reconstruction.scans.frames import (
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans.frames import (
     UNITS,
     UP_AXES,
     FrameConfig,
@@ -12,7 +12,7 @@ from reconstruction.scans.frames import (
     find_offset,
     make_frame,
 )
-from reconstruction.scans.raw_points import RawPoints
+from reconstruction._src.scans.raw_points import RawPoints
 
 POINTS = np.array([[1.0, 2.0, 3.0], [-4.0, 5.0, -6.0]])
 AXES = {name: np.eye(3)["xyz".index(name[-1])] * (-1 if name[0] == "-" else 1) for name in UP_AXES}

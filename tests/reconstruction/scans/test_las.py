@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import reconstruction.extras
-from reconstruction.errors import ScanError
-from reconstruction.extras import MissingExtraError
-from reconstruction.scans.cloud_file import load_cloud
-from reconstruction.scans.formats import load_points
+import reconstruction._src.base.extras
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import MissingExtraError
+from reconstruction._src.scans.cloud_file import load_cloud
+from reconstruction._src.scans.formats import load_points
 
 laspy = pytest.importorskip("laspy", reason="the extra `formats` is not installed")
 from laspy.vlrs.known import GeoKeyDirectoryVlr, GeoKeyEntryStruct, WktCoordinateSystemVlr  # noqa: E402
@@ -194,7 +194,7 @@ def test_damaged_files_give_points_or_the_error(tmp_path: Path, packed: bool, da
 
 
 def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     path = write(tmp_path, "a.laz", las(packed=True))
     with pytest.raises(
         MissingExtraError, match=r"a \.laz file needs the extra 'formats'.*symbrion-gym\[formats\]"

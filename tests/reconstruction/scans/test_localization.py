@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reconstruction.errors import ScanError
-from reconstruction.geometry.pose import make_pose
-from reconstruction.scans.localization import (
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.pose import make_pose
+from reconstruction._src.scans.localization import (
     LocalizationConfig,
     find_pitch,
     localise,
@@ -15,10 +15,10 @@ from reconstruction.scans.localization import (
     match_scans,
     measure_localization,
 )
-from reconstruction.scans.noise_priors import NoisePriors
-from reconstruction.scans.odometry import OdometryConfig
-from reconstruction.scans.scan import HorizontalScans, ScanLog, ScanTruth
-from reconstruction.scans.scan_matching import ScanMatchingConfig
+from reconstruction._src.scans.noise_priors import NoisePriors
+from reconstruction._src.scans.odometry import OdometryConfig
+from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
+from reconstruction._src.scans.scan_matching import ScanMatchingConfig
 
 ANGLES = np.radians(np.linspace(-90, 90, 181))
 WALLS = np.array(  # a room with two niches, x0 y0 x1 y1

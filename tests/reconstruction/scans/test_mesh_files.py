@@ -10,11 +10,11 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import reconstruction.extras
-from reconstruction.errors import ScanError
-from reconstruction.extras import MissingExtraError
-from reconstruction.scans.cloud_file import load_cloud
-from reconstruction.scans.mesh_files import MESH_ENDINGS, is_mesh, load_mesh
+import reconstruction._src.base.extras
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import MissingExtraError
+from reconstruction._src.scans.cloud_file import load_cloud
+from reconstruction._src.scans.mesh_files import MESH_ENDINGS, is_mesh, load_mesh
 
 BOX = trimesh.creation.box((1.0, 2.0, 3.0), trimesh.transformations.translation_matrix([0.5, 1.0, 1.5]))
 Y_UP = (".glb", ".gltf", ".dae")
@@ -160,7 +160,7 @@ def test_damaged_files_give_a_mesh_or_the_error(tmp_path: Path, ending: str, dat
 
 def test_a_missing_reader_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "a.dae").write_text("<COLLADA/>")
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"a \.dae file needs the extra 'formats'"):
         load_mesh(tmp_path / "a.dae")
 

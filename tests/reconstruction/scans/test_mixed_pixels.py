@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from reconstruction.scans.mixed_pixels import (
+from reconstruction._src.scans.mixed_pixels import (
     MixedPixelsConfig,
     find_jumps,
     find_mixed_beams,
@@ -13,7 +13,7 @@ from reconstruction.scans.mixed_pixels import (
     find_noise,
     find_step,
 )
-from reconstruction.scans.scan import ScanLog
+from reconstruction._src.scans.scan import ScanLog
 
 ALL = MixedPixelsConfig(max_share=1.0)
 

@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial import cKDTree
 
-from reconstruction.errors import ScanError
-from reconstruction.geometry.pose import make_pose
-from reconstruction.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
-from reconstruction.scans.leveling import LevelingConfig, find_declination, level_floor
-from reconstruction.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams
-from reconstruction.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
-from reconstruction.scans.scan import ScanLog
-from reconstruction.scans.scan_log_file import load_scan_log
-from reconstruction.scans.smoothing import SmoothingConfig, find_creases, smooth_ranges
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.pose import make_pose
+from reconstruction._src.scans.cells import SparsePointsConfig, as_points, crop, find_sparse_points, thin
+from reconstruction._src.scans.leveling import LevelingConfig, find_declination, level_floor
+from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig, find_jumps, find_mixed_beams
+from reconstruction._src.scans.preprocess import PreprocessConfig, preprocess, remove_mixed_pixels
+from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.scans.scan_log_file import load_scan_log
+from reconstruction._src.scans.smoothing import SmoothingConfig, find_creases, smooth_ranges
 
 HEIGHT = 2.0
 ANGLES = np.radians(np.linspace(-90, 90, 361))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.reconstruct import reconstruct
-from reconstruction.scans.rays import read_rays
-from reconstruction.scans.scan import ScanLog
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.reconstruct import reconstruct
+from reconstruction._src.scans.rays import read_rays
+from reconstruction._src.scans.scan import ScanLog
 
 HEIGHT = 1.5
 

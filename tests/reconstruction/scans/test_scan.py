@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from damage import flip_bits
 
-from reconstruction.errors import ScanError
-from reconstruction.geometry.pose import make_pose
-from reconstruction.scans.scan import (
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.pose import make_pose
+from reconstruction._src.scans.scan import (
     HorizontalScans,
     ScanLog,
     ScanTruth,
 )
-from reconstruction.scans.scan_log_file import load_scan_log
+from reconstruction._src.scans.scan_log_file import load_scan_log
 
 
 def make_log(**changes) -> ScanLog:

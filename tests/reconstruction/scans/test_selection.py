@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-from reconstruction.errors import ScanError
-from reconstruction.scans import cells
-from reconstruction.scans.cloud import Cloud
-from reconstruction.scans.selection import CropConfig, crop, find_crop_box, thin
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans import cells
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.selection import CropConfig, crop, find_crop_box, thin
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [5.0, 0.0, 0.0], [5.1, 0.0, 0.0]])
 CLOUD = Cloud(

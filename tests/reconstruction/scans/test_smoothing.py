@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from reconstruction.scans.scan import ScanLog
-from reconstruction.scans.smoothing import find_creases, smooth_ranges
+from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.scans.smoothing import find_creases, smooth_ranges
 
 
 def smooth(ranges: np.ndarray, **options) -> np.ndarray:

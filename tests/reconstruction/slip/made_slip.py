@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from reconstruction.slip.readings import SlipReadings
+from reconstruction._src.slip.readings import SlipReadings
 
 TICK, MASS, SPEED, GRAVITY = 0.02, 0.8, 0.12, 9.81
 

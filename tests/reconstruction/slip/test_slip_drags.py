@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reconstruction.errors import ScanError
-from reconstruction.slip.drags import DragConfig, SlipPriors, find_friction
-from reconstruction.slip.readings import SlipReadings
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.slip.drags import DragConfig, SlipPriors, find_friction
+from reconstruction._src.slip.readings import SlipReadings
 from tests.reconstruction.slip.made_slip import make_slip
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-from reconstruction.errors import ReconstructionError
-from reconstruction.slip.patches import find_friction_patches
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.slip.patches import find_friction_patches
 from tests.reconstruction.slip.made_slip import make_slip
 
 

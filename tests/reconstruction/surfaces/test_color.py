@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 import reconstruction as rc
-from reconstruction.errors import ReconstructionError
-from reconstruction.scans.cloud import Cloud
-from reconstruction.surfaces.color import (
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.surfaces.color import (
     ColorConfig,
     ColorSource,
     copy_vertex_colors,

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.surfaces.color import add_alpha
-from reconstruction.surfaces.color_error import measure_color_error
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.surfaces.color import add_alpha
+from reconstruction._src.surfaces.color_error import measure_color_error
 
 
 def make_colored(value: int) -> trimesh.Trimesh:

@@ -3,8 +3,8 @@
 import numpy as np
 import trimesh
 
-from reconstruction.surfaces.edge_flips import flip_edges
-from reconstruction.surfaces.quality import count_topology
+from reconstruction._src.surfaces.edge_flips import flip_edges
+from reconstruction._src.surfaces.quality import count_topology
 
 # A step seen from the side: two vertices on the crest, one on the tread, one at the foot of the riser.
 CREST, REAR_CREST, TREAD, FOOT = 0, 1, 2, 3

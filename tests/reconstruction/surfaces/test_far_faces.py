@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.surfaces import far_faces
-from reconstruction.surfaces.far_faces import FarConfig, cut_far_faces, find_far_faces
-from reconstruction.surfaces.quality import measure_quality
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.surfaces import far_faces
+from reconstruction._src.surfaces.far_faces import FarConfig, cut_far_faces, find_far_faces
+from reconstruction._src.surfaces.quality import measure_quality
 
 
 def make_floor(num: int, size: float = 4.0) -> trimesh.Trimesh:

@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 
 import reconstruction as rc
-from reconstruction.surfaces.far_faces import SeenPoints, measure_far_faces
-from reconstruction.surfaces.far_updates import Sheet, find_beside_none, find_same_faces, update_far_faces
-from reconstruction.surfaces.unfolding import find_folded, unfold_part
+from reconstruction._src.surfaces.far_faces import SeenPoints, measure_far_faces
+from reconstruction._src.surfaces.far_updates import (
+    Sheet,
+    find_beside_none,
+    find_same_faces,
+    update_far_faces,
+)
+from reconstruction._src.surfaces.unfolding import find_folded, unfold_part
 
 
 def make_floor(num: int = 17, size: float = 4.0) -> Sheet:

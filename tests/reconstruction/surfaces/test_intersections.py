@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
+from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
 
 LEVEL = [[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]
 

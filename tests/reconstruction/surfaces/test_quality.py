@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.surfaces.quality import count_topology, find_distances, measure_quality
+from reconstruction._src.surfaces.quality import count_topology, find_distances, measure_quality
 
 
 def make_sheet(nx: int, ny: int) -> trimesh.Trimesh:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reconstruction.geometry.manifold import find_hinges, group_sides
-from reconstruction.surfaces.intersections import find_folded_edges, find_intersections
-from reconstruction.surfaces.unfolding import find_folded, find_tangled, unfold_faces, unfold_part
+from reconstruction._src.geometry.manifold import find_hinges, group_sides
+from reconstruction._src.surfaces.intersections import find_folded_edges, find_intersections
+from reconstruction._src.surfaces.unfolding import find_folded, find_tangled, unfold_faces, unfold_part
 
 
 def make_lattice(size: int = 7) -> tuple[np.ndarray, np.ndarray]:

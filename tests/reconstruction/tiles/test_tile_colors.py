@@ -5,8 +5,8 @@ import pytest
 
 import reconstruction as rc
 import symbrion_gym as sg
-from reconstruction.surfaces.color import find_vertex_colors
-from reconstruction.tiles.tile import read_colors
+from reconstruction._src.surfaces.color import find_vertex_colors
+from reconstruction._src.tiles.tile import read_colors
 
 CONFIG = rc.TilesConfig(tile=10.0)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.tiles.config import TilesConfig
-from reconstruction.tiles.seams import Surface, clip, join_tile
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.seams import Surface, clip, join_tile
 
 CONFIG = TilesConfig(tile=10.0, halo=2.0)
 

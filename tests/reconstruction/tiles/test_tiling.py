@@ -8,12 +8,12 @@ import pytest
 
 from benchmarks.large_scans import measure_surface
 from benchmarks.material.landscape import make_landscape, sample_scan, write_scan
-from reconstruction.errors import ReconstructionError
-from reconstruction.tiles.config import TilesConfig
-from reconstruction.tiles.folder import INDEX, TiledSurface
-from reconstruction.tiles.tile import choose_units, reconstruct_tile
-from reconstruction.tiles.tiling import reconstruct_tiles
-from reconstruction.tiles.workers import run_here, run_in_processes
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.tiles.config import TilesConfig
+from reconstruction._src.tiles.folder import INDEX, TiledSurface
+from reconstruction._src.tiles.tile import choose_units, reconstruct_tile
+from reconstruction._src.tiles.tiling import reconstruct_tiles
+from reconstruction._src.tiles.workers import run_here, run_in_processes
 
 EXTENT, NOISE = 20.0, 0.01
 CONFIG = TilesConfig(tile=10.0, halo=2.0, units_per_area=2.0)

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 pytest.importorskip("stable_baselines3", reason="the extra rl is not installed")
 
 from symbrion_gym import make_sb3_env
-from symbrion_gym.adapters.stable_baselines_env import StableBaselinesEnv
+from symbrion_gym._src.adapters.stable_baselines_env import StableBaselinesEnv
 
 ID = "symbrion_gym/SnakePit-v1"
 SHORT: dict[str, Any] = {"modules": 3, "duration": 0.2, "start": "pit"}

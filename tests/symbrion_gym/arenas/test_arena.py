@@ -14,17 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import reconstruction as rc
-from reconstruction.geometry.rectangles import find_box
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.arenas.scanned_surface import cut_irregular, make_scanned_surface
-from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym.contact.deadline import Deadline
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.contact.surface_error import measure_arena
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.geometry.rectangles import find_box
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.scanned_surface import cut_irregular, make_scanned_surface
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym._src.contact.deadline import Deadline
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.surface_error import measure_arena
+from symbrion_gym._src.errors import ArenaError
 
 UNHURRIED = 1e5
 """A time limit [s] that no busy machine reaches: arenas that it disturbed are not cached."""

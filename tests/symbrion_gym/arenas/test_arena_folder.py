@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.checks import check_piece
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.checks import check_piece
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.errors import ArenaError
 
 sys.path.append(str(Path(__file__).parents[2] / "reconstruction"))
 from evil_json import find_trouble, mutate

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from reconstruction.geometry.rectangles import find_box
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.environment.snake_pit import SnakePitEnv
+from reconstruction._src.geometry.rectangles import find_box
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
 
 
 def test_stretching_the_truth_widens_its_pit() -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.surfaces.primitives.config import PrimitivesConfig
-from reconstruction.surfaces.primitives.find import Primitives
-from reconstruction.surfaces.primitives.primitive import Primitive
-from symbrion_gym.arenas.beam_cost import find_beam_cost, pays
+from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
+from reconstruction._src.surfaces.primitives.find import Primitives
+from reconstruction._src.surfaces.primitives.primitive import Primitive
+from symbrion_gym._src.arenas.beam_cost import find_beam_cost, pays
 
 NONE = Primitives([], 0.004, PrimitivesConfig())
 

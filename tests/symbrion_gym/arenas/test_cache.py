@@ -7,11 +7,11 @@ import pytest
 import trimesh
 from damage import flip_bits
 
-from symbrion_gym.arenas.cache import get_or_make, read_entry, write_entry
-from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.options import ContactOptions
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.arenas.cache import get_or_make, read_entry, write_entry
+from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 BOX = trimesh.creation.box((1.0, 2.0, 0.1))
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from reconstruction.geometry.elevation import Elevation
-from symbrion_gym.arenas.course import Course, StairsCourse, make_course, make_simple_surface
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.arenas.course import Course, StairsCourse, make_course, make_simple_surface
+from symbrion_gym._src.errors import ArenaError
 
 
 @pytest.mark.parametrize(

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course, make_course
-from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
-from symbrion_gym.arenas.friction_pieces import find_piece_patches, split_pieces
-from symbrion_gym.arenas.spec import PATCH_PRIORITY
-from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, make_course
+from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym._src.arenas.friction_pieces import find_piece_patches, split_pieces
+from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
+from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.errors import ArenaError
 
 ICE = ((-1.2, -0.9, 0.3), (-0.6, -0.3, -0.5, 0.5, 0.4))
 DIAMOND = ((0.5, 0.0), (0.0, 0.5), (-0.5, 0.0), (0.0, -0.5))

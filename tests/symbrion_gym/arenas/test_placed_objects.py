@@ -9,11 +9,11 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
-from reconstruction.geometry.pose import make_rotation
-from reconstruction.objects.finding import FoundObject
-from symbrion_gym.arenas.placed_objects import PlacedObject, find_object
-from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.geometry.pose import make_rotation
+from reconstruction._src.objects.finding import FoundObject
+from symbrion_gym._src.arenas.placed_objects import PlacedObject, find_object
+from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.errors import ArenaError
 
 BOX = trimesh.creation.box((0.1, 0.2, 0.3))
 TURN = make_rotation(yaw=0.5, pitch=0.2)

@@ -13,11 +13,11 @@ import pytest
 import trimesh
 from kills import kill_at_each_moment
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.saving import find_own_files
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.saving import find_own_files
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.errors import ArenaError
 
 FOREIGN = ("notes.txt", "runs/a/record.npz", "pieces/mine.obj", "pieces/099.obj", ".arena/mine.txt")
 

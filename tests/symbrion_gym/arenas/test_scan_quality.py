@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from symbrion_gym.arenas.scan_quality import add_scan_quality, simulate_readings
-from symbrion_gym.arenas.scanned import ScannedSurface
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.arenas.scan_quality import add_scan_quality, simulate_readings
+from symbrion_gym._src.arenas.scanned import ScannedSurface
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 GROUND = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], [[0, 1, 2], [0, 2, 3]])
 SLAB = [trimesh.creation.box(bounds=[[0, 0, -0.2], [4, 2, 0]])]

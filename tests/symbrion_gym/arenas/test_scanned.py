@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 import reconstruction as rc
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.arenas.scanned import MeshFrame, find_doubts, find_two_sided, take_surface
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.arenas.scanned import MeshFrame, find_doubts, find_two_sided, take_surface
+from symbrion_gym._src.errors import ArenaError
 
 
 def test_a_room_without_viewpoint_and_a_mesh_in_millimeters_are_asked_about():

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 from benchmarks.material.driving_scenes import make_furnished_room, make_terrain
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.seen_places import MOST_VIEWPOINTS, SeenPlaces, choose_positions
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.seen_places import MOST_VIEWPOINTS, SeenPlaces, choose_positions
 
 
 def test_a_wall_hides_what_is_behind_it_from_one_viewpoint_but_not_from_two():

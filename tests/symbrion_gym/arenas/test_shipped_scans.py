@@ -10,11 +10,11 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.loading import find_scanned_name, load_arena
-from symbrion_gym.assets import SCANNED_PITS, find_assets
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.loading import find_scanned_name, load_arena
+from symbrion_gym._src.assets import SCANNED_PITS, find_assets
+from symbrion_gym._src.errors import ArenaError
 
 SCANS = [(find_scanned_name(name, pit), pit) for name, pits in SCANNED_PITS.items() for pit in pits]
 WORDS = {"course", "truth", "true", "start", "goal", "finish", "edge", "edges", "stairs"}

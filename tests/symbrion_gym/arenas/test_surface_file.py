@@ -5,9 +5,9 @@ import zipfile
 import pytest
 import trimesh
 
-from symbrion_gym.arenas import surface_file
-from symbrion_gym.arenas.surface_file import load_surface
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas import surface_file
+from symbrion_gym._src.arenas.surface_file import load_surface
+from symbrion_gym._src.errors import ArenaError
 
 
 def test_files_that_are_no_meshes(tmp_path):

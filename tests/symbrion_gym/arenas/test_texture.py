@@ -8,12 +8,12 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
-from reconstruction.scans.cloud import Cloud
-from symbrion_gym.arenas.png import load_png, to_png
-from symbrion_gym.arenas.stretch import stretch_arena
-from symbrion_gym.arenas.texture import SurfaceTexture, make_texture, paint_texture
-from symbrion_gym.arenas.texture_atlas import AtlasConfig, iterate_texels, make_atlas
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.scans.cloud import Cloud
+from symbrion_gym._src.arenas.png import load_png, to_png
+from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.arenas.texture import SurfaceTexture, make_texture, paint_texture
+from symbrion_gym._src.arenas.texture_atlas import AtlasConfig, iterate_texels, make_atlas
+from symbrion_gym._src.errors import ArenaError
 
 
 def make_ground(rows: int = 5) -> trimesh.Trimesh:

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
-from reconstruction.tiles.folder import claim_folder, name_tile, write_index
-from reconstruction.tiles.tile import write_surface
-from symbrion_gym.contact.kinds import HeightField
+from reconstruction._src.tiles.folder import claim_folder, name_tile, write_index
+from reconstruction._src.tiles.tile import write_surface
+from symbrion_gym._src.contact.kinds import HeightField
 
 
 @pytest.fixture

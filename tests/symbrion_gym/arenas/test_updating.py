@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
-from symbrion_gym.contact.local_changes import UpdateConfig, find_local_changes
+from symbrion_gym._src.contact.local_changes import UpdateConfig, find_local_changes
 
 
 def make_floor(bump: float = 0.0, hole: float = 0.0, num: int = 41) -> trimesh.Trimesh:
@@ -37,7 +37,7 @@ def test_the_same_surface_gives_the_same_arena(plain):
 
 
 def test_a_saved_and_loaded_arena_has_not_changed(plain, tmp_path):
-    from symbrion_gym.arenas.saving import _SURFACE_DIGITS
+    from symbrion_gym._src.arenas.saving import _SURFACE_DIGITS
 
     assert UpdateConfig().digits == _SURFACE_DIGITS
     fine, other = make_floor(hole=0.3), make_floor(hole=0.3, bump=0.2)

@@ -5,8 +5,8 @@ import pytest
 
 import reconstruction as rc
 import symbrion_gym as sg
-from reconstruction.reconstruction import Reconstruction
-from reconstruction.slip.drags import FrictionReadings
+from reconstruction._src.reconstruction import Reconstruction
+from reconstruction._src.slip.drags import FrictionReadings
 
 
 def make_slip(icy: float = 0.3) -> FrictionReadings:

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
-from symbrion_gym.arenas.viewing import CONTACT_OPACITY, LAYERS, make_view_spec, open_viewer
-from symbrion_gym.errors import OptionError
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym._src.arenas.viewing import CONTACT_OPACITY, LAYERS, make_view_spec, open_viewer
+from symbrion_gym._src.errors import OptionError
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_one_layer(truth: sg.Arena, layer: str, group: int):
 def test_unknown_layers_and_missing_displays_are_refused(truth: sg.Arena, monkeypatch: pytest.MonkeyPatch):
     with pytest.raises(OptionError, match="'fog'; there are surface"):
         make_view_spec(truth, ("fog",))
-    monkeypatch.setattr("symbrion_gym.arenas.viewing.has_display", lambda: False)
+    monkeypatch.setattr("symbrion_gym._src.arenas.viewing.has_display", lambda: False)
     with pytest.raises(OptionError, match="no display"):
         open_viewer(truth.spec())
 
@@ -67,7 +67,7 @@ def test_the_viewer_gets_the_model(truth: sg.Arena, monkeypatch: pytest.MonkeyPa
     import mujoco.viewer
 
     shown = []
-    monkeypatch.setattr("symbrion_gym.arenas.viewing.has_display", lambda: True)
+    monkeypatch.setattr("symbrion_gym._src.arenas.viewing.has_display", lambda: True)
     monkeypatch.setattr(mujoco.viewer, "launch", shown.append)
     open_viewer(make_view_spec(truth, ("surface",)))
     assert find_names(shown[0]) == {"arena_surface"}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.contact.acceptance import find_fault, find_miss
-from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.default_accuracy import find_accuracy
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.acceptance import find_fault, find_miss
+from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.default_accuracy import find_accuracy
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 BOX = trimesh.creation.box()
 

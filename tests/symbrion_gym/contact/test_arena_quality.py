@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.errors import ArenaError
 
 FULL = ArenaQuality(0.001, 0.002, 0.003, 7, 0.0005, 0.01, 1.5, 0.001, 0.002, 0.004, 0.78, 0.79, 0.004, 0.19)
 

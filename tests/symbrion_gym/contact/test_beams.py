@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.contact.inside import find_depths, find_planes
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.contact.ray_mesh import RayMesh
-from symbrion_gym.contact.visibility import VisibilityConfig, add_visibility, find_beams, measure_visibility
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.contact.inside import find_depths, find_planes
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.contact.visibility import (
+    VisibilityConfig,
+    add_visibility,
+    find_beams,
+    measure_visibility,
+)
+from symbrion_gym._src.errors import ArenaError
 
 SIZE = np.array([4.0, 4.0, 3.0])
 ROOM = trimesh.creation.box(SIZE)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.mesh_repair import RepairConfig, repair_mesh
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact.builder import make_contact
-from symbrion_gym.contact.options import ContactConfig, ContactOptions
-from symbrion_gym.contact.passes import coacd, finish, slabs
-from symbrion_gym.contact.terrain_planes import SlabPassConfig
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.geometry.mesh_repair import RepairConfig, repair_mesh
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym._src.contact.builder import make_contact
+from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.contact.passes import coacd, finish, slabs
+from symbrion_gym._src.contact.terrain_planes import SlabPassConfig
+from symbrion_gym._src.errors import ArenaError
 
 ACCURACY = 0.005
 

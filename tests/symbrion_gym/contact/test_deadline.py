@@ -2,7 +2,7 @@
 
 import time
 
-from symbrion_gym.contact.deadline import Deadline
+from symbrion_gym._src.contact.deadline import Deadline
 
 
 def test_work_that_asks_too_late_is_told_and_remembered():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.contact.decomposition import MAX_HULL_VERTICES, decompose, make_piece
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.contact.decomposition import MAX_HULL_VERTICES, decompose, make_piece
+from symbrion_gym._src.errors import ArenaError
 
 
 def test_two_boxes_apart_become_two_pieces():

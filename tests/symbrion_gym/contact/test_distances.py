@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.contact.distances import SurfaceDistance
+from symbrion_gym._src.contact.distances import SurfaceDistance
 
 
 def make_floor() -> trimesh.Trimesh:

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.contact.builder import make_contact
-from symbrion_gym.contact.contact import Contact
-from symbrion_gym.contact.kinds import FieldConfig
-from symbrion_gym.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.contact.builder import make_contact
+from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.kinds import FieldConfig
+from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
 
 ACCURACY = 0.008
 DENSE = ContactConfig(heights=FieldConfig(least_density=1.0))

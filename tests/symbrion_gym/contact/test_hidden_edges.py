@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.geometry.rectangles import find_box
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.contact.hidden_edges import EdgeConfig, clear_hidden_edges
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.rectangles import find_box
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.contact.hidden_edges import EdgeConfig, clear_hidden_edges
 
 
 @pytest.fixture(scope="module")

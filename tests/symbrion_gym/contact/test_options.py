@@ -4,9 +4,9 @@ from dataclasses import fields, is_dataclass
 
 import pytest
 
-from symbrion_gym.contact.options import ContactConfig, ContactOptions
-from symbrion_gym.contact.terrain_planes import SlabPassConfig
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.contact.terrain_planes import SlabPassConfig
+from symbrion_gym._src.errors import ArenaError
 
 
 @pytest.mark.parametrize(

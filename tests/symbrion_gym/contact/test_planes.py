@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact.planes import find_planes
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym._src.contact.planes import find_planes
+from symbrion_gym._src.errors import ArenaError
 
 
 @pytest.mark.parametrize(("num_vertices", "noise"), [(2200, 0.002), (2200, 0.005), (7000, 0.003)])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.geometry.halfspaces import find_halfspaces, find_inner_point, find_tops, make_solid
-from reconstruction.geometry.hulls import make_hull
-from reconstruction.geometry.rectangles import find_box
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.contact.boxing import split_at_creases, turn_into_boxes
-from symbrion_gym.contact.seams import mend_pieces
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.halfspaces import find_halfspaces, find_inner_point, find_tops, make_solid
+from reconstruction._src.geometry.hulls import make_hull
+from reconstruction._src.geometry.rectangles import find_box
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.contact.boxing import split_at_creases, turn_into_boxes
+from symbrion_gym._src.contact.seams import mend_pieces
 
 FLOOR = [(-3.3, -0.2), (3.3, -0.2), (3.3, 0.0), (-3.3, 0.0)]
 WEDGE = [(0.2, 0.0), (0.2, 0.25), (0.7, 0.25), (1.7, 0.0)]

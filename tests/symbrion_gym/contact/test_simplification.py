@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.elevation import Elevation
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.contact.acceptance import AcceptanceConfig
-from symbrion_gym.contact.distances import SurfaceDistance
-from symbrion_gym.contact.simplification import find_simple, is_drawn, list_counts, simplify_surface
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.contact.acceptance import AcceptanceConfig
+from symbrion_gym._src.contact.distances import SurfaceDistance
+from symbrion_gym._src.contact.simplification import find_simple, is_drawn, list_counts, simplify_surface
 
 RISE, RUN, STEPS = 0.17, 0.28, 6
 

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.geometry.elevation import Elevation
-from reconstruction.geometry.hulls import make_hull
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.contact.builder import make_contact
-from symbrion_gym.contact.options import ContactOptions
-from symbrion_gym.contact.planes import find_planes
-from symbrion_gym.contact.slab_union import find_heading, has_moved, restore_planes, unite_slabs
-from symbrion_gym.errors import ArenaError
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.hulls import make_hull
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym._src.contact.builder import make_contact
+from symbrion_gym._src.contact.options import ContactOptions
+from symbrion_gym._src.contact.planes import find_planes
+from symbrion_gym._src.contact.slab_union import find_heading, has_moved, restore_planes, unite_slabs
+from symbrion_gym._src.errors import ArenaError
 
 
 def turn(mesh, yaw):

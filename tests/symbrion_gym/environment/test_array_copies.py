@@ -5,8 +5,8 @@ import copy
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.array_copies import link_views
-from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.array_copies import link_views
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 
 def test_views_share_the_memory_of_the_copy():

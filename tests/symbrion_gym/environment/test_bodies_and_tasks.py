@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym.robot.random_organism import make_random_organism
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.random_organism import make_random_organism
 
 BODIES: dict[str, Organism] = {
     **{f"snake {count}": snake(count) for count in range(2, 10)},

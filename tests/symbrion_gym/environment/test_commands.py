@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.commands import Commands
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.errors import OptionError
+from symbrion_gym._src.environment.commands import Commands
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.errors import OptionError
 
 
 def find_heading(env):

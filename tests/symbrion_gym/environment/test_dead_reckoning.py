@@ -6,10 +6,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.dead_reckoning import find_motion
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.robot.organism import cross, snake
+from symbrion_gym._src.environment.dead_reckoning import find_motion
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.robot.organism import cross, snake
 
 LONE = {"organism": 1, "track_control": "skid", "arena": "truth", "sensors": ("goal_direction", "goal")}
 FLAT = {**LONE, "start": (-2.7, 0.0), "goal": (-1.9, 0.0)}

@@ -3,7 +3,7 @@
 import pytest
 from former_episodes import OPTIONS, SEEDS, digest
 
-from symbrion_gym.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
 
 BEFORE = {
     "pit": ["fedd794f3c74ccf9", "6f02c72b3143a79e"],

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.organism import snake
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.organism import snake
 
 PATCH = (-1.9, -1.5, 0.2)
 

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.robot.organism import Organism, cross, letter_h, snake
-from symbrion_gym.robot.random_organism import make_random_organism
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.robot.organism import Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.random_organism import make_random_organism
 
 _RISE = 0.005
 """No module rises by more in the first half second [m]."""

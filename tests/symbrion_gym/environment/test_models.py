@@ -7,10 +7,10 @@ import pytest
 import trimesh
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.environment.models import LayoutError
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.environment.models import LayoutError
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 STRETCHES = (0.975, 1.0, 1.025)
 OPTIONS = {"arena": "gsrm", "modules": 4, "start": "pit", "stuck_time": 2.0}

@@ -7,12 +7,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from side_by_side import assert_equal_ticks
 
-from symbrion_gym.environment.config import EnvironmentConfig, SnakePitConfig
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.errors import OptionError, OrganismError
-from symbrion_gym.robot.organism import cross, letter_h, snake
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.environment.config import EnvironmentConfig, SnakePitConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.errors import OptionError, OrganismError
+from symbrion_gym._src.robot.organism import cross, letter_h, snake
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 SLOW = ScoutConfig(hinge_torque=3.0, friction=0.3, tracks="wheels")
 

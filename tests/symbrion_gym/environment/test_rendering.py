@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.contact.quality import ArenaQuality
-from symbrion_gym.environment.rendering import CameraConfig
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.environment.rendering import CameraConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -90,7 +90,7 @@ def test_without_a_mode_nothing_is_drawn():
 
 
 def test_a_window_without_a_display_is_left_out(monkeypatch, caplog):
-    monkeypatch.setattr("symbrion_gym.environment.rendering.has_display", lambda: False)
+    monkeypatch.setattr("symbrion_gym._src.environment.rendering.has_display", lambda: False)
     env = SnakePitEnv(modules=2, render_mode="human")
     env.reset(seed=0)
     env.step(np.zeros(1))

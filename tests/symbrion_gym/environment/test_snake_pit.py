@@ -14,13 +14,13 @@ from gymnasium.utils.env_checker import check_env
 from side_by_side import FLAGS, NUMBERS
 
 import symbrion_gym as sg
-from symbrion_gym.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym.environment.config import DEFAULT_SENSORS, SnakePitConfig
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.errors import OptionError
-from symbrion_gym.registration import ENVIRONMENTS
-from symbrion_gym.robot.organism import cross
-from symbrion_gym.robot.sensor_noise import SensorNoise
+from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
+from symbrion_gym._src.environment.config import DEFAULT_SENSORS, SnakePitConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.registration import ENVIRONMENTS
+from symbrion_gym._src.robot.organism import cross
+from symbrion_gym._src.robot.sensor_noise import SensorNoise
 
 EXTRA_SENSORS = ("odometry", "track_odometry", "laser", "hinge_target", "dock_force")
 TERRAIN = {"arena": "truth", "start": (-2.0, 0.0), "goal": (1.9, 0.2)}
@@ -290,7 +290,7 @@ def test_bad_options_are_refused(options, error, message):
 
 def test_equal_seeds_give_equal_bytes_in_another_process():
     script = (
-        "import numpy as np, hashlib; from symbrion_gym.environment.snake_pit import SnakePitEnv\n"
+        "import numpy as np, hashlib; from symbrion_gym._src.environment.snake_pit import SnakePitEnv\n"
         "env = SnakePitEnv(modules=4, noise=1.0, start='pit'); rng = np.random.default_rng(0)\n"
         "o, _ = env.reset(seed=7, options={'yaw': (-0.1, 0.1)}); h = hashlib.sha256(o.tobytes())\n"
         "for _ in range(100):\n"

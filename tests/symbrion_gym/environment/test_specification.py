@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from side_by_side import FLAGS, NUMBERS
 
-from symbrion_gym.environment.config import DEFAULT_SENSORS, RANDOM_OPTIONS, SENSORS, SnakePitConfig
-from symbrion_gym.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.config import DEFAULT_SENSORS, RANDOM_OPTIONS, SENSORS, SnakePitConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
 
 TEXT = inspect.getdoc(SnakePitEnv) or ""
 ELSEWHERE = "see above"

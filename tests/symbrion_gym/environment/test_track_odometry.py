@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
 
 OPTIONS = {"modules": 2, "sensors": ("track_odometry", "pitch")}
 

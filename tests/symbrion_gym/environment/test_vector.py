@@ -7,10 +7,10 @@ from gymnasium.vector import AutoresetMode
 from side_by_side import assert_equal_ticks
 
 import symbrion_gym as sg
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.vector import SnakePitVectorEnv
-from symbrion_gym.sensing.timing import timing
-from symbrion_gym.tasks.scene import find_ceiling
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.vector import SnakePitVectorEnv
+from symbrion_gym._src.sensing.timing import timing
+from symbrion_gym._src.tasks.scene import find_ceiling
 
 RESET = {
     "friction": np.array([0.5, 0.6, 0.7, 0.8]),

@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OptionError
+from symbrion_gym._src.errors import OptionError
 
 
 @pytest.fixture(scope="module")

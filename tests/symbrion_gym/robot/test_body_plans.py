@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.body_plans import load_organism, organism_to_text
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
-from symbrion_gym.robot.random_organism import make_random_organism
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.robot.random_organism import make_random_organism
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import Docking, Organism, cross, letter_h, snake
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
 
 
 def test_a_snake_has_a_hinge_less_than_modules():

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.robot.scout import ScoutConfig, make_scout
-from symbrion_gym.robot.tracks import find_road_wheels
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
+from symbrion_gym._src.robot.tracks import find_road_wheels
 
 
 def _put_in_a_room(organism, wall_x=None, wall_behind=None, slope=0.0):

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import Docking, Organism, cross, snake
-from symbrion_gym.robot.scout import make_scout
-from symbrion_gym.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, snake
+from symbrion_gym._src.robot.scout import make_scout
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
 TWO = ScoutConfig(dofs=2)
 

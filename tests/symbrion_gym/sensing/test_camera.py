@@ -6,8 +6,8 @@ import pytest
 
 import reconstruction as rc
 import symbrion_gym as sg
-from symbrion_gym.errors import ArenaError, SurveyError
-from symbrion_gym.sensing.camera import expose, look_at, round_to_pixels
+from symbrion_gym._src.errors import ArenaError, SurveyError
+from symbrion_gym._src.sensing.camera import expose, look_at, round_to_pixels
 
 PATH = [[-3.5, 1.4], [-1.0, 1.4]]
 

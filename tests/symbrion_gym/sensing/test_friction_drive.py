@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.slip.drags import find_friction
-from reconstruction.slip.patches import find_friction_patches
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.arenas.ground_friction import choose_friction
-from symbrion_gym.errors import SurveyError
-from symbrion_gym.sensing.friction_drive import drive_lanes, find_friction_robot, find_lanes
-from symbrion_gym.sensing.friction_robot import FrictionRobot, SlipNoise
+from reconstruction._src.slip.drags import find_friction
+from reconstruction._src.slip.patches import find_friction_patches
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.arenas.ground_friction import choose_friction
+from symbrion_gym._src.errors import SurveyError
+from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot, find_lanes
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipNoise
 
 SMALL = Course(pit=0.3, floor=0.9, plateau=0.45, ramp=0.6, height=0.1, width=0.5, friction=0.6)
 ICED = Course(**{**vars(SMALL), "friction_patches": ((-1.9, -1.4, 0.3),)})

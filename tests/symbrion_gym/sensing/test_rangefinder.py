@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.sensing.laser_scanner import LaserScanner
-from symbrion_gym.sensing.rangefinder import RangeFinder, make_infrared
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.rangefinder import RangeFinder, make_infrared
 
 WORLD = """
 <mujoco>

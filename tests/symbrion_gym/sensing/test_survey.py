@@ -8,14 +8,14 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from reconstruction.geometry.pose import to_planar
-from reconstruction.scans.leveling import level_floor
-from reconstruction.scans.preprocess import preprocess, remove_mixed_pixels
-from reconstruction.scans.scan_log_file import load_scan_log
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.sensing.laser_scanner import LaserScanner
-from symbrion_gym.sensing.survey import SurveyRobot, drive, make_path, survey
+from reconstruction._src.geometry.pose import to_planar
+from reconstruction._src.scans.leveling import level_floor
+from reconstruction._src.scans.preprocess import preprocess, remove_mixed_pixels
+from reconstruction._src.scans.scan_log_file import load_scan_log
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.survey import SurveyRobot, drive, make_path, survey
 
 SURFACE = Course(pit=0.40).surface()
 QUICK = SurveyRobot(speed=0.5, scan_rate=8.0, rest=2.0)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mujoco.batch import Batch
 
-from symbrion_gym.sensing.timing import measure_overhead, timing
+from symbrion_gym._src.sensing.timing import measure_overhead, timing
 
 BALL = (
     "<mujoco><worldbody><geom type='plane' size='1 1 .1'/><body pos='0 0 .1'><freejoint/>"

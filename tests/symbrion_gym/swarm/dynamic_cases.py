@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.docks import DockConfig
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.docks import DockConfig
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 ARENA = Arena.from_course(Course(pit=0.45))
 FRONT, BACK = SIDES.index("front"), SIDES.index("back")

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 import symbrion_gym as sg
-from symbrion_gym.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 
 def make_floor(*things: trimesh.Trimesh, tilt: float = 0.0) -> sg.Arena:

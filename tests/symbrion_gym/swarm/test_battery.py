@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.swarm.battery import Batteries, BatteryConfig
-from symbrion_gym.swarm.world import SwarmCommands, SwarmState
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.swarm.battery import Batteries, BatteryConfig
+from symbrion_gym._src.swarm.world import SwarmCommands, SwarmState
 
 CONFIG = BatteryConfig(capacity=1000.0)
 

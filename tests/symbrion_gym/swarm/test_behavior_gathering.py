@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from toy_swarm import ToySwarm
 
-from symbrion_gym.robot.organism import Docking, snake
-from symbrion_gym.swarm.behavior.dead_reckoning import REACH, carry, locate, recall
-from symbrion_gym.swarm.behavior.machine import SILENCE, Machine
-from symbrion_gym.swarm.behavior.memory import Memory, Mode, make_ticket, read_ticket
-from symbrion_gym.swarm.behavior.motion import APART, HEARD_WELL
-from symbrion_gym.swarm.behavior.percepts import NOBODY, Heard, Percepts
-from symbrion_gym.swarm.behavior.plan import make_plan
-from symbrion_gym.swarm.behavior.steering import HALF_GAUGE, SLIP, wrap
-from symbrion_gym.swarm.behavior.transitions import STALL_TIME
+from symbrion_gym._src.robot.organism import Docking, snake
+from symbrion_gym._src.swarm.behavior.dead_reckoning import REACH, carry, locate, recall
+from symbrion_gym._src.swarm.behavior.machine import SILENCE, Machine
+from symbrion_gym._src.swarm.behavior.memory import Memory, Mode, make_ticket, read_ticket
+from symbrion_gym._src.swarm.behavior.motion import APART, HEARD_WELL
+from symbrion_gym._src.swarm.behavior.percepts import NOBODY, Heard, Percepts
+from symbrion_gym._src.swarm.behavior.plan import make_plan
+from symbrion_gym._src.swarm.behavior.steering import HALF_GAUGE, SLIP, wrap
+from symbrion_gym._src.swarm.behavior.transitions import STALL_TIME
 
 SEED = [-2.0, 0.0, 0.0]
 

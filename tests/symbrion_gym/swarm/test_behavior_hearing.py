@@ -3,22 +3,22 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_rays import find_scout_rays
-from symbrion_gym.swarm.behavior.hearing import (
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout_rays import find_scout_rays
+from symbrion_gym._src.swarm.behavior.hearing import (
     HearingConfig,
     find_brightness,
     find_geometry,
     hear,
     read_wires,
 )
-from symbrion_gym.swarm.behavior.percepts import BACK, LEFT, Wired, Words
-from symbrion_gym.swarm.behavior.sensing import find_drop, make_scout
-from symbrion_gym.swarm.docks import find_dock_poses
-from symbrion_gym.swarm.kinematic.motion import choose_roots
-from symbrion_gym.swarm.signals.infrared import NUM_UNITS, find_readings, find_units
-from symbrion_gym.swarm.world import SwarmState
+from symbrion_gym._src.swarm.behavior.percepts import BACK, LEFT, Wired, Words
+from symbrion_gym._src.swarm.behavior.sensing import find_drop, make_scout
+from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.kinematic.motion import choose_roots
+from symbrion_gym._src.swarm.signals.infrared import NUM_UNITS, find_readings, find_units
+from symbrion_gym._src.swarm.world import SwarmState
 
 EXACT = HearingConfig(bearing_noise=0.0, departure_noise=0.0, bias=0.0, distance_noise=0.0, loss=0.0)
 NO_BIAS = np.zeros((2, 3))

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from toy_swarm import ToySwarm, scatter
 
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.errors import OptionError, OrganismError
-from symbrion_gym.robot.organism import Docking, Organism, cross, snake
-from symbrion_gym.swarm.behavior.machine import Machine
-from symbrion_gym.swarm.behavior.memory import PART, Memory, Mode, make_ticket, read_ticket
-from symbrion_gym.swarm.behavior.percepts import NOBODY
-from symbrion_gym.swarm.behavior.plan import make_plan
-from symbrion_gym.swarm.behavior.weights import BehaviorWeights, list_bounds
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.errors import OptionError, OrganismError
+from symbrion_gym._src.robot.organism import Docking, Organism, cross, snake
+from symbrion_gym._src.swarm.behavior.machine import Machine
+from symbrion_gym._src.swarm.behavior.memory import PART, Memory, Mode, make_ticket, read_ticket
+from symbrion_gym._src.swarm.behavior.percepts import NOBODY
+from symbrion_gym._src.swarm.behavior.plan import make_plan
+from symbrion_gym._src.swarm.behavior.weights import BehaviorWeights, list_bounds
 
 
 def run(swarm: ToySwarm, machine: Machine, memory: Memory, duration: float, seed: int = 0) -> Memory:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from reconstruction.geometry.pose import make_rotation
-from symbrion_gym.errors import OrganismError
-from symbrion_gym.robot.organism import Docking, cross, letter_h
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.docks import (
+from reconstruction._src.geometry.pose import make_rotation
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.organism import Docking, cross, letter_h
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.docks import (
     DockConfig,
     can_join,
     find_dock_frames,
@@ -18,7 +18,7 @@ from symbrion_gym.swarm.docks import (
     find_released,
     make_organism,
 )
-from symbrion_gym.swarm.world import SwarmState
+from symbrion_gym._src.swarm.world import SwarmState
 
 SCOUT = ScoutConfig()
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.swarm.docks import DockConfig
-from symbrion_gym.swarm.dynamic.motion import FOLDED, find_jump, find_kinetic_energy, find_momentum
-from symbrion_gym.swarm.dynamic.world import DynamicConfig, DynamicWorld
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.swarm.docks import DockConfig
+from symbrion_gym._src.swarm.dynamic.motion import FOLDED, find_jump, find_kinetic_energy, find_momentum
+from symbrion_gym._src.swarm.dynamic.world import DynamicConfig, DynamicWorld
+from symbrion_gym._src.swarm.world import SwarmCommands
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, FRONT, latch_row, make_docked, make_row
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.swarm.kinematic.batch import KinematicBatch
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.senses import Senses
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.swarm.kinematic.batch import KinematicBatch
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.senses import Senses
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 PITCH = ScoutConfig().pitch
 START = np.array([[-2.2, 0.0, 0.0], [-2.206 - PITCH, 0.0, 0.0], [-1.4, 0.5, 0.5], [-2.0, -0.4, 2.0]])

@@ -5,14 +5,14 @@ import pytest
 from made_ground import make_block, make_floor, make_sheet
 
 import symbrion_gym as sg
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.docks import find_dock_poses
-from symbrion_gym.swarm.kinematic.config import KinematicConfig
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.kinematic.motion import Poses, hold_arms
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.docks import find_dock_poses
+from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.kinematic.motion import Poses, hold_arms
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 EXACT = KinematicConfig(slip=0.0)
 SCOUT = ScoutConfig()
@@ -195,7 +195,7 @@ def test_a_member_that_cannot_move_holds_its_group():
 
 
 def test_random_robots_never_reach_into_each_other():
-    from symbrion_gym.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
+    from symbrion_gym._src.swarm.kinematic.collisions import find_outlines, find_overlaps, find_pairs, take
 
     grid = np.stack(np.meshgrid(np.arange(5), np.arange(4)), axis=-1).reshape(-1, 2) * 0.17
     rng = np.random.default_rng(0)

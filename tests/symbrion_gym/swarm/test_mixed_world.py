@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.errors import OptionError
-from symbrion_gym.swarm.docks import DockConfig
-from symbrion_gym.swarm.dynamic.transfer import read_motion
-from symbrion_gym.swarm.mixed import MixedConfig, MixedWorld
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.swarm.docks import DockConfig
+from symbrion_gym._src.swarm.dynamic.transfer import read_motion
+from symbrion_gym._src.swarm.mixed import MixedConfig, MixedWorld
+from symbrion_gym._src.swarm.world import SwarmCommands
 from tests.symbrion_gym.swarm.dynamic_cases import ARENA, BACK, FRONT, PITCH
 
 POSES = np.array([[-1.8, 0.0, 0.0], [-1.806 - PITCH, 0.0, 0.02], [-2.4, 0.5, 0.5], [-2.4, -0.5, 0.0]])

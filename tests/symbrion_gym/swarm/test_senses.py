@@ -5,14 +5,14 @@ import pytest
 from made_ground import make_block, make_floor, make_sheet
 
 import symbrion_gym as sg
-from symbrion_gym.robot.scout_constants import ScoutConfig
-from symbrion_gym.robot.scout_rays import find_scout_rays
-from symbrion_gym.robot.scout_sensors import LASER_HEIGHT
-from symbrion_gym.robot.sensor_noise import SensorNoise
-from symbrion_gym.swarm.kinematic.config import KinematicConfig
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.senses import Senses
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+from symbrion_gym._src.robot.scout_rays import find_scout_rays
+from symbrion_gym._src.robot.scout_sensors import LASER_HEIGHT
+from symbrion_gym._src.robot.sensor_noise import SensorNoise
+from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.senses import Senses
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 SCOUT = ScoutConfig()
 SILENT = SensorNoise(**dict.fromkeys(SensorNoise.__dataclass_fields__, 0.0))

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from made_ground import make_floor, make_sheet
 
-from symbrion_gym.errors import OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.kinematic.config import KinematicConfig
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.signals.config import SignalConfig
-from symbrion_gym.swarm.signals.infrared import find_readings
-from symbrion_gym.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.signals.config import SignalConfig
+from symbrion_gym._src.swarm.signals.infrared import find_readings
+from symbrion_gym._src.swarm.signals.signals import NO_MESSAGE, Signals, Transmissions, pass_on
 
 EXACT = SignalConfig(noise=0.0, relative_noise=0.0, message_loss=0.0)
 FLOOR = make_floor()
@@ -115,7 +115,7 @@ def test_a_latched_dock_sends_no_light():
     pitch = ScoutConfig().pitch
     signals = make_signals([[0.0, 0.0, 0.0], [-pitch, 0.0, 0.0], [-0.6, 0.0, 0.0]])
     world = signals._world
-    from symbrion_gym.swarm.world import SwarmCommands
+    from symbrion_gym._src.swarm.world import SwarmCommands
 
     sent = send(3, messages=[(1, FRONT, 5), (1, BACK, 6)])
     world.step(SwarmCommands(np.zeros((3, 2)), np.zeros(3), np.ones((3, 4), bool)))

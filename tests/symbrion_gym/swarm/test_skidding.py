@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.robot.scout_constants import ARM_RADIUS, ScoutConfig
-from symbrion_gym.robot.skid_steering import find_skid_motion
-from symbrion_gym.swarm.dynamic.world import DynamicWorld
-from symbrion_gym.swarm.kinematic.config import KinematicConfig
-from symbrion_gym.swarm.kinematic.kinematic_world import KinematicWorld
-from symbrion_gym.swarm.kinematic.skidding import balance, find_skids, find_track_points, interpolate
-from symbrion_gym.swarm.world import SwarmCommands
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.robot.scout_constants import ARM_RADIUS, ScoutConfig
+from symbrion_gym._src.robot.skid_steering import find_skid_motion
+from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+from symbrion_gym._src.swarm.kinematic.config import KinematicConfig
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.kinematic.skidding import balance, find_skids, find_track_points, interpolate
+from symbrion_gym._src.swarm.world import SwarmCommands
 
 SCOUT = ScoutConfig()
 END, SIDE = 0.0325, 0.0325

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from symbrion_gym import swarm_v0
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.swarm.environment import SwarmEnv
-from symbrion_gym.swarm.fidelity import FIDELITIES
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.swarm.environment import SwarmEnv
+from symbrion_gym._src.swarm.fidelity import FIDELITIES
 
 pytest.importorskip("pettingzoo", reason="the extra `swarm` is not installed")
 
@@ -172,8 +172,10 @@ def test_equal_seeds_give_equal_bits() -> None:
 
 
 def test_the_extra_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    import reconstruction.extras
+    import reconstruction._src.base.extras
 
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda _: None)
-    with pytest.raises(reconstruction.extras.MissingExtraError, match=r"pip install 'symbrion-gym\[swarm\]'"):
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda _: None)
+    with pytest.raises(
+        reconstruction._src.base.extras.MissingExtraError, match=r"pip install 'symbrion-gym\[swarm\]'"
+    ):
         swarm_v0.parallel_env()

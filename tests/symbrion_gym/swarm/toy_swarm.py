@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.robot.organism import Docking
-from symbrion_gym.robot.scout_constants import SIDES, ScoutConfig
-from symbrion_gym.swarm.behavior.percepts import Heard, Percepts, Wired, Words
-from symbrion_gym.swarm.behavior.steering import HALF_GAUGE, SIDE_ANGLES, SLIP
-from symbrion_gym.swarm.world import DECISION, SwarmCommands, SwarmState
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.robot.organism import Docking
+from symbrion_gym._src.robot.scout_constants import SIDES, ScoutConfig
+from symbrion_gym._src.swarm.behavior.percepts import Heard, Percepts, Wired, Words
+from symbrion_gym._src.swarm.behavior.steering import HALF_GAUGE, SIDE_ANGLES, SLIP
+from symbrion_gym._src.swarm.world import DECISION, SwarmCommands, SwarmState
 
 REACH = np.array([ScoutConfig().arm_reach, 0.0525, 0.0525, 0.0525])
 CONE, RANGE = np.pi / 3, 1.5

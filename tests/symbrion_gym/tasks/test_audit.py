@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.tasks.audit import AuditLimits, Trajectory, audit, place_modules
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.tasks.audit import AuditLimits, Trajectory, audit, place_modules
 
 
 @pytest.fixture(scope="module")

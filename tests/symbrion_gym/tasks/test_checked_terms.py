@@ -4,13 +4,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.checked_terms import CheckedFunction, check_function
-from symbrion_gym.tasks.goals import PassFinish
-from symbrion_gym.tasks.rewards import gain_progress
-from symbrion_gym.tasks.task import Task
-from symbrion_gym.tasks.terms import Reward, Termination
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.checked_terms import CheckedFunction, check_function
+from symbrion_gym._src.tasks.goals import PassFinish
+from symbrion_gym._src.tasks.rewards import gain_progress
+from symbrion_gym._src.tasks.task import Task
+from symbrion_gym._src.tasks.terms import Reward, Termination
 
 
 class Column(PassFinish):

@@ -3,7 +3,7 @@
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym.tasks.drivable_way import find_broken_traverse, find_other, propose_way
+from symbrion_gym._src.tasks.drivable_way import find_broken_traverse, find_other, propose_way
 
 
 def find(arena, modules=8, **options):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
 
 OPTIONS = {"arena": "gsrm", "task": "explore", "modules": 1, "track_control": "skid", "start": (-2.0, 0.0)}
 

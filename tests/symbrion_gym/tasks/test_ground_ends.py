@@ -14,14 +14,14 @@ from benchmarks.material.driving_scenes import (
     make_furnished_room,
     make_terrain,
 )
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import StairsCourse
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.snake_pit import SnakePitEnv
-from symbrion_gym.environment.world import World
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.robot.organism import cross, snake
-from symbrion_gym.tasks.route import find_route
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import StairsCourse
+from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.robot.organism import cross, snake
+from symbrion_gym._src.tasks.route import find_route
 
 
 @pytest.fixture(scope="module")

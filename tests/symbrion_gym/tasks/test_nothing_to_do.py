@@ -3,8 +3,8 @@
 import gymnasium as gym
 import pytest
 
-from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.catalog import make_task
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.catalog import make_task
 
 
 def make(name: str, **options) -> None:

@@ -8,12 +8,12 @@ import trimesh
 
 import evolution as ev
 import symbrion_gym as sg
-from symbrion_gym.arenas.placed_objects import PlacedObject
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.errors import ArenaError, TaskError
-from symbrion_gym.tasks.audit import Trajectory
-from symbrion_gym.tasks.objects import DockAtObject, ReachObject
-from symbrion_gym.tasks.second_judge import audit_task
+from symbrion_gym._src.arenas.placed_objects import PlacedObject
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.errors import ArenaError, TaskError
+from symbrion_gym._src.tasks.audit import Trajectory
+from symbrion_gym._src.tasks.objects import DockAtObject, ReachObject
+from symbrion_gym._src.tasks.second_judge import audit_task
 
 FACING = np.diag([-1.0, -1.0, 1.0])
 """The front points along -x, to the start."""

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.tasks.audit import AuditLimits, Motion, find_bad_pace, find_unsteady_end
-from symbrion_gym.tasks.standing import find_honest, find_honest_along
-from symbrion_gym.tasks.state import TaskState, Views
-from symbrion_gym.tasks.watch import Watch
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.tasks.audit import AuditLimits, Motion, find_bad_pace, find_unsteady_end
+from symbrion_gym._src.tasks.standing import find_honest, find_honest_along
+from symbrion_gym._src.tasks.state import TaskState, Views
+from symbrion_gym._src.tasks.watch import Watch
 
 TRACK_SPEED, DT, COUNT = 0.1, 0.02, 3
 TICKS = 50

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.errors import TaskError
-from symbrion_gym.tasks.recorders import Descriptor, Extremes, FinalPose, GroundContacts, Trajectory
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.recorders import Descriptor, Extremes, FinalPose, GroundContacts, Trajectory
 
 ALL = (
     FinalPose(),

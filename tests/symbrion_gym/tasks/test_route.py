@@ -6,14 +6,14 @@ import pytest
 import trimesh
 
 from benchmarks.material.bare_surfaces import make_bare
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.environment.config import SnakePitConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.errors import ArenaError
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.tasks.route import RouteMargins, find_route
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.environment.config import SnakePitConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.tasks.route import RouteMargins, find_route
 
 
 @pytest.fixture(scope="module")

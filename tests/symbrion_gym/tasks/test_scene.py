@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from symbrion_gym.tasks.scene import find_ceiling
+from symbrion_gym._src.tasks.scene import find_ceiling
 
 
 def make_wall(x: float, height: float, length: float = 0.0) -> np.ndarray:

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.tasks.criteria import SuccessCriteria
-from symbrion_gym.tasks.goals import find_across
-from symbrion_gym.tasks.scene import Scene
-from symbrion_gym.tasks.standing import find_honest_along, find_standing
-from symbrion_gym.tasks.state import TaskState, Views
-from symbrion_gym.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit
-from symbrion_gym.tasks.watch import Watch
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.tasks.criteria import SuccessCriteria
+from symbrion_gym._src.tasks.goals import find_across
+from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.tasks.standing import find_honest_along, find_standing
+from symbrion_gym._src.tasks.state import TaskState, Views
+from symbrion_gym._src.tasks.terminations import FellOff, RolledOver, Stuck, TouchedPit
+from symbrion_gym._src.tasks.watch import Watch
 
 FAR_EDGE = 0.1
 """Of a pit 0.2 m wide [m]."""

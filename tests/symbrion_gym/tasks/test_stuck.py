@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from symbrion_gym.tasks.host_arrays import HostArrays
-from symbrion_gym.tasks.terminations import Stuck
+from symbrion_gym._src.tasks.host_arrays import HostArrays
+from symbrion_gym._src.tasks.terminations import Stuck
 
 
 class State(HostArrays, SimpleNamespace):

@@ -8,13 +8,13 @@ import numpy as np
 import own_terms
 import pytest
 
-from symbrion_gym.environment.organism_env import OrganismEnv
-from symbrion_gym.errors import ArenaError, OptionError, TaskError
-from symbrion_gym.tasks.catalog import TASKS, make_task
-from symbrion_gym.tasks.starts import Start
-from symbrion_gym.tasks.task import Task, read_task
-from symbrion_gym.tasks.terminations import RolledOver
-from symbrion_gym.tasks.terms import Reward, Termination
+from symbrion_gym._src.environment.organism_env import OrganismEnv
+from symbrion_gym._src.errors import ArenaError, OptionError, TaskError
+from symbrion_gym._src.tasks.catalog import TASKS, make_task
+from symbrion_gym._src.tasks.starts import Start
+from symbrion_gym._src.tasks.task import Task, read_task
+from symbrion_gym._src.tasks.terminations import RolledOver
+from symbrion_gym._src.tasks.terms import Reward, Termination
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -54,11 +54,11 @@ def test_what_cannot_be_restored_is_refused():
         with pytest.raises(TaskError, match=r"cannot be restored|by name"):
             Task("mine", terminations=(Termination("low", function),)).as_dict()
     with pytest.raises(TaskError, match="not there"):
-        read_task({"function": "symbrion_gym.tasks.rewards:no_such_term"})
+        read_task({"function": "symbrion_gym._src.tasks.rewards:no_such_term"})
     with pytest.raises(TaskError, match="does not take"):
-        read_task({"type": "symbrion_gym.tasks.starts:Start", "fields": {"hight": 1}})
+        read_task({"type": "symbrion_gym._src.tasks.starts:Start", "fields": {"hight": 1}})
     with pytest.raises(TaskError, match="no task but a Start"):
-        read_task(Start().__class__ and {"type": "symbrion_gym.tasks.starts:Start", "fields": {}})
+        read_task(Start().__class__ and {"type": "symbrion_gym._src.tasks.starts:Start", "fields": {}})
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.material.driving_scenes import make_box
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.traversability.columns import SortedHeights, find_spans, find_walls
-from symbrion_gym.traversability.grid import make_grid
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.traversability.columns import SortedHeights, find_spans, find_walls
+from symbrion_gym._src.traversability.grid import make_grid
 
 GRID = make_grid(np.zeros(2), np.ones(2), 0.1, 10_000)
 MIDDLE = int(GRID.find_cells(np.array([[0.55, 0.55]]))[0])

@@ -15,13 +15,13 @@ from benchmarks.material.driving_scenes import (
     make_terrain,
     make_two_storeys,
 )
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.traversability.drivable import find_traversability
-from symbrion_gym.traversability.footprint import Footprint, TraversabilityConfig
-from symbrion_gym.traversability.straight import find_nearest_level
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.traversability.drivable import find_traversability
+from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
+from symbrion_gym._src.traversability.straight import find_nearest_level
 
 
 @pytest.fixture(scope="module")

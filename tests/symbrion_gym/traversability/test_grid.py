@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.traversability.grid import find_crossings, make_grid
+from symbrion_gym._src.traversability.grid import find_crossings, make_grid
 
 
 def make_square_grid(cells: int = 10):

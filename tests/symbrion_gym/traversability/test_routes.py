@@ -13,17 +13,17 @@ from benchmarks.material.driving_scenes import (
     make_terrain,
     make_two_storeys,
 )
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.friction_map import FrictionMap, FrictionPatch
-from symbrion_gym.arenas.making import make_arena
-from symbrion_gym.errors import ArenaError, OptionError
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.traversability.drawing import draw_traversability
-from symbrion_gym.traversability.footprint import Footprint
-from symbrion_gym.traversability.ground import keep_upright
-from symbrion_gym.traversability.places import DIRECTIONS
-from symbrion_gym.traversability.routes import RouteConfig
-from symbrion_gym.traversability.straight import (
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.friction_map import FrictionMap, FrictionPatch
+from symbrion_gym._src.arenas.making import make_arena
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.traversability.drawing import draw_traversability
+from symbrion_gym._src.traversability.footprint import Footprint
+from symbrion_gym._src.traversability.ground import keep_upright
+from symbrion_gym._src.traversability.places import DIRECTIONS
+from symbrion_gym._src.traversability.routes import RouteConfig
+from symbrion_gym._src.traversability.straight import (
     find_standing_place,
     find_straight_way,
     find_straight_way_from,

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.warp.batch import WarpBatch
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.warp.batch import WarpBatch
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 pytestmark = pytest.mark.slow

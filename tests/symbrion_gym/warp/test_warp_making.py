@@ -3,12 +3,12 @@
 import gymnasium as gym
 import pytest
 
-import reconstruction.extras
-from reconstruction.extras import MissingExtraError
-from symbrion_gym.environment.models import LayoutError
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.errors import OptionError
-from symbrion_gym.warp.making import make_vector_env
+import reconstruction._src.base.extras
+from reconstruction._src.base.extras import MissingExtraError
+from symbrion_gym._src.environment.models import LayoutError
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.warp.making import make_vector_env
 
 ID = "symbrion_gym/SnakePit-v1"
 
@@ -30,7 +30,7 @@ def test_an_unknown_backend_is_refused():
 
 
 def test_one_line_names_the_command_where_the_extra_is_missing(monkeypatch):
-    monkeypatch.setattr(reconstruction.extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(reconstruction._src.base.extras, "find_spec", lambda name: None)
     with pytest.raises(
         MissingExtraError, match=r"^backend 'warp' .*pip install 'symbrion-gym\[gpu\]'$"
     ) as found:

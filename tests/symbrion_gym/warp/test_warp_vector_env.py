@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from symbrion_gym.errors import OptionError
-from symbrion_gym.warp.making import make_vector_env
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.warp.making import make_vector_env
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 pytestmark = pytest.mark.slow

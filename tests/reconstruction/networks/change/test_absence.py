@@ -5,8 +5,8 @@ import pytest
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction.networks.change.absence import AbsenceConfig, find_gone, find_read
-from reconstruction.networks.change.detection import ChangeConfig, detect_changes
+from reconstruction._src.networks.change.absence import AbsenceConfig, find_gone, find_read
+from reconstruction._src.networks.change.detection import ChangeConfig, detect_changes
 
 SIDE = 21
 SPACING = 0.1

@@ -6,9 +6,9 @@ from scipy.spatial import cKDTree
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.networks.change.absence import AbsenceConfig
-from reconstruction.networks.change.detection import (
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.networks.change.absence import AbsenceConfig
+from reconstruction._src.networks.change.detection import (
     Change,
     ChangeConfig,
     detect_changes,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.change.free_space import FreeSpaceConfig, find_crossed_vertices
+from reconstruction._src.networks.change.free_space import FreeSpaceConfig, find_crossed_vertices
 
 MARGIN = 0.01
 ABOVE = np.array([0.5, 0.5, 2.0])

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.change.refinement import refine as refine_network
-from reconstruction.networks.growing_grid.cover import open_pinches
-from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
-from reconstruction.networks.growing_grid.marks import close_gaps
-from reconstruction.networks.growing_grid.refinement import Learner
-from reconstruction.networks.growing_grid.relearning import span_gone
-from reconstruction.networks.som.compilation import keep_compiled_programs
-from reconstruction.surfaces.quality import count_topology, find_distances
+from reconstruction._src.networks.change.refinement import refine as refine_network
+from reconstruction._src.networks.growing_grid.cover import open_pinches
+from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
+from reconstruction._src.networks.growing_grid.marks import close_gaps
+from reconstruction._src.networks.growing_grid.refinement import Learner
+from reconstruction._src.networks.growing_grid.relearning import span_gone
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
 CONFIG = GrowingGridConfig(units=600)

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.geometry.sampling import sample_area
-from reconstruction.networks.change.refinement import refine
-from reconstruction.networks.growing_grid.cover import open_pinches
-from reconstruction.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
-from reconstruction.networks.growing_grid.growth import (
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.sampling import sample_area
+from reconstruction._src.networks.change.refinement import refine
+from reconstruction._src.networks.growing_grid.cover import open_pinches
+from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
+from reconstruction._src.networks.growing_grid.growth import (
     choose_line_pair,
     choose_lines,
     insert_lines,
     score_gaps,
     start_grid,
 )
-from reconstruction.networks.growing_grid.mesh import find_folded, triangulate, unfold
-from reconstruction.networks.growing_grid.refinement import Learner
-from reconstruction.surfaces.quality import Quality, find_distances, measure_quality
+from reconstruction._src.networks.growing_grid.mesh import find_folded, triangulate, unfold
+from reconstruction._src.networks.growing_grid.refinement import Learner
+from reconstruction._src.surfaces.quality import Quality, find_distances, measure_quality
 
 CONFIG = GrowingGridConfig(units=300)
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.networks.gsrm.completion import CompletionConfig, find_uncovered
-from reconstruction.networks.gsrm.gsrm import GSRMConfig, train
-from reconstruction.surfaces.quality import count_topology, find_distances
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
+from reconstruction._src.surfaces.quality import count_topology, find_distances
 
 CONFIG = CompletionConfig()
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import make_sheet, make_trench, sample_mesh
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.networks.gsrm.gsrm import GSRMConfig, State, train
-from reconstruction.networks.som.compilation import keep_compiled_programs
-from reconstruction.surfaces.quality import Topology, count_topology, find_distances
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, State, train
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.surfaces.quality import Topology, count_topology, find_distances
 
 keep_compiled_programs()
 ROOT = Path(__file__).parents[4]
@@ -124,8 +124,8 @@ def test_scale_is_free(scale: float) -> None:
 def test_equal_seeds_give_equal_bytes_in_another_process() -> None:
     code = (
         "import sys; sys.path[:0] = ['tests/reconstruction']; from shapes import make_sheet; import hashlib\n"
-        "from reconstruction.networks.gsrm.gsrm import GSRMConfig, train\n"
-        "from reconstruction.networks.som.compilation import keep_compiled_programs; keep_compiled_programs()\n"
+        "from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train\n"
+        "from reconstruction._src.networks.som.compilation import keep_compiled_programs; keep_compiled_programs()\n"
         "s = train(make_sheet(4000), GSRMConfig(units=150), 5)\n"
         "print(hashlib.sha256(s.units.tobytes() + s.faces.tobytes()).hexdigest())"
     )

@@ -4,16 +4,16 @@ import numpy as np
 import trimesh
 from shapes import make_sheet, sample_mesh
 
-from reconstruction.networks.gsrm.gsrm import GSRMConfig, train
-from reconstruction.networks.gsrm.paper import PaperMap, Rates, join_winners
-from reconstruction.networks.gsrm.paper_mesh import PaperMesh
-from reconstruction.networks.gsrm.paper_patching import (
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, train
+from reconstruction._src.networks.gsrm.paper import PaperMap, Rates, join_winners
+from reconstruction._src.networks.gsrm.paper_mesh import PaperMesh
+from reconstruction._src.networks.gsrm.paper_patching import (
     close_surface,
     drop_incorrect_faces,
     find_dihedral,
     merge_edges,
 )
-from reconstruction.surfaces.quality import count_topology, find_distances
+from reconstruction._src.surfaces.quality import count_topology, find_distances
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 

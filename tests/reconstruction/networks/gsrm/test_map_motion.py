@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.change.detection import Change
-from reconstruction.networks.gsrm.motion import find_movable, move_units
-from reconstruction.networks.gsrm.refinement_config import GSRMRefinementConfig
-from reconstruction.networks.least_squares import FitConfig
-from reconstruction.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.networks.change.detection import Change
+from reconstruction._src.networks.gsrm.motion import find_movable, move_units
+from reconstruction._src.networks.gsrm.refinement_config import GSRMRefinementConfig
+from reconstruction._src.networks.least_squares import FitConfig
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
 
 keep_compiled_programs()
 SIDE = 12

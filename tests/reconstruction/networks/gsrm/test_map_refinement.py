@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from reconstruction.networks.change.refinement import refine as refine_network
-from reconstruction.networks.gsrm.gsrm import GSRMConfig, State, train
-from reconstruction.networks.gsrm.refinement import Learner
-from reconstruction.networks.som.compilation import keep_compiled_programs
-from reconstruction.surfaces.quality import count_topology, find_distances
+from reconstruction._src.networks.change.refinement import refine as refine_network
+from reconstruction._src.networks.gsrm.gsrm import GSRMConfig, State, train
+from reconstruction._src.networks.gsrm.refinement import Learner
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.surfaces.quality import count_topology, find_distances
 
 keep_compiled_programs()
 NOISE = 0.004

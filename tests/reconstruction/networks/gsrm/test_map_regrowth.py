@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from reconstruction.networks.gsrm.regrowth import close_triangles, drop_islands
-from reconstruction.surfaces.quality import count_topology
+from reconstruction._src.networks.gsrm.regrowth import close_triangles, drop_islands
+from reconstruction._src.surfaces.quality import count_topology
 
 MIN_ISLAND = 24
 

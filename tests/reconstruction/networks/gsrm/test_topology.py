@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from reconstruction.geometry.manifold import (
+from reconstruction._src.geometry.manifold import (
     find_excess,
     find_hinges,
     find_loops,
@@ -14,9 +14,9 @@ from reconstruction.geometry.manifold import (
     make_manifold,
     make_winding,
 )
-from reconstruction.networks.gsrm.hole_patching import close_tips, patch_holes
-from reconstruction.networks.gsrm.support import Support
-from reconstruction.networks.gsrm.topology import (
+from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
+from reconstruction._src.networks.gsrm.support import Support
+from reconstruction._src.networks.gsrm.topology import (
     find_circumcenters,
     find_cliques,
     find_empty,
@@ -24,7 +24,7 @@ from reconstruction.networks.gsrm.topology import (
     join_components,
     learn_faces,
 )
-from reconstruction.surfaces.quality import count_topology
+from reconstruction._src.surfaces.quality import count_topology
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1.2, 0], [0, 1, 0]])
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from shapes import make_sheet
 
-from reconstruction.networks.som.density import Density, DensityConfig, find_outliers, measure_density
+from reconstruction._src.networks.som.density import Density, DensityConfig, find_outliers, measure_density
 
 
 def _measure(points: np.ndarray) -> Density:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from reconstruction.errors import ReconstructionError
-from reconstruction.networks.som.winners import find_winners, make_tiles
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.networks.som.winners import find_winners, make_tiles
 
 
 def _distances(samples: np.ndarray, units: np.ndarray, winners: np.ndarray) -> np.ndarray:

@@ -6,11 +6,11 @@ import trimesh
 from primitive_scenes import NOISE, make_box, make_column_room, make_noisy, make_sphere_on_plane
 
 from reconstruction import ReconstructionError
-from reconstruction.surfaces.primitives.config import PrimitivesConfig
-from reconstruction.surfaces.primitives.find import Primitives, find_primitives
-from reconstruction.surfaces.primitives.primitive import Primitive
-from reconstruction.surfaces.primitives.ransac import estimate_noise
-from reconstruction.surfaces.primitives.rectangles import find_largest_rectangle, find_rectangles
+from reconstruction._src.surfaces.primitives.config import PrimitivesConfig
+from reconstruction._src.surfaces.primitives.find import Primitives, find_primitives
+from reconstruction._src.surfaces.primitives.primitive import Primitive
+from reconstruction._src.surfaces.primitives.ransac import estimate_noise
+from reconstruction._src.surfaces.primitives.rectangles import find_largest_rectangle, find_rectangles
 
 FLAT = Primitive("plane", np.array([0.0, 0.0, -0.002]), np.eye(3), np.array([0.5, 0.3, 0.002]))
 
@@ -104,7 +104,7 @@ def test_equal_seeds_give_equal_primitives() -> None:
 
 
 def test_triangles_are_cut_at_the_rim_of_a_rectangle() -> None:
-    from reconstruction.surfaces.primitives.primitive import take_out
+    from reconstruction._src.surfaces.primitives.primitive import take_out
 
     corners = np.array([[[-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [0.0, 3.0, 0.0]]])
     rest = take_out(corners, FLAT, tolerance=0.001, margin=0.0)

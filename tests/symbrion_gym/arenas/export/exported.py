@@ -3,10 +3,10 @@
 import numpy as np
 import trimesh
 
-from reconstruction.geometry.hulls import make_hull
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.contact.kinds import HeightField
-from symbrion_gym.contact.quality import ArenaQuality
+from reconstruction._src.geometry.hulls import make_hull
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
 
 
 def make_mixed_arena() -> Arena:

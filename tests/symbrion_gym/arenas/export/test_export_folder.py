@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from exported import make_field_arena, make_mixed_arena
 
-from symbrion_gym.arenas.export.export import FORMATS
-from symbrion_gym.arenas.export.saving import MANIFEST
-from symbrion_gym.errors import ArenaError
+from symbrion_gym._src.arenas.export.export import FORMATS
+from symbrion_gym._src.arenas.export.saving import MANIFEST
+from symbrion_gym._src.errors import ArenaError
 
 
 def read_all(folder) -> dict[str, bytes]:
@@ -141,7 +141,7 @@ def test_a_link_that_leads_elsewhere_is_refused(tmp_path):
 
 
 def test_a_kill_between_two_files_is_repaired_by_the_next_export(tmp_path, monkeypatch):
-    from symbrion_gym.arenas.export import saving
+    from symbrion_gym._src.arenas.export import saving
 
     arena = make_mixed_arena()
     arena.export(tmp_path, "urdf")

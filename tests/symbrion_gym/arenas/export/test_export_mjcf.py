@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from exported import make_field_arena, make_mixed_arena
 
-from symbrion_gym.arenas.arena import Arena
-from symbrion_gym.arenas.course import Course
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course
 
 ROBOT = """<mujoco><compiler angle="degree"/>{include}<worldbody><body name="ball" pos="4.3 1.5 1.5"><freejoint/>
 <geom type="sphere" size="0.05"/></body></worldbody></mujoco>"""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from exported import make_field_arena, make_mixed_arena
 
-import reconstruction.extras
-from reconstruction.extras import MissingExtraError
+import reconstruction._src.base.extras
+from reconstruction._src.base.extras import MissingExtraError
 
 
 @pytest.fixture
@@ -103,9 +103,9 @@ def test_equal_arenas_give_equal_files(tmp_path):
 
 
 def test_without_usd_core_the_extra_is_named(tmp_path, monkeypatch):
-    found = reconstruction.extras.find_spec
+    found = reconstruction._src.base.extras.find_spec
     monkeypatch.setattr(
-        reconstruction.extras, "find_spec", lambda name: None if name == "pxr" else found(name)
+        reconstruction._src.base.extras, "find_spec", lambda name: None if name == "pxr" else found(name)
     )
     with pytest.raises(MissingExtraError, match=r"pip install 'symbrion-gym\[usd\]'"):
         make_mixed_arena().export(tmp_path / "out", "usd")

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.material.bare_surfaces import make_bare
-from symbrion_gym.arenas.course import Course, StairsCourse
-from symbrion_gym.arenas.loading import load_arena
-from symbrion_gym.errors import OptionError, TaskError
-from symbrion_gym.robot.organism import snake
-from symbrion_gym.tasks.features.ramp import RampSearch, find_ramp, find_ramps
-from symbrion_gym.tasks.features.stairs import StepSearch, find_stairs, find_step
-from symbrion_gym.tasks.features.way import WaySearch, find_way, read_profile
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.loading import load_arena
+from symbrion_gym._src.errors import OptionError, TaskError
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.tasks.features.ramp import RampSearch, find_ramp, find_ramps
+from symbrion_gym._src.tasks.features.stairs import StepSearch, find_stairs, find_step
+from symbrion_gym._src.tasks.features.way import WaySearch, find_way, read_profile
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7])

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symbrion_gym.environment.organism_vector_env import OrganismVectorEnv
-from symbrion_gym.environment.world import Physics
-from symbrion_gym.warp.device.starts import StartingEnv
-from symbrion_gym.warp.device.tick import DeviceTick
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.environment.world import Physics
+from symbrion_gym._src.warp.device.starts import StartingEnv
+from symbrion_gym._src.warp.device.tick import DeviceTick
 
 NUM = 4
 CLOSE = 1e-5

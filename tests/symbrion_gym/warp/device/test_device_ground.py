@@ -4,9 +4,9 @@ import jax
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.warp.device.ground import DeviceGround
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.warp.device.ground import DeviceGround
 
 
 @pytest.mark.parametrize("arena", ["truth", "gsrm"])

@@ -11,11 +11,11 @@ import trimesh
 from device_beside_host import Both, run
 
 import symbrion_gym as sg
-from symbrion_gym.arenas.placed_objects import PlacedObject
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.tasks.host_arrays import HostArrays
-from symbrion_gym.warp.device.state import DeviceState
+from symbrion_gym._src.arenas.placed_objects import PlacedObject
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.tasks.host_arrays import HostArrays
+from symbrion_gym._src.warp.device.state import DeviceState
 
 SENSES = ("pitch", "goal", "goal_direction")
 DRIVEN = {"track_control": "skid", "sensors": SENSES}

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from device_beside_host import Both, run
 
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.robot.sensor_names import SENSORS
-from symbrion_gym.tasks.terms import Termination
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.robot.sensor_names import SENSORS
+from symbrion_gym._src.tasks.terms import Termination
 
 RANDOM = {"friction": (0.5, 0.9), "yaw": (-0.1, 0.1), "track_speed": (0.08, 0.12)}
 
@@ -46,8 +46,8 @@ def test_driven_tracks_are_commanded_as_on_the_host(control):
 
 
 def test_wheels_with_joints_are_commanded_as_on_the_host():
-    from symbrion_gym.robot.organism import snake
-    from symbrion_gym.robot.scout_constants import ScoutConfig
+    from symbrion_gym._src.robot.organism import snake
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
     body = snake(2, ScoutConfig(tracks="wheels"))
     run(Both(modules=body, pit=0.0, sensors=("pitch",), track_control="skid"), 20, -1.0, 1.0)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from symbrion_gym.environment.config import EnvironmentConfig
-from symbrion_gym.environment.world import World
-from symbrion_gym.errors import OptionError, TaskError
-from symbrion_gym.tasks.terms import Termination
-from symbrion_gym.warp.making import make_vector_env
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.errors import OptionError, TaskError
+from symbrion_gym._src.tasks.terms import Termination
+from symbrion_gym._src.warp.making import make_vector_env
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 jax = pytest.importorskip("jax")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from symbrion_gym.environment.models import LayoutError
-from symbrion_gym.errors import OptionError
-from symbrion_gym.warp.making import make_vector_env
+from symbrion_gym._src.environment.models import LayoutError
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.warp.making import make_vector_env
 
 pytest.importorskip("mujoco_warp", reason="needs the extra gpu")
 jax = pytest.importorskip("jax")

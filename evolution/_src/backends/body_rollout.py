@@ -1,0 +1,45 @@
+"""Jobs of several bodies, some of which may not fit into the arena: those fail, and the others are tried."""
+
+from __future__ import annotations
+
+import logging
+from collections import defaultdict
+from collections.abc import Sequence
+from functools import lru_cache
+
+from evolution._src.backends import rollout
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.parts import BodyConfig
+from evolution._src.backends.trials import Job, make_failure
+from evolution._src.errors import NoEnvironmentError
+
+logger = logging.getLogger(__name__)
+
+
+def simulate_bodies(jobs: Sequence[Job], threads: int = 1) -> list[Outcome]:
+    """Try jobs; those of a body whose environment cannot be made fail, as where no way is wide enough for it.
+
+    Args:
+        jobs: genotypes and their trials, of one or several bodies.
+        threads: number of threads of `mujoco.batch`; they change nothing but the time.
+    """
+    try:
+        return rollout.simulate(jobs, threads)
+    except NoEnvironmentError as error:
+        places: dict[BodyConfig, list[int]] = defaultdict(list)
+        for place, job in enumerate(jobs):
+            places[job.trials.body].append(place)
+        if len(places) == 1:
+            _tell(jobs[0].trials.body, str(error))
+            return [make_failure(job.trials, str(error)) for job in jobs]
+    outcomes: dict[int, Outcome] = {}
+    for own in places.values():
+        outcomes |= zip(own, simulate_bodies([jobs[place] for place in own], threads), strict=True)
+    return [outcomes[place] for place in range(len(jobs))]
+
+
+@lru_cache(maxsize=1000)
+def _tell(body: BodyConfig, error: str) -> None:
+    """Log once what is wrong with a body."""
+    modules = body.find_organism().num_modules
+    logger.warning("a body of %d modules counts as failed: %s", modules, error)

@@ -1,0 +1,154 @@
+"""Jobs over a Ray cluster: an existing one by its address, or a local one."""
+
+import contextlib
+import os
+import socket
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from evolution._src.backends.pool import PoolConfig, Reply, WorkerPool
+from evolution._src.backends.simulation import Simulate, find_simulate, name_simulate, run_isolated
+from evolution._src.backends.trials import Job, Outcome
+from evolution._src.errors import RunError
+
+Handle = Any
+"""Of an actor, or of a result that it will return: Ray, an optional dependency, makes its types at run time."""
+
+
+class _Actor:
+    """A worker on a node of the cluster; it keeps its compiled arenas between calls."""
+
+    def __init__(self, simulate_name: str) -> None:
+        self._simulate = find_simulate(simulate_name)
+
+    def greet(self) -> None:
+        """Return, which shows that the worker is ready."""
+
+    def run(self, jobs: list[Job]) -> list[Outcome]:
+        """Return one outcome for each job."""
+        return run_isolated(self._simulate, jobs, 1)
+
+
+def connect_cluster(ray: Any, workers: int, address: str | None, timeout: float) -> None:
+    """Connect to a running cluster, or start one on this machine; its workers find the same modules.
+
+    Args:
+        ray: the module.
+        workers: CPUs of a cluster on this machine.
+        address: address of a running cluster ("auto" finds it); None starts one.
+        timeout: how long a cluster may take to answer [s].
+
+    Raises:
+        RunError: no cluster answers.
+    """
+    host, _, port = (address or "").removeprefix("ray://").rpartition(":")
+    if host and port.isdigit():
+        try:
+            socket.create_connection((host, int(port)), timeout=timeout).close()
+        except OSError as error:
+            raise RunError(f"no Ray cluster at {address}: {error}") from error
+    path = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    options: dict[str, Any] = {"address": address} if address else {"num_cpus": workers}
+    try:
+        ray.init(
+            runtime_env={"env_vars": {"PYTHONPATH": path}},
+            include_dashboard=None if address else False,
+            log_to_driver=False,
+            **options,
+        )
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise RunError(f"no Ray cluster at {address or 'this machine'}: {error}") from error
+
+
+class RayBackend(WorkerPool[Handle]):
+    """Workers are actors; if the node of one dies, another is started elsewhere.
+
+    Args:
+        simulate: a function of a module.
+        workers: number of actors, one CPU each.
+        address: address of a running cluster ("auto" finds it); None starts one on this machine.
+        config: parameters of the distribution of jobs, and time limits of workers.
+
+    Raises:
+        RunError: Ray is not installed, or no cluster answers.
+    """
+
+    def __init__(
+        self,
+        simulate: Simulate,
+        workers: int,
+        address: str | None = None,
+        config: PoolConfig | None = None,
+    ) -> None:
+        super().__init__(workers, config)
+        try:
+            import ray
+        except ImportError as error:
+            raise RunError(
+                "backend 'ray' needs Ray: pip install 'symbrion-gym[cluster]'; 'processes' needs nothing"
+            ) from error
+        self._ray = ray
+        self._simulate = name_simulate(simulate)
+        self._owns_cluster = not ray.is_initialized()
+        if self._owns_cluster:
+            connect_cluster(ray, workers, address, self._config.connect_timeout)
+        self._actor = ray.remote(num_cpus=1, max_restarts=0)(_Actor)
+        self._running: dict[Handle, Handle] = {}
+
+    def _start(self) -> Handle:
+        return self._actor.remote(self._simulate)
+
+    def _start_many(self, count: int) -> list[Handle]:
+        """Start actors at the same time, without those for which the cluster has no CPU now."""
+        greetings: dict[Handle, Handle] = {}
+        for _ in range(count):
+            actor = self._start()
+            greetings[actor.greet.remote()] = actor
+        references = list(greetings)
+        if not self._workers:
+            self._ray.wait(references, num_returns=1, timeout=self._config.first_start_timeout)
+        ready, late = self._ray.wait(references, num_returns=count, timeout=self._config.start_timeout)
+        started, reason = [], "no CPU is free"
+        for reference in ready:
+            try:
+                self._ray.get(reference)
+                started.append(greetings[reference])
+            except self._ray.exceptions.RayError as error:
+                reason = str(error)
+        for reference in late:
+            self._stop(greetings[reference])
+        if not started and not self._workers:
+            raise RunError(
+                f"no worker starts in the Ray cluster ({reason}); look at its nodes, or use processes"
+            )
+        return started
+
+    def _submit(self, worker: Handle, jobs: list[Job]) -> None:
+        self._running[worker.run.remote(jobs)] = worker
+
+    def _wait(self, busy: Sequence[Handle]) -> list[Reply[Handle]]:
+        done, _ = self._ray.wait(list(self._running), num_returns=1)
+        return [self._receive(reference) for reference in done]
+
+    def _receive(self, reference: Handle) -> Reply[Handle]:
+        worker = self._running.pop(reference)
+        try:
+            return Reply(worker, self._ray.get(reference))
+        except self._ray.exceptions.RayTaskError as error:
+            raise RunError(f"a worker could not try its genotypes: {error.cause}") from error
+        except self._ray.exceptions.RayError:
+            return Reply(worker, None)  # the actor or its node died
+
+    def _stop(self, worker: Handle) -> None:
+        self._running = {
+            reference: other for reference, other in self._running.items() if other is not worker
+        }
+        with contextlib.suppress(self._ray.exceptions.RayError):
+            self._ray.kill(worker)
+
+    def close(self) -> None:
+        """Stop the actors, and the cluster if it was started here."""
+        super().close()
+        if self._owns_cluster:
+            self._ray.shutdown()

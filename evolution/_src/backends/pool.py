@@ -1,0 +1,160 @@
+"""Jobs over workers that may die: no job is lost and none is counted twice."""
+
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+from evolution._src.backends.trials import Job, Outcome, make_failure
+from evolution._src.errors import RunError
+from evolution._src.limits import MAX_MAGNITUDE, MAX_TRIALS
+from reconstruction._src.base.range_checks import coerce_floats, coerce_integers
+
+Worker = TypeVar("Worker")
+
+
+@dataclass(frozen=True)
+class PoolConfig:
+    """How jobs are distributed and how long workers may take. Nothing here changes an outcome of a job that works.
+
+    Attributes:
+        batches_per_worker: about how many batches of jobs each worker gets in a generation. 2 keeps the wait for the
+            slowest batch short; more would leave the batch of a worker too small.
+        max_deaths: a job that was alone on this many workers when they died is reported as failed. 2, because one
+            death may have any reason.
+        exit_timeout: how long a worker process may take to end before it is killed [s].
+        connect_timeout: how long the head of a Ray cluster may take to answer [s]; Ray itself would try for minutes.
+        first_start_timeout: how long the first worker of a Ray cluster may take to start [s]; it imports
+            everything on a new node.
+        start_timeout: how much longer the other workers may take [s]; the next generation tries again to start those
+            that were late.
+    """
+
+    batches_per_worker: int = 2
+    max_deaths: int = 2
+    exit_timeout: float = 5.0
+    connect_timeout: float = 10.0
+    first_start_timeout: float = 120.0
+    start_timeout: float = 15.0
+
+    def __post_init__(self) -> None:
+        coerce_integers(self, dict.fromkeys(("batches_per_worker", "max_deaths"), (1, MAX_TRIALS)), RunError)
+        timeouts = ("exit_timeout", "connect_timeout", "first_start_timeout", "start_timeout")
+        coerce_floats(self, dict.fromkeys(timeouts, (0.0, MAX_MAGNITUDE)), RunError)
+
+
+class Reply(NamedTuple, Generic[Worker]):
+    """The reply of a worker.
+
+    Attributes:
+        worker: worker that replies.
+        outcomes: one for each of its jobs; None if it died.
+    """
+
+    worker: Worker
+    outcomes: list[Outcome] | None
+
+
+class WorkerPool(ABC, Generic[Worker]):
+    """Distribute jobs over workers, replace those that die and submit their jobs again.
+
+    Args:
+        workers: number of workers.
+        config: parameters of the distribution of jobs, and time limits of workers.
+
+    Attributes:
+        num_deaths: number of workers that have died so far.
+    """
+
+    def __init__(self, workers: int, config: PoolConfig | None = None) -> None:
+        self._config = config or PoolConfig()
+        self._num_wanted = self._capacity = workers
+        self._workers: list[Worker] = []
+        self.num_deaths = 0
+
+    @abstractmethod
+    def _start(self) -> Worker:
+        """Start a worker and return it, ready."""
+
+    def _start_many(self, count: int) -> list[Worker]:
+        """Start `count` workers; fewer where resources are missing, but at least one if there is none yet."""
+        return [self._start() for _ in range(count)]
+
+    @abstractmethod
+    def _submit(self, worker: Worker, jobs: list[Job]) -> None:
+        """Send jobs to a worker; if it is dead already, `_wait` reports it."""
+
+    @abstractmethod
+    def _wait(self, busy: Sequence[Worker]) -> list[Reply[Worker]]:
+        """Block until at least one busy worker has replied or died."""
+
+    @abstractmethod
+    def _stop(self, worker: Worker) -> None:
+        """Stop a worker, dead or alive."""
+
+    def run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        """Return one outcome for each job, in order.
+
+        Raises:
+            RunError: the run itself is wrong, or no worker can start.
+        """
+        pending = deque(self._make_batches(len(jobs)))
+        outcomes: dict[int, Outcome] = {}
+        busy: dict[int, tuple[Worker, list[int]]] = {}
+        deaths: Counter[int] = Counter()
+        self._capacity = self._num_wanted
+        try:
+            while len(outcomes) < len(jobs):
+                self._assign(jobs, pending, busy)
+                for worker, result in self._wait([worker for worker, _ in busy.values()]):
+                    _, indices = busy.pop(id(worker))
+                    if result is not None:
+                        outcomes.update(zip(indices, result, strict=True))
+                        continue
+                    self._remove(worker)
+                    for index in indices:
+                        deaths[index] += len(indices) == 1
+                        if deaths[index] < self._config.max_deaths:
+                            pending.append([index])
+                        else:
+                            outcomes[index] = self._give_up(jobs[index])
+        except BaseException:
+            for worker, _ in busy.values():  # their replies would be taken for those of the next jobs
+                self._remove(worker)
+            raise
+        return [outcomes[index] for index in range(len(jobs))]
+
+    def close(self) -> None:
+        """Stop all workers."""
+        for worker in self._workers:
+            self._stop(worker)
+        self._workers.clear()
+
+    def _make_batches(self, count: int) -> list[list[int]]:
+        size = max(1, -(-count // (self._config.batches_per_worker * self._num_wanted)))
+        return [list(range(first, min(first + size, count))) for first in range(0, count, size)]
+
+    def _assign(
+        self, jobs: Sequence[Job], pending: deque[list[int]], busy: dict[int, tuple[Worker, list[int]]]
+    ) -> None:
+        missing = min(self._capacity, len(busy) + len(pending)) - len(self._workers)
+        if missing > 0:
+            started = self._start_many(missing)
+            self._workers += started
+            if len(started) < missing:
+                self._capacity = len(self._workers)
+        for worker in self._workers:
+            if pending and id(worker) not in busy:
+                indices = pending.popleft()
+                busy[id(worker)] = (worker, indices)
+                self._submit(worker, [jobs[index] for index in indices])
+
+    def _remove(self, worker: Worker) -> None:
+        self.num_deaths += 1
+        self._workers.remove(worker)
+        self._stop(worker)
+
+    def _give_up(self, job: Job) -> Outcome:
+        times = {1: "once", 2: "twice"}.get(self._config.max_deaths, f"{self._config.max_deaths} times")
+        return make_failure(job.trials, f"its worker died, {times}")

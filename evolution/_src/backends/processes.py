@@ -1,0 +1,118 @@
+"""Jobs over processes of this machine.
+
+Workers are started by `python -m evolution._src.backends.worker`, not by fork (MuJoCo and JAX hold threads) nor by
+`multiprocessing`'s spawn (which runs the caller's script again).
+"""
+
+import contextlib
+import multiprocessing.connection
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple
+
+from evolution._src.backends.pool import PoolConfig, Reply, WorkerPool
+from evolution._src.backends.simulation import Simulate, name_simulate
+from evolution._src.backends.trials import Job
+from evolution._src.errors import RunError
+
+READY = "ready"
+"""First message of a worker."""
+
+
+def share_pipe(handle: int) -> dict[str, Any]:
+    """Return the options of `subprocess.Popen` by which a new process inherits one end of a pipe, and no other.
+
+    Args:
+        handle: file descriptor of the end; on Windows its handle.
+    """
+    if sys.platform != "win32":
+        return {"pass_fds": [handle]}
+    os.set_handle_inheritable(handle, True)
+    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
+
+
+def open_pipe(handle: int) -> multiprocessing.connection.Connection:
+    """Return the end of a pipe that this process has inherited."""
+    if sys.platform != "win32":
+        return multiprocessing.connection.Connection(handle)
+    return multiprocessing.connection.PipeConnection(handle)
+
+
+class _Worker(NamedTuple):
+    process: subprocess.Popen[bytes]
+    connection: Connection
+
+
+class ProcessBackend(WorkerPool[_Worker]):
+    """Workers are processes that keep their compiled arenas between calls; only genotypes are sent.
+
+    Args:
+        simulate: a function of a module.
+        workers: number of processes.
+        config: parameters of the distribution of jobs, and time limits of workers.
+
+    Raises:
+        RunError: a worker cannot start.
+    """
+
+    def __init__(self, simulate: Simulate, workers: int, config: PoolConfig | None = None) -> None:
+        super().__init__(workers, config)
+        self._simulate = name_simulate(simulate)
+
+    @property
+    def process_ids(self) -> list[int]:
+        """Process ids of the workers."""
+        return [worker.process.pid for worker in self._workers]
+
+    def _start(self) -> _Worker:
+        ours, theirs = multiprocessing.Pipe()
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "evolution._src.backends.worker",
+            str(theirs.fileno()),
+            self._simulate,
+        ]
+        process = subprocess.Popen[bytes](
+            command, env=environment, stdin=subprocess.DEVNULL, **share_pipe(theirs.fileno())
+        )
+        theirs.close()
+        try:
+            if ours.recv() == READY:
+                return _Worker(process, ours)
+        except (EOFError, OSError):
+            pass
+        raise RunError(
+            f"a worker process for {self._simulate} ended at its start (exit status {process.wait()}); "
+            "its error is printed above; backend='batch' needs no processes"
+        )
+
+    def _submit(self, worker: _Worker, jobs: list[Job]) -> None:
+        with contextlib.suppress(OSError):  # dead: `_wait` reads the end of its pipe
+            worker.connection.send(jobs)
+
+    def _wait(self, busy: Sequence[_Worker]) -> list[Reply[_Worker]]:
+        ready = multiprocessing.connection.wait([worker.connection for worker in busy])
+        return [self._receive(worker) for worker in busy if worker.connection in ready]
+
+    def _receive(self, worker: _Worker) -> Reply[_Worker]:
+        try:
+            result = worker.connection.recv()
+        except (EOFError, OSError):
+            return Reply(worker, None)
+        if isinstance(result, RunError):
+            raise result
+        return Reply(worker, result)
+
+    def _stop(self, worker: _Worker) -> None:
+        worker.connection.close()  # the worker reads the end and leaves
+        try:
+            worker.process.wait(self._config.exit_timeout)
+        except subprocess.TimeoutExpired:
+            worker.process.kill()
+            worker.process.wait()

@@ -1,0 +1,95 @@
+"""The fitness of an outcome: the weights that ship, or any function of a user."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+from evolution._src.errors import RunError
+from evolution._src.references import Reference, check_signature, find_object
+from reconstruction._src.base.range_checks import coerce_floats
+
+if TYPE_CHECKING:
+    from evolution._src.backends.outcome import Outcome
+    from symbrion_gym._src.robot.organism import Organism
+
+ScoringFunction: TypeAlias = "Callable[[Outcome, Organism], float]"
+MAX_WEIGHT = 1e6
+"""Largest weight of a term of the fitness [m of progress]."""
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """How an outcome becomes a fitness: progress + success - effort - body.
+
+    Any function of (outcome, body) is a scoring, too. A subclass may override `score` or `__call__`; a run keeps its
+    name, version and fields, and restores it.
+
+    Attributes:
+        success: reward of a success rate of 1 [m of progress].
+        effort: penalty for a unit of effort.
+        module: penalty for each module; only relevant where the length of the body evolves.
+    """
+
+    success: float = 1.0
+    effort: float = 0.2
+    module: float = 0.05
+
+    def __post_init__(self) -> None:
+        coerce_floats(
+            self, dict.fromkeys(("success", "effort", "module"), (-MAX_WEIGHT, MAX_WEIGHT)), RunError
+        )
+
+    def __call__(self, outcome: Outcome, body: Organism) -> float:
+        """Return the fitness of an outcome of a body."""
+        return self.score(outcome, body.num_modules)
+
+    def score(self, outcome: Outcome, modules: int) -> float:
+        """Return the fitness, higher is better, always finite."""
+        rate = outcome.successes / max(outcome.trials, 1)
+        return outcome.progress + self.success * rate - self.effort * outcome.effort - self.module * modules
+
+
+def find_scoring(scoring: ScoringFunction | Reference | str) -> ScoringFunction | Reference:
+    """Return a scoring, imported where it is named; a reference that a file contains stays one.
+
+    Raises:
+        RunError: it cannot be imported, or is no function of (outcome, body).
+    """
+    if isinstance(scoring, Reference):
+        return scoring
+    found: Any = find_object(scoring, "scoring") if isinstance(scoring, str) else scoring
+    if isinstance(found, type):
+        found = _make_instance(found)
+    if not callable(found):
+        raise RunError(f"scoring is {found!r}; a `Scoring`, or a function of (outcome, body), is needed")
+    function = cast("ScoringFunction", found)
+    if type(found) is not Scoring:
+        check_signature(function, "scoring", "outcome", "body")
+    return function
+
+
+def _make_instance(found: type) -> object:
+    try:
+        return found()
+    except Exception as error:  # code of the user
+        raise RunError(f"scoring {found.__qualname__} cannot be made without arguments: {error}") from error
+
+
+def compute_fitness(scoring: ScoringFunction | Reference, outcome: Outcome, body: Organism) -> float:
+    """Return the fitness of an outcome.
+
+    Raises:
+        RunError: the scoring has not been restored, raises an error, or returns no finite number.
+    """
+    if isinstance(scoring, Reference):
+        raise RunError(f"scoring {scoring.name} is not imported; `resume` restores it")
+    try:
+        fitness = float(scoring(outcome, body))
+    except Exception as error:  # code of the user
+        raise RunError(f"scoring raised {type(error).__name__}: {error}") from error
+    if not math.isfinite(fitness):
+        raise RunError(f"scoring returned {fitness}; a finite number is needed (outcome: {outcome})")
+    return fitness

@@ -1,0 +1,245 @@
+"""The genome of a body: a rooted tree of modules, and the rule that a limb grows mirrored on the other side.
+
+A Scout has one connector, on its hinged arm, and three sockets. So each docking joins the arm of one module with a
+socket of another, exactly one module of a body keeps its arm free, and a body is a tree with that module as its root
+and at most three children a module, on its back, left and right. The side is the orientation of a child, too: it always
+looks at its parent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from evolution._src.errors import RunError
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.body_plans import organism_to_text
+from symbrion_gym._src.robot.organism import Docking, Organism
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+
+SOCKETS = ("back", "left", "right")
+Path = tuple[str, ...]
+"""The sockets from the root to a module."""
+_OPPOSITE = {"back": "back", "left": "right", "right": "left"}
+_LETTERS = {"back": "b", "left": "l", "right": "r"}
+
+
+@dataclass(frozen=True)
+class BodyGenome:
+    """A module and what hangs on its sockets.
+
+    Attributes:
+        back: the limb on the socket at the back; None: nothing.
+        left: likewise on the left.
+        right: likewise on the right.
+        is_mirrored: what hangs on the left hangs on the right, too, as its mirror image; `right` is None then.
+
+    Raises:
+        RunError: a mirrored module has a limb of its own on the right, or none on the left.
+    """
+
+    back: BodyGenome | None = None
+    left: BodyGenome | None = None
+    right: BodyGenome | None = None
+    is_mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        if self.is_mirrored and (self.left is None or self.right is not None):
+            raise RunError(
+                "a mirrored module repeats its left limb on the right; give it a left limb and none on the right"
+            )
+
+    @property
+    def limbs(self) -> Iterator[tuple[str, BodyGenome]]:
+        """Socket and limb of each limb of this module, before mirroring."""
+        for socket in SOCKETS:
+            limb = getattr(self, socket)
+            if limb is not None:
+                yield socket, limb
+
+    @cached_property
+    def num_modules(self) -> int:
+        """Number of modules of the body."""
+        count = 1 + sum(limb.num_modules for _, limb in self.limbs)
+        return count + (self.left.num_modules if self.is_mirrored and self.left else 0)
+
+    def develop(self) -> BodyGenome:
+        """Return the same body without mirrored modules: each limb is written out."""
+        limbs = {socket: limb.develop() for socket, limb in self.limbs}
+        if self.is_mirrored:
+            limbs["right"] = limbs["left"].mirror()
+        return join_limbs(limbs)
+
+    def mirror(self) -> BodyGenome:
+        """Return the mirror image: left and right swapped all over."""
+        if self.is_mirrored and self.left is not None:
+            return replace(
+                self, back=self.back and self.back.mirror()
+            )  # both sides are there, so that only the back changes
+        return join_limbs({_OPPOSITE[socket]: limb.mirror() for socket, limb in self.limbs})
+
+    @cached_property
+    def text(self) -> str:
+        """The genome as text: `b`, `l`, `r` and the limb in brackets, `m` for a mirrored pair, "." for one alone."""
+        if self.is_mirrored and self.left is not None:
+            pair = f"m({self.left.text})"
+            return f"b({self.back.text}){pair}" if self.back is not None else pair
+        return "".join(f"{_LETTERS[socket]}({limb.text})" for socket, limb in self.limbs) or "."
+
+    @cached_property
+    def canonical_text(self) -> str:
+        """The same for each genome of the same body up to its mirror image."""
+        body = self.develop()
+        return min(body.text, body.mirror().text)
+
+    def find_paths(self) -> list[Path]:
+        """Return the way to each module of the genome, the root first."""
+        paths: list[Path] = [()]
+        for socket, limb in self.limbs:
+            paths += [(socket, *path) for path in limb.find_paths()]
+        return paths
+
+    def find_limb(self, path: Path) -> BodyGenome:
+        """Return the limb at the end of a path.
+
+        Raises:
+            RunError: the path leads to nothing.
+        """
+        limb = self
+        for socket in path:
+            step = getattr(limb, socket) if socket in SOCKETS else None
+            if step is None:
+                raise RunError(f"the path {path} leads to no module of {self.text!r}")
+            limb = step
+        return limb
+
+    def replace_limb(self, path: Path, limb: BodyGenome | None) -> BodyGenome:
+        """Return the genome with another limb at the end of a path; None removes it.
+
+        A module that loses its left limb is no longer mirrored. The path may end on a free socket.
+
+        Raises:
+            RunError: the path leads past the modules, or is that of the root and the limb is None.
+        """
+        if not path:
+            if limb is None:
+                raise RunError("the root cannot be removed; a body has at least one module")
+            return limb
+        socket, *rest = path
+        current = getattr(self, socket)
+        if rest:
+            if current is None:
+                raise RunError(f"the path {path} leads to no module of {self.text!r}")
+            limb = current.replace_limb(tuple(rest), limb)
+        is_mirrored = self.is_mirrored and not (socket == "left" and limb is None)
+        return replace(self, **{socket: limb, "is_mirrored": is_mirrored})
+
+    def to_organism(self, scout: ScoutConfig | None = None) -> Organism:
+        """Return the body; module 0 is the root, whose arm is free.
+
+        Raises:
+            OrganismError: modules overlap when all hinges are straight.
+        """
+        dockings: list[Docking] = []
+        _add_dockings(self.develop(), 0, dockings)
+        return Organism(len(dockings) + 1, tuple(dockings), scout or ScoutConfig())
+
+    def to_plan(self) -> str:
+        """Return the body plan, as `symbrion_gym.load_organism` reads it."""
+        return organism_to_text(self.to_organism())
+
+
+def join_limbs(limbs: Mapping[str, BodyGenome]) -> BodyGenome:
+    """Return a module with limbs on its sockets."""
+    return BodyGenome(limbs.get("back"), limbs.get("left"), limbs.get("right"))
+
+
+def make_row(num_modules: int) -> BodyGenome:
+    """Return modules in a row, each docked to the back of the one ahead.
+
+    Raises:
+        RunError: less than one module.
+    """
+    if num_modules < 1:
+        raise RunError(f"a row has at least 1 module, got {num_modules}")
+    row = BodyGenome()
+    for _ in range(num_modules - 1):
+        row = BodyGenome(back=row)
+    return row
+
+
+def genome_of(organism: Organism) -> BodyGenome:
+    """Return the genome of an organism; nothing in it is mirrored.
+
+    Raises:
+        RunError: two arms or two sockets are docked to each other.
+    """
+    children: dict[int, dict[str, int]] = {module: {} for module in range(organism.num_modules)}
+    roots = set(children)
+    for docking in organism.dockings:
+        ends = docking.ends
+        arms = [end for end in ends if end[1] == "front"]
+        if len(arms) != 1:
+            raise RunError(
+                f"modules {docking.first} and {docking.second} are docked {docking.first_side} to "
+                f"{docking.second_side}; an evolved body docks arms (front) to sockets (back, left, right)"
+            )
+        (child, _), (parent, socket) = arms[0], ends[1 - ends.index(arms[0])]
+        children[parent][socket] = child
+        roots.discard(child)
+
+    def grow(module: int) -> BodyGenome:
+        return join_limbs({socket: grow(child) for socket, child in children[module].items()})
+
+    return grow(min(roots))
+
+
+def parse_genome(text: str) -> BodyGenome:
+    """Return the genome that a text describes, as `BodyGenome.text` writes it.
+
+    Raises:
+        RunError: the text is no genome.
+    """
+    genome, end = _parse(text, 0, text)
+    if end != len(text):
+        raise RunError(f"cannot read the genome {text!r}: {text[end]!r} at character {end}")
+    return genome
+
+
+def _parse(text: str, place: int, whole: str) -> tuple[BodyGenome, int]:
+    """Return a genome and where its text ends."""
+    if text[place : place + 1] == ".":
+        return BodyGenome(), place + 1
+    limbs: dict[str, BodyGenome] = {}
+    is_mirrored = False
+    names = {letter: socket for socket, letter in _LETTERS.items()} | {"m": "left"}
+    while text[place : place + 1] in names and text[place : place + 1]:
+        letter = text[place]
+        if names[letter] in limbs or (letter == "r" and is_mirrored) or text[place + 1 : place + 2] != "(":
+            raise RunError(f"cannot read the genome {whole!r}: {letter!r} at character {place}")
+        limbs[names[letter]], place = _parse(text, place + 2, whole)
+        if text[place : place + 1] != ")":
+            raise RunError(f"cannot read the genome {whole!r}: ')' is missing at character {place}")
+        place += 1
+        is_mirrored |= letter == "m"
+    if not limbs:
+        raise RunError(f"cannot read the genome {whole!r}: no limb and no '.' at character {place}")
+    return BodyGenome(**limbs, is_mirrored=is_mirrored), place
+
+
+def is_possible(genome: BodyGenome) -> bool:
+    """Return whether no modules overlap when all hinges are straight."""
+    try:
+        genome.to_organism()
+    except OrganismError:
+        return False
+    return True
+
+
+def _add_dockings(genome: BodyGenome, module: int, dockings: list[Docking]) -> None:
+    """Add the dockings below a module, depth first, as body plans list them."""
+    for socket, limb in genome.limbs:
+        child = len(dockings) + 1
+        dockings.append(Docking(child, "front", module, socket))
+        _add_dockings(limb, child, dockings)

@@ -1,0 +1,351 @@
+"""The configuration of a search for bodies."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar
+
+from evolution._src.backends.making import EXACT_BACKENDS
+from evolution._src.backends.nested import Nested
+from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
+from evolution._src.backends.scoring import Scoring, find_scoring
+from evolution._src.backends.trials import Randomization, TrialConfig, Trials
+from evolution._src.bodies.genome import BodyGenome, make_row, parse_genome
+from evolution._src.bodies.variation import OPERATORS, BodyLimits
+from evolution._src.body_search.descriptors import DESCRIPTORS
+from evolution._src.body_search.learning import LearningConfig
+from evolution._src.controllers.drive import count_tracks
+from evolution._src.controllers.finding import refer_to_controller
+from evolution._src.errors import RunError
+from evolution._src.limits import (
+    MAX_GENERATIONS,
+    MAX_GENOTYPES,
+    MAX_MAGNITUDE,
+    MAX_MODULES,
+    MAX_SEED,
+    MAX_WORKERS,
+    MIN_POSITIVE,
+)
+from evolution._src.search.stored_config import (
+    SHARED_KINDS,
+    Kinds,
+    drop_none,
+    read_content,
+    restore,
+    to_json,
+    to_text,
+)
+from reconstruction._src.base.range_checks import check_choice, coerce_floats, coerce_integers
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.robot.scout_constants import ScoutConfig
+
+ALGORITHMS = (
+    "freeze_thaw",
+    "niches",
+    "surrogate",
+    "halving",
+    "genetic",
+    "map_elites",
+    "cma_mae",
+    "random",
+    "exhaustive",
+)
+RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
+"""Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
+_ADDED = ("axes", "dofs", "founders", "founder_genes")
+"""Fields that earlier versions lacked: by default they are left out of a digest, so that their runs keep theirs."""
+_FOUNDERLESS = ("random", "exhaustive")
+_BODY_FIELDS = ("modules", "organism", "body_lengths")
+
+
+@dataclass(frozen=True)
+class BodiesConfig:
+    """Which bodies are searched, and how.
+
+    Attributes:
+        algorithm: "freeze_thaw" (a prediction from the shapes of bodies says which body learns its next rung),
+            "niches" (as "halving", and each against those of its number of modules), "surrogate" (as
+            "halving", and a prediction from the shapes of bodies chooses who learns), "halving" (a genetic algorithm
+            whose bodies learn in rungs, each against those of its rung),
+            "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
+            or "exhaustive" (all bodies, the small ones first).
+        smallest: smallest number of modules.
+        largest: largest number of modules.
+        dofs: rotational degrees of freedom of each module: 1 (the hinge), or 2 (and the rotation of the arm, which
+            `oscillators` moves by genes of its own).
+        founders: genomes such as "b(b(.))" of bodies that learn first, before random ones; "random" and "exhaustive"
+            have none.
+        founder_genes: name and value of genes at which founders begin to learn; the others begin as every body does.
+            With `is_inherited` their descendants take them over.
+        children: new bodies of an iteration.
+        population_size: bodies that "genetic" keeps; of the others, all are kept.
+        crossover_share: share of children by crossover rather than mutation.
+        random_share: share of children that are new random bodies.
+        tournament_size: bodies of which the fittest becomes a parent.
+        promoted_share: share of the bodies of a rung that learn on, in "niches", "halving" and "surrogate"; None: such
+            that all rungs cost the same, as in successive halving.
+        axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
+            used) and "energy".
+        operators: mutations, see `evolution._src.bodies.variation`.
+        max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone. A resumed
+            run may have another one.
+
+    Raises:
+        RunError: a value is out of range.
+    """
+
+    algorithm: str = "freeze_thaw"
+    smallest: int = 1
+    largest: int = 8
+    dofs: int = 1
+    founders: tuple[str, ...] = ()
+    founder_genes: tuple[tuple[str, float], ...] = ()
+    children: int = 9
+    population_size: int = 18
+    crossover_share: float = 0.25
+    random_share: float = 0.12
+    tournament_size: int = 3
+    promoted_share: float | None = None
+    axes: tuple[str, ...] = ("modules", "width_to_length")
+    operators: tuple[str, ...] = tuple(OPERATORS)
+    max_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("algorithm", self.algorithm, ALGORITHMS, RunError)
+        limits: dict[str, tuple[float, float]] = dict.fromkeys(
+            ("children", "population_size", "tournament_size"), (1, MAX_GENOTYPES)
+        )
+        limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
+        limits["dofs"] = (1, 2)
+        coerce_integers(self, limits, RunError)
+        shares = ["crossover_share", "random_share"]
+        if self.promoted_share is not None:
+            shares.append("promoted_share")
+        coerce_floats(self, dict.fromkeys(shares, (0.0, 1.0)), RunError)
+        if self.max_seconds is not None:
+            coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
+        object.__setattr__(self, "operators", tuple(self.operators))
+        object.__setattr__(self, "axes", tuple(self.axes))
+        strange = [name for name in self.axes if name not in DESCRIPTORS]
+        if strange or not self.axes or len(set(self.axes)) < len(self.axes):
+            raise RunError(f"axes is {self.axes}; different ones of {', '.join(DESCRIPTORS)} are needed")
+        unknown = [name for name in self.operators if name not in OPERATORS]
+        if unknown or not self.operators:
+            raise RunError(f"operators is {self.operators}; some of {', '.join(OPERATORS)} are needed")
+        _ = self.limits
+        self._check_founders()
+
+    def _check_founders(self) -> None:
+        object.__setattr__(self, "founders", tuple(self.founders))
+        genes = tuple((str(name), float(value)) for name, value in self.founder_genes)
+        object.__setattr__(self, "founder_genes", genes)
+        if self.founder_genes and not self.founders:
+            raise RunError("founder_genes are given, and no founders; give both")
+        if self.founders and self.algorithm in _FOUNDERLESS:
+            raise RunError(f"algorithm {self.algorithm!r} does not begin with founders; leave them out")
+        for text in self.founders:
+            if not self.limits.allow(parse_genome(text)):
+                raise RunError(
+                    f"founder {text!r} does not have {self.smallest} to {self.largest} modules, or they overlap"
+                )
+
+    @property
+    def limits(self) -> BodyLimits:
+        """How many modules a body has."""
+        return BodyLimits(self.smallest, self.largest)
+
+    @property
+    def scout(self) -> ScoutConfig:
+        """Constants of the modules."""
+        return ScoutConfig(dofs=self.dofs)
+
+
+@dataclass(frozen=True)
+class BodyExecutionConfig:
+    """How long a search for bodies lasts, where it runs and where it is kept; nothing here changes its results.
+
+    Attributes:
+        iterations: largest number of iterations of the algorithm.
+        workers: number of threads, processes or actors.
+        backend: "batch" (threads), "processes" or "ray"; the results are equal.
+        address: address of an existing Ray cluster; None starts a local one.
+        folder: run folder; None keeps the run in memory only.
+    """
+
+    iterations: int = 20
+    workers: int = 1
+    backend: str = "batch"
+    address: str | None = None
+    folder: str | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.folder, Path):
+            object.__setattr__(self, "folder", str(self.folder))
+        coerce_integers(self, {"iterations": (0, MAX_GENERATIONS), "workers": (1, MAX_WORKERS)}, RunError)
+        check_choice("backend", self.backend, EXACT_BACKENDS, RunError)
+
+
+KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in _BODY_FIELDS} | {
+    "arena": str,
+    "seed": int,
+    "scoring": Scoring,
+    "algorithm": str,
+    "smallest": int,
+    "largest": int,
+    "dofs": int,
+    "founders": tuple[str, ...],
+    "founder_genes": tuple[tuple[str, float], ...],
+    "children": int,
+    "population_size": int,
+    "crossover_share": float,
+    "random_share": float,
+    "tournament_size": int,
+    "promoted_share": float | None,
+    "axes": tuple[str, ...],
+    "operators": tuple[str, ...],
+    "max_seconds": float | None,
+    "learning": LearningConfig,
+    "iterations": int,
+    "workers": int,
+    "backend": str,
+    "address": str | None,
+    "folder": str | None,
+}
+"""Types of the fields in a file."""
+
+
+@dataclass(frozen=True, init=False)
+class BodyEvolutionConfig(Nested):
+    """A search for bodies, each of which learns its controller. The run folder stores every field.
+
+    The fields of the parts `episode`, `control`, `trial`, `bodies` and `execution` count as its own; those of
+    `learning` do not. What is no field is an option of the environment, such as `pit` or `track_control`.
+
+    Attributes:
+        arena: name, folder or file of the arena.
+        seed: seed of all random numbers of the run.
+        episode: what is to be done: `task`, `start`, `goal`, `environment`.
+        control: the controller and where learning begins: `controller`, `controller_config`, `origin`.
+        trial: how trials vary and are simulated: `randomization`, `rollout`.
+        scoring: how an outcome becomes a fitness; by default without a penalty for modules.
+        bodies: which bodies are searched, and how: `algorithm`, `smallest`, `largest` and others.
+        learning: how much a body may learn.
+        execution: length and place of the run: `iterations`, `workers`, `folder` and
+            others.
+
+    Raises:
+        RunError: a value is out of range, or parts do not fit together; with the value and what is allowed.
+    """
+
+    PARTS: ClassVar[tuple[str, ...]] = ("episode", "control", "trial", "bodies", "execution")
+
+    arena: str = "gsrm"
+    seed: int = 0
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=partial(ControlConfig, controller="oscillators"))
+    trial: TrialConfig = field(default_factory=TrialConfig)
+    scoring: Any = field(default_factory=partial(Scoring, module=0.0))
+    bodies: BodiesConfig = field(default_factory=BodiesConfig)
+    learning: LearningConfig = field(default_factory=LearningConfig)
+    execution: BodyExecutionConfig = field(default_factory=BodyExecutionConfig)
+
+    def take_others(self, others: dict[str, Any]) -> None:
+        """Take further options of the environment."""
+        refused = [name for name in others if name in _BODY_FIELDS]
+        if refused:
+            raise RunError(
+                f"{refused[0]} is given, and bodies are searched; leave it out, or use `EvolutionConfig`"
+            )
+        take_environment(self, others)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.arena, PathLike):
+            self.set_field("arena", str(Path(self.arena)))
+        if not isinstance(self.arena, str):
+            raise RunError(
+                f"arena is {type(self.arena).__name__}; a run is stored as text: "
+                "save the arena in a folder and name that"
+            )
+        self.set_field("scoring", find_scoring(self.scoring))
+        coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
+        organism = self.make_organism(self.make_shortest())
+        tracks = count_tracks(self.episode.track_control, organism.num_modules)
+        if not (organism.hinges or tracks):
+            raise RunError(
+                "bodies of 1 module have no hinge; begin at smallest=2, or drive the tracks, for example by "
+                "track_control='skid'"
+            )
+        must_be_found = self.execution.folder is not None or self.execution.backend != "batch"
+        controller = refer_to_controller(self.controller, organism, tracks, must_be_found=must_be_found)
+        self.set_field("controller", controller)
+
+    def make_shortest(self) -> BodyGenome:
+        """Return a row of as few modules as are searched."""
+        return make_row(self.bodies.smallest)
+
+    def make_organism(self, body: BodyGenome) -> Organism:
+        """Return a body of the modules of this search."""
+        return body.to_organism(self.bodies.scout)
+
+    def make_trials(self, body: BodyGenome, count: int, seed: tuple[int, ...]) -> Trials:
+        """Return the trials of genotypes of a body."""
+        return Trials(
+            arena=self.arena,
+            body=BodyConfig(organism=self.make_organism(body)),
+            episode=self.episode,
+            control=self.control,
+            trial=self.trial,
+            count=count,
+            seed=(self.seed, *seed),
+        )
+
+    def digest(self) -> str:
+        """Return a fingerprint of all that decides the results of a run."""
+        return self._digest(RUNTIME_FIELDS)
+
+    def former_digest(self) -> str:
+        """Return the fingerprint of earlier versions, of which the limit of simulated time was a part."""
+        return self._digest(tuple(name for name in RUNTIME_FIELDS if name != "max_seconds"))
+
+    def _digest(self, left_out: tuple[str, ...]) -> str:
+        content = {name: value for name, value in self.to_json().items() if name not in left_out}
+        for name in _ADDED:
+            if getattr(self.bodies, name) == getattr(BodiesConfig, name):
+                del content[name]
+        if self.trial.randomization.patch_friction == Randomization.patch_friction:
+            content["randomization"] = {
+                k: v for k, v in content["randomization"].items() if k != "patch_friction"
+            }
+        content = drop_none(list(content.items()))
+        return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain JSON content, with the fields of parts as its own.
+
+        Raises:
+            RunError: a part is an object of a user that nothing would restore.
+        """
+        content = to_json(self, KINDS)
+        return content | {"environment": dict(content["environment"])}
+
+    @classmethod
+    def from_json(cls, content: object) -> BodyEvolutionConfig:
+        """Return the configuration described by `to_json`; this imports nothing.
+
+        Raises:
+            RunError: a field is unknown or its value of the wrong kind.
+        """
+        return cls(**read_content(content, KINDS, "config"))
+
+    def restore(self, allow: Collection[str] = ()) -> BodyEvolutionConfig:
+        """Return the configuration with what a user wrote imported again.
+
+        Raises:
+            RunError: it is not there, or of another version.
+        """
+        return restore(self, allow)

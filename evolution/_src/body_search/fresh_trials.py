@@ -1,0 +1,145 @@
+"""The fresh trials by which the champion of a search for bodies is confirmed, as JSON: `confirmation.json`.
+
+They are a function of the configuration and of what the candidates have learned. So what is stored for a body counts
+as long as it is a candidate, and is not tried again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evolution._src.body_search.learning import Lesson
+from evolution._src.errors import RunError
+from evolution._src.search.validation import Validation, expect_success
+
+FORMAT = "symbrion confirmation 1"
+
+
+class Retrial(NamedTuple):
+    """Fresh trials of a candidate.
+
+    Attributes:
+        key: the pupil.
+        rung: of its lesson.
+        successes: of each round so far.
+        seconds: simulated [s].
+    """
+
+    key: str
+    rung: int
+    successes: tuple[int, ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class FreshTrials:
+    """Fresh trials of the fittest bodies, as far as they are tried.
+
+    Attributes:
+        count: largest number of candidates.
+        rules: rounds of trials, the share of successes needed to go on, and the start.
+        tried: a retrial for each candidate, the fittest first.
+    """
+
+    count: int
+    rules: Validation = field(default_factory=Validation)
+    tried: tuple[Retrial, ...] = ()
+
+    def begin(self, lessons: Sequence[Lesson]) -> FreshTrials:
+        """Return the fresh trials of the candidates among lessons, those that are known already included."""
+        known = {(each.key, each.rung): each for each in self.tried}
+        keys = [(lesson.pupil.key, lesson.rung) for lesson in find_candidates(lessons, self.count)]
+        return replace(self, tried=tuple(known.get(key, Retrial(*key)) for key in keys))
+
+    def has_rules(self, rules: Validation) -> bool:
+        """Return whether these trials follow some rules."""
+        return _list_rules(self.rules) == _list_rules(rules)
+
+    def count_trials(self, retrial: Retrial) -> int:
+        """Return how many trials a candidate has had."""
+        return sum(self.rules.rounds[: len(retrial.successes)])
+
+    def find_due(self, number: int) -> list[int]:
+        """Return the indices of the candidates that go on with a round and have not had it."""
+        return [
+            index
+            for index, each in enumerate(self.tried)
+            if len(each.successes) == number
+            and sum(each.successes) >= self.rules.continue_share * self.count_trials(each)
+        ]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether each candidate has had all rounds or has dropped out."""
+        return bool(self.tried) and not any(self.find_due(number) for number in range(len(self.rules.rounds)))
+
+    def find_best(self) -> int:
+        """Return the index of the candidate of the highest expected success rate; of equal ones the fittest."""
+        rates = [expect_success(sum(each.successes), self.count_trials(each)) for each in self.tried]
+        return int(np.argmax(rates))
+
+    def add_round(self, index: int, successes: int, seconds: float) -> FreshTrials:
+        """Return these trials and a further round of a candidate."""
+        each = self.tried[index]
+        more = each._replace(successes=(*each.successes, successes), seconds=each.seconds + seconds)
+        return replace(self, tried=(*self.tried[:index], more, *self.tried[index + 1 :]))
+
+    def to_bytes(self, digest: str) -> bytes:
+        """Return the content of the file; equal trials give equal bytes.
+
+        Args:
+            digest: digest of the configuration of the run.
+        """
+        content = {"format": FORMAT, "digest": digest, "candidates": self.count}
+        content |= _list_rules(self.rules) | {"tried": [each._asdict() for each in self.tried]}
+        return (json.dumps(content, indent=1) + "\n").encode()
+
+    @classmethod
+    def from_bytes(cls, content: bytes, digest: str, source: str) -> FreshTrials:
+        """Read the content of the file.
+
+        Args:
+            content: as returned by `to_bytes`.
+            digest: digest of the configuration of the run.
+            source: its name, for messages.
+
+        Raises:
+            RunError: damaged, of another format or of a run with another configuration.
+        """
+        try:
+            read = json.loads(content)
+            if (read["format"], read["digest"]) != (FORMAT, digest):
+                raise RunError(
+                    f"{source} belongs to another configuration or release; remove it, and resume the run"
+                )
+            rules = Validation(**{name: read[name] for name in _list_rules(Validation())})
+            return cls(int(read["candidates"]), rules, tuple(_read_retrial(each) for each in read["tried"]))
+        except RunError:
+            raise
+        except Exception as error:  # a damaged or foreign file can be wrong in any way
+            raise RunError(f"{source} is damaged ({error}); remove it, and resume the run") from error
+
+
+def find_candidates(lessons: Sequence[Lesson], count: int) -> list[Lesson]:
+    """Return the fittest lesson of each of the fittest bodies, among lessons with an exam if there are such."""
+    examined = [lesson for lesson in lessons if lesson.trials] or list(lessons)
+    order = sorted(examined, key=lambda each: (-each.fitness, -each.rung, each.pupil.key))
+    fittest: dict[str, Lesson] = {}
+    for lesson in order:
+        fittest.setdefault(lesson.pupil.body.canonical_text, lesson)
+    return list(fittest.values())[:count]
+
+
+def _list_rules(rules: Validation) -> dict[str, Any]:
+    """Return those rules that decide fresh trials."""
+    return {"rounds": list(rules.rounds), "continue_share": rules.continue_share, "start": rules.start}
+
+
+def _read_retrial(content: dict[str, Any]) -> Retrial:
+    successes = tuple(int(each) for each in content["successes"])
+    return Retrial(str(content["key"]), int(content["rung"]), successes, float(content["seconds"]))

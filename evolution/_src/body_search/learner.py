@@ -1,0 +1,214 @@
+"""Learning of many bodies on a backend: chunks of bodies side by side, and what is recorded is not tried again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from evolution._src.backends.making import LOCAL_BACKENDS, Backend
+from evolution._src.backends.outcome import Outcome, check_tried
+from evolution._src.backends.scoring import compute_fitness
+from evolution._src.backends.trials import Job
+from evolution._src.body_search.config import BodyEvolutionConfig
+from evolution._src.body_search.learning import Learning, Lesson, Pupil
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.errors import RunError
+
+LEARNING, EXAM = 0, 1
+"""Kinds of trials, each with conditions of its own."""
+
+
+class Tried(NamedTuple):
+    """How far assignments have come.
+
+    Attributes:
+        trials: tried so far.
+        due: trials of all of them.
+        seconds: simulated so far [s].
+    """
+
+    trials: int
+    due: int
+    seconds: float
+
+
+OnTried = Callable[[Tried], None]
+
+
+class Assignment(NamedTuple):
+    """A pupil, and the rung to which it shall learn.
+
+    Attributes:
+        pupil: the body and where it begins.
+        rung: index of the rung.
+    """
+
+    pupil: Pupil
+    rung: int
+
+
+class Learner:
+    """Let bodies learn.
+
+    Args:
+        config: configuration of the run.
+        record: what is known; lessons are added to it.
+        backend: runs the trials; None where all is recorded.
+    """
+
+    def __init__(self, config: BodyEvolutionConfig, record: BodyRecord, backend: Backend | None) -> None:
+        self._config, self._record, self._backend = config, record, backend
+        self._on_tried: OnTried | None = None
+        self._tried = Tried(0, 0, 0.0)
+
+    def knows(self, assignments: Sequence[Assignment]) -> bool:
+        """Return whether all of it is recorded."""
+        return all(self._record.find(each.pupil.key, each.rung) is not None for each in assignments)
+
+    def learn(self, assignments: Sequence[Assignment], on_tried: OnTried | None = None) -> list[Lesson]:
+        """Let each pupil learn to the end of its rung, where it has not yet, and return what it knows then.
+
+        Args:
+            assignments: who learns, and how far.
+            on_tried: called with the trials so far, after each body of a generation where this process runs them; it
+                changes nothing else.
+        """
+        missing: dict[str, Assignment] = {}
+        for each in assignments:
+            if self._record.find(each.pupil.key, each.rung) is None:
+                known = missing.get(each.pupil.key, each)
+                missing[each.pupil.key] = max(known, each, key=lambda one: one.rung)
+        if missing and self._backend is None:
+            raise RunError("a search that is only read tries nothing")
+        self._on_tried, self._tried = on_tried, Tried(0, self._count_due(list(missing.values())), 0.0)
+        for chunk in _split(list(missing.values()), self._config.trial.rollout.max_environments):
+            self._teach(chunk)
+        lessons = [self._record.find(each.pupil.key, each.rung) for each in assignments]
+        return [lesson for lesson in lessons if lesson is not None]
+
+    def _count_due(self, assignments: Sequence[Assignment]) -> int:
+        """Return how many trials are not recorded."""
+        return sum(
+            self._config.learning.count_trials(rung)
+            for each in assignments
+            for rung in range(each.rung + 1)
+            if self._record.find(each.pupil.key, rung) is None
+        )
+
+    def _teach(self, chunk: Sequence[Assignment]) -> None:
+        """Let some pupils learn side by side, a generation of each at a time."""
+        learnings = [self._continue(each.pupil) for each in chunk]
+        for rung, end in enumerate(self._config.learning.rungs):
+            current = [
+                learning
+                for each, learning in zip(chunk, learnings, strict=True)
+                if rung <= each.rung and self._record.find(each.pupil.key, rung) is None
+            ]
+            seconds = dict.fromkeys((learning.pupil.key for learning in current), 0.0)
+            while any(learning.generation < end for learning in current):
+                self._step([learning for learning in current if learning.generation < end], seconds)
+            if self._config.learning.is_examined_early or rung == len(self._config.learning.rungs) - 1:
+                self._examine(current, rung, seconds)
+            else:
+                self._pass_on(current, rung, seconds)
+
+    def _continue(self, pupil: Pupil) -> Learning:
+        """Return the learning of a pupil as it stands after its last recorded rung."""
+        organism = self._config.make_organism(pupil.body)
+        controller = self._config.control.make_controller(organism, self._config.episode)
+        learning = Learning(pupil, controller, self._config.learning, self._config.origin, self._config.seed)
+        for generation in self._record.find_generations(pupil.key):
+            learning.tell(learning.ask(), np.array(generation))
+        return learning
+
+    def _step(self, learnings: Sequence[Learning], seconds: dict[str, float]) -> None:
+        """Try a generation of each."""
+        asked = [learning.ask() for learning in learnings]
+        jobs = []
+        for learning, genotypes in zip(learnings, asked, strict=True):
+            conditions = (LEARNING, learning.generation)
+            trials = self._config.make_trials(learning.pupil.body, self._config.learning.trials, conditions)
+            jobs += [Job(genotype, trials) for genotype in genotypes]
+        outcomes = iter(self._run(jobs))
+        for learning, genotypes in zip(learnings, asked, strict=True):
+            own = [next(outcomes) for _ in genotypes]
+            fitness = self._score(learning.pupil, own)
+            learning.tell(genotypes, np.array(fitness))
+            self._record.add_generation(learning.pupil.key, fitness)
+            seconds[learning.pupil.key] += sum(outcome.seconds for outcome in own)
+
+    def _examine(self, learnings: Sequence[Learning], rung: int, seconds: dict[str, float]) -> None:
+        """Try the best genotype of each under conditions that are not those of its learning, and record the lessons."""
+        count = self._config.learning.exam_trials
+        trials = [self._config.make_trials(each.pupil.body, count, (EXAM, rung)) for each in learnings]
+        jobs = [Job(learning.best, own) for learning, own in zip(learnings, trials, strict=True)]
+        for learning, outcome in zip(learnings, self._run(jobs), strict=True):
+            key = learning.pupil.key
+            passed = _sum_up(learning, rung, seconds[key])
+            lesson = passed._replace(
+                fitness=self._score(learning.pupil, [outcome])[0],
+                successes=outcome.successes,
+                trials=outcome.trials,
+                effort=outcome.effort,
+                seconds=passed.seconds + outcome.seconds,
+            )
+            self._record.add_lesson(lesson)
+
+    def _pass_on(self, learnings: Sequence[Learning], rung: int, seconds: dict[str, float]) -> None:
+        """Record what each has learned, without an exam."""
+        for learning in learnings:
+            self._record.add_lesson(_sum_up(learning, rung, seconds[learning.pupil.key]))
+
+    def _run(self, jobs: Sequence[Job]) -> list[Outcome]:
+        assert self._backend is not None
+        outcomes: list[Outcome] = []
+        for part in self._divide(jobs):
+            tried = self._backend.run(part)
+            self._report(tried)
+            outcomes += tried
+        if outcomes and not self._record.num_lessons:  # later on, a body may be to blame
+            check_tried(outcomes)
+        return outcomes
+
+    def _divide(self, jobs: Sequence[Job]) -> list[Sequence[Job]]:
+        """Return the jobs of each body where this process runs one after the other anyway, and progress is shown."""
+        if self._on_tried is None or self._config.backend not in LOCAL_BACKENDS:
+            return [jobs]
+        return [list(part) for _, part in groupby(jobs, key=lambda job: job.trials.body)]
+
+    def _report(self, outcomes: Sequence[Outcome]) -> None:
+        """Count further trials, and report them where that is wanted."""
+        trials = self._tried.trials + sum(outcome.trials for outcome in outcomes)
+        seconds = self._tried.seconds + sum(outcome.seconds for outcome in outcomes)
+        self._tried = Tried(trials, max(self._tried.due, trials), seconds)
+        if self._on_tried is not None:
+            self._on_tried(self._tried)
+
+    def _score(self, pupil: Pupil, outcomes: Sequence[Outcome]) -> list[float]:
+        body = self._config.make_organism(pupil.body)
+        return [compute_fitness(self._config.scoring, outcome, body) for outcome in outcomes]
+
+
+def _sum_up(learning: Learning, rung: int, seconds: float) -> Lesson:
+    """Return what a pupil has learned, before an exam."""
+    return Lesson(
+        pupil=learning.pupil,
+        rung=rung,
+        fitness=learning.best_fitness,
+        successes=0,
+        trials=0,
+        effort=0.0,
+        genotype=tuple(learning.best.tolist()),
+        names=learning.controller.parameters,
+        curve=tuple(learning.curve),
+        seconds=seconds,
+    )
+
+
+def _split(assignments: list[Assignment], size: int) -> Iterator[list[Assignment]]:
+    """Yield chunks of assignments."""
+    for begin in range(0, len(assignments), size):
+        yield assignments[begin : begin + size]

@@ -1,0 +1,211 @@
+"""The search for bodies: ask an algorithm, let bodies learn, tell it, record everything.
+
+A run resumes by going through the same code from its beginning, with lessons from the record instead of physics; so
+what follows is the same to the bit.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from evolution._src.backends.body_rollout import simulate_bodies
+from evolution._src.backends.making import Backend, make_backend
+from evolution._src.backends.prepared_arenas import prepare_arena
+from evolution._src.backends.rollout import warm_up
+from evolution._src.backends.simulation import Simulate
+from evolution._src.body_search.algorithms.making import make_algorithm
+from evolution._src.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
+from evolution._src.body_search.learner import Learner, OnTried, Tried
+from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.body_search.run import (
+    BodyRun,
+    begin_folder,
+    change_folder,
+    read_folder,
+    read_fresh_trials,
+    write_run,
+)
+from evolution._src.errors import RunError
+from evolution._src.search.run import RunFolder
+from reconstruction._src.base.progress import Progress, silent
+
+logger = logging.getLogger(__name__)
+OnIteration = Callable[[BodyRun], None]
+"""Called with the run so far after each iteration."""
+
+
+def evolve_bodies(
+    config: BodyEvolutionConfig,
+    *,
+    simulate: Simulate | None = None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+) -> BodyRun:
+    """Search for bodies from the beginning.
+
+    Args:
+        config: configuration of the run; `config.folder` must not contain a run yet.
+        simulate: the function that tries jobs; None means physics.
+        on_iteration: called with the run so far after each iteration.
+        progress: called with the progress of the run.
+
+    Raises:
+        RunError: the folder contains a run, cannot be written or is being written by another run, or the environment
+            cannot be made.
+        ArenaError: there is no such arena, or it cannot be built.
+    """
+    config.to_json()  # refuses what no file could restore, before anything is written
+    if simulate is None and config.iterations:
+        prepare_arena(config.arena, progress)
+        warm_up(config.make_trials(config.make_shortest(), 1, ()), 1, 1)
+    if config.folder is None:
+        return _run(config, BodyRecord(), None, simulate, on_iteration, progress)
+    folder = RunFolder(config.folder)
+    with folder.lock():
+        begin_folder(folder.path, config)
+        return _run(config, BodyRecord(), folder.path, simulate, on_iteration, progress)
+
+
+def resume_bodies(
+    folder: str | Path,
+    *,
+    simulate: Simulate | None = None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+    allow: Collection[str] = (),
+    **changes: Any,
+) -> BodyRun:
+    """Continue a search for bodies as if it had never stopped.
+
+    Args:
+        folder: folder of the run.
+        simulate: the function that tries jobs; None means physics.
+        on_iteration: called with the run so far after each new iteration.
+        progress: called with the progress of the run.
+        allow: modules of yours that the folder names and that may be imported; a folder runs no other code.
+        changes: new values of `iterations`, `max_seconds` (None for no limit), `workers`, `backend` or `address`.
+
+    Raises:
+        RunError: there is no run, or it is damaged, contradicts its configuration, or is being written.
+    """
+    allowed = set(RUNTIME_FIELDS) - {"folder"}
+    if not set(changes) <= allowed:
+        raise RunError(f"{sorted(set(changes) - allowed)} cannot change in a run; {sorted(allowed)} can")
+    read_folder(Path(folder))  # says what is wrong before the lock makes a folder
+    run_folder = RunFolder(folder)
+    with run_folder.lock():
+        stored, record = read_folder(run_folder.path)
+        config, known = replace(stored, folder=str(folder), **changes).restore(allow), record.num_lessons
+        if simulate is None:
+            prepare_arena(config.arena, progress)
+        if config != stored:
+            change_folder(run_folder.path, config, record)
+        run = _run(config, record, run_folder.path, simulate, on_iteration, progress)
+    if run.record.num_lessons == known:
+        reached = {"iterations": run.has_all_iterations, "max_seconds": run.is_spent}
+        limits = " and ".join(
+            f"{name}={getattr(config, name):g}" for name, is_met in reached.items() if is_met
+        )
+        logger.warning("%s: nothing more is tried, as the run has reached %s", folder, limits or "its end")
+    return run
+
+
+def load_bodies(folder: str | Path) -> BodyRun:
+    """Read a search for bodies without continuing it; also while another process writes it.
+
+    Raises:
+        RunError: there is none, or it is damaged or contradicts its configuration.
+    """
+    config, record = read_folder(Path(folder))
+    return _iterate(config, record, Path(folder), None)
+
+
+def _run(
+    config: BodyEvolutionConfig,
+    record: BodyRecord,
+    folder: Path | None,
+    simulate: Simulate | None,
+    on_iteration: OnIteration | None,
+    progress: Progress,
+) -> BodyRun:
+    backend = make_backend(config.backend, config.workers, config.address, simulate or simulate_bodies)
+    try:
+        return _iterate(config, record, folder, backend, on_iteration, progress)
+    finally:
+        backend.close()
+
+
+def _iterate(
+    config: BodyEvolutionConfig,
+    record: BodyRecord,
+    folder: Path | None,
+    backend: Backend | None,
+    on_iteration: OnIteration | None = None,
+    progress: Progress = silent,
+) -> BodyRun:
+    """Go through the iterations; those that the record knows cost nothing. Without a backend there are no others."""
+    algorithm, learner = make_algorithm(config), Learner(config, record, backend)
+    fresh = None if folder is None else read_fresh_trials(folder, config)
+    run = BodyRun(config, record, (), folder, fresh)
+    used: dict[tuple[str, int], Lesson] = {}
+    for _ in range(config.iterations):
+        limit, assignments = config.bodies.max_seconds, algorithm.ask()
+        is_over = limit is not None and _sum_seconds(used) >= limit
+        is_known = learner.knows(assignments)
+        if is_over or not assignments or (backend is None and not is_known):
+            break
+        lessons = learner.learn(assignments, None if is_known else _follow(config, run, progress))
+        algorithm.tell(lessons)
+        for lesson in lessons:
+            used |= {(lesson.pupil.key, each.rung): each for each in record.find_until(lesson)}
+        run = replace(run, history=(*run.history, (_sum_seconds(used), _find_best(config, used))))
+        if is_known:
+            continue
+        if folder is not None:
+            write_run(folder, run)
+        if on_iteration is not None:
+            on_iteration(run)
+        done = f"iteration {len(run.history)} of {config.iterations}"
+        progress(done, _find_share(config, run, Tried(0, 0, 0.0)))
+    return run
+
+
+def _follow(config: BodyEvolutionConfig, run: BodyRun, progress: Progress) -> OnTried | None:
+    """Return what shows the trials of the next iteration of a run as progress of the whole; None for silence."""
+    if progress is silent:
+        return None
+
+    def show(tried: Tried) -> None:
+        number = f"iteration {len(run.history) + 1} of {config.iterations}"
+        text = f"{number}: {tried.trials} of {tried.due} trials" if tried.due else number
+        progress(text, _find_share(config, run, tried))
+
+    show(Tried(0, 0, 0.0))
+    return show
+
+
+def _find_share(config: BodyEvolutionConfig, run: BodyRun, tried: Tried) -> float:
+    """Return the share of a run that is done: of its iterations or its simulated time, whichever ends it first."""
+    share, limit = tried.trials / max(tried.due, 1), config.bodies.max_seconds
+    of_iterations = (len(run.history) + share) / config.iterations
+    if limit is None:
+        return of_iterations
+    before = run.history[-1][0] if run.history else 0.0
+    whole = before + (tried.seconds / share if share else 0.0)  # this iteration is always finished
+    return max(of_iterations, min((before + tried.seconds) / max(limit, whole), 1.0))
+
+
+def _sum_seconds(lessons: dict[tuple[str, int], Lesson]) -> float:
+    return sum(lesson.seconds for lesson in lessons.values())
+
+
+def _find_best(config: BodyEvolutionConfig, lessons: dict[tuple[str, int], Lesson]) -> float:
+    """Return the best fitness of a body that has learned to the last rung."""
+    last = len(config.learning.rungs) - 1
+    return max((each.fitness for each in lessons.values() if each.rung == last), default=-inf)

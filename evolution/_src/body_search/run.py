@@ -1,0 +1,281 @@
+"""The folder of a search for bodies: its files, and how it survives crashes.
+
+    config.json     the configuration; versions, commit and machine the run began with
+    record.json     what every body has learned: the checkpoint
+    bodies.csv      one row per lesson
+    confirmation.json   fresh trials of the fittest bodies, once the champion has been confirmed
+    champion.json   the confirmed body and its controller; before, the fittest one
+
+Reading a folder runs no code from it.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from evolution._src.backends.parts import BodyConfig
+from evolution._src.body_search.config import BodyEvolutionConfig
+from evolution._src.body_search.descriptors import DESCRIPTORS
+from evolution._src.body_search.fresh_trials import FreshTrials
+from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.errors import RunError
+from evolution._src.search.run import BODIES, describe_origin
+from evolution._src.search.validation import Champion
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.typed_json import JsonError, read_json
+
+CONFIG, RECORD, TABLE, CHAMPION = "config.json", "record.json", "bodies.csv", "champion.json"
+FRESH = "confirmation.json"
+KIND = BODIES
+"""What `config.json` says the folder is a run of."""
+COLUMNS = ("body", "plan", "modules", "rung", "fitness", "successes", "trials", "effort", "seconds")
+
+
+class Confirmation(NamedTuple):
+    """A champion that has been tried again.
+
+    Attributes:
+        champion: the body and its controller, with the successes of these trials.
+        lesson: what it had learned.
+        seconds: simulated for all candidates [s].
+    """
+
+    champion: Champion
+    lesson: Lesson
+    seconds: float
+
+
+@dataclass(frozen=True)
+class BodyRun:
+    """The state of a search for bodies.
+
+    Attributes:
+        config: configuration of the run.
+        record: what every body has learned.
+        history: after each iteration, the simulated time of the run so far [s] and the best fitness of a body that
+            has learned to the last rung; -inf before there is one.
+        folder: folder of the run; None if it is in memory only.
+        fresh: fresh trials of bodies that are stored; they may be those of an earlier state of the run.
+    """
+
+    config: BodyEvolutionConfig
+    record: BodyRecord
+    history: tuple[tuple[float, float], ...]
+    folder: Path | None = None
+    fresh: FreshTrials | None = None
+
+    @property
+    def best(self) -> Lesson | None:
+        """The lesson of the fittest body among those that have learned most; None before the first."""
+        lessons = self.record.lessons
+        return max(lessons, key=lambda each: (each.rung, each.fitness), default=None)
+
+    @property
+    def champion(self) -> Champion | None:
+        """The body and controller that `judge`, `play` and `symbrion replay` take.
+
+        The confirmed one, with the successes of its fresh trials; before a confirmation the fittest, with those of its
+        exam.
+        """
+        if self.confirmation is not None:
+            return self.confirmation.champion
+        best = self.best
+        return None if best is None else self.make_champion(best)
+
+    @property
+    def confirmation(self) -> Confirmation | None:
+        """The champion by fresh trials; None where the fittest bodies have not been tried again (`ev.confirm`)."""
+        lessons = self.record.lessons
+        if self.fresh is None or not lessons or self.fresh.begin(lessons).tried != self.fresh.tried:
+            return None
+        if not self.fresh.is_complete:
+            return None
+        best = self.fresh.tried[self.fresh.find_best()]
+        lesson = self.record.find(best.key, best.rung)
+        assert lesson is not None
+        champion = replace(
+            self.make_champion(lesson), successes=sum(best.successes), trials=self.fresh.count_trials(best)
+        )
+        return Confirmation(champion, lesson, sum(each.seconds for each in self.fresh.tried))
+
+    def make_champion(self, lesson: Lesson) -> Champion:
+        """Return what a body has learned, as `judge` and `play` take it."""
+        return Champion(
+            genotype=lesson.genotype,
+            names=lesson.names,
+            arena=self.config.arena,
+            generation=0,
+            fitness=lesson.fitness,
+            successes=lesson.successes,
+            trials=lesson.trials,
+            body=BodyConfig(organism=self.config.make_organism(lesson.pupil.body)),
+            episode=self.config.episode,
+            control=self.config.control,
+        )
+
+    def find_elites(self, axes: tuple[str, ...] | None = None) -> dict[tuple[int, ...], Lesson]:
+        """Return the fittest body of each cell of an archive, among those that have learned most.
+
+        Args:
+            axes: names of descriptors; None for those of the run.
+        """
+        config = self.config.bodies
+        chosen = [DESCRIPTORS[name] for name in axes or config.axes]
+        elites: dict[tuple[int, ...], Lesson] = {}
+        lessons = self.record.lessons
+        most = max((lesson.rung for lesson in lessons), default=0)
+        for lesson in lessons:
+            if lesson.rung != most:
+                continue
+            cell = []
+            for axis in chosen:
+                count, low, high = axis.limits(config.smallest, config.largest)
+                share = (axis.measure(lesson) - low) / (high - low)
+                cell.append(min(int(share * count), count - 1))
+            key = tuple(cell)
+            if key not in elites or lesson.fitness > elites[key].fitness:
+                elites[key] = lesson
+        return dict(sorted(elites.items()))
+
+    @property
+    def has_all_iterations(self) -> bool:
+        """Whether all iterations that the run may take are done: resumed, it tries nothing more."""
+        return len(self.history) >= self.config.iterations
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the simulated time that the run may take is used up: resumed, it tries nothing more."""
+        limit = self.config.bodies.max_seconds
+        return limit is not None and bool(self.history) and self.history[-1][0] >= limit
+
+
+def has_bodies(folder: str | Path) -> bool:
+    """Return whether a folder contains a search for bodies."""
+    path = Path(folder) / CONFIG
+    try:
+        content = read_json(path)
+    except (JsonError, OSError):
+        return False
+    return isinstance(content, dict) and content.get("kind") == KIND
+
+
+def begin_folder(folder: Path, config: BodyEvolutionConfig) -> None:
+    """Write the configuration and an empty record into a folder without a run. Call it only with the lock.
+
+    Raises:
+        RunError: the folder contains a run, or files that a run would replace.
+    """
+    taken = [name for name in (CONFIG, RECORD, TABLE, CHAMPION, FRESH) if (folder / name).exists()]
+    if taken:
+        raise RunError(f"{folder} contains {', '.join(taken)}; resume the run there, or name another folder")
+    _replace(folder / RECORD, BodyRecord().to_bytes(config.digest()))
+    _write_config(folder, describe_origin(), config)
+
+
+def change_folder(folder: Path, config: BodyEvolutionConfig, record: BodyRecord) -> None:
+    """Write the configuration of a run that is resumed with changes. Call it only with the lock.
+
+    The record comes first: a digest of an earlier version would not fit a changed limit of simulated time.
+    """
+    _replace(folder / RECORD, record.to_bytes(config.digest()))
+    _write_config(folder, read_json(folder / CONFIG), config)
+
+
+def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
+    """Read configuration and record.
+
+    Raises:
+        RunError: there is no search for bodies, or it is damaged or contradicts its configuration.
+    """
+    if not (folder / CONFIG).exists():
+        raise RunError(f"{folder} contains no run: {CONFIG} is missing")
+    if not has_bodies(folder):
+        raise RunError(f"{folder} contains no search for bodies; `resume` continues other runs")
+    config = BodyEvolutionConfig.from_json(read_json(folder / CONFIG).get("config"))
+    try:
+        content = (folder / RECORD).read_bytes()
+    except OSError as error:
+        raise RunError(f"{folder / RECORD} cannot be read ({error}); restore it from a copy") from error
+    source = str(folder / RECORD)
+    return config, BodyRecord.from_bytes(content, config.digest(), source, config.former_digest())
+
+
+def write_run(folder: Path, run: BodyRun) -> None:
+    """Write the record, then the files derived from it.
+
+    Raises:
+        RunError: the disk is full or read-only; the last checkpoint survives.
+    """
+    _replace(folder / RECORD, run.record.to_bytes(run.config.digest()))
+    _replace(folder / TABLE, format_table(run.record).encode())
+    write_champion(run)
+
+
+def write_champion(run: BodyRun) -> None:
+    """Write the champion into the folder of a run, if it has a folder and a champion.
+
+    Raises:
+        RunError: the disk is full or read-only.
+    """
+    if run.folder is not None and run.champion is not None:
+        _replace(run.folder / CHAMPION, (json.dumps(run.champion.as_dict(), indent=2) + "\n").encode())
+
+
+def read_fresh_trials(folder: Path, config: BodyEvolutionConfig) -> FreshTrials | None:
+    """Read the fresh trials of bodies; None where there are none.
+
+    Raises:
+        RunError: they are damaged, or contradict the configuration.
+    """
+    path = folder / FRESH
+    if not path.exists():
+        return None
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise RunError(f"{path} cannot be read ({error}); remove it, and resume the run") from error
+    return FreshTrials.from_bytes(content, config.digest(), str(path))
+
+
+def write_fresh_trials(folder: Path | None, config: BodyEvolutionConfig, fresh: FreshTrials) -> None:
+    """Write the fresh trials of bodies, if the run has a folder.
+
+    Raises:
+        RunError: the disk is full or read-only; what was tried before is kept.
+    """
+    if folder is not None:
+        _replace(folder / FRESH, fresh.to_bytes(config.digest()))
+
+
+def format_table(record: BodyRecord) -> str:
+    """Return `bodies.csv`."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for lesson in record.lessons:
+        body = lesson.pupil.body
+        row: list[Any] = [body.text, body.to_plan(), body.num_modules]
+        row += [getattr(lesson, name) for name in COLUMNS[3:]]
+        writer.writerow(row)
+    return buffer.getvalue()
+
+
+def _write_config(folder: Path, origin: dict[str, Any], config: BodyEvolutionConfig) -> None:
+    content = origin | {"kind": KIND, "config": config.to_json()}
+    _replace(folder / CONFIG, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def _replace(path: Path, content: bytes) -> None:
+    try:
+        with write_atomically(path) as temporary:
+            temporary.write_bytes(content)
+    except OSError as error:
+        raise RunError(
+            f"{path} cannot be written ({error}); the last checkpoint is kept, free some space and resume"
+        ) from error

@@ -1,0 +1,100 @@
+"""A champion that was evolved as an organism, in robots that have docked into its body."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Bool
+
+from evolution._src.controllers.protocol import check_genotypes
+from evolution._src.errors import RunError
+from evolution._src.search.validation import Champion
+from symbrion_gym._src.robot.scout_constants import SIDES
+from symbrion_gym._src.swarm.world import SwarmCommands
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+
+_READ = ("hinge_angle", "pitch", "roll", "contact", "track_odometry")
+"""Parts of an observation that docked robots have."""
+
+
+class DockedChampion:
+    """Drives docked robots as a champion drives its organism; call `step` until the robots have arrived.
+
+    As long as docks still mate or free arms still fold up, the robots stand.
+
+    Args:
+        champion: whose body is the organism of the robots.
+        world: where they are.
+        modules: robots in the order of the modules of the body, as `find_modules` returns them.
+        start: position of the head by its tracks, as the environment of the champion defines it [m].
+
+    Attributes:
+        track_odometry: position of the head by its tracks [m].
+
+    Raises:
+        RunError: the robots form another organism, or its controller reads what docked robots do not sense.
+    """
+
+    dt = 0.02
+    """Time between two actions, as in the environment [s]."""
+
+    def __init__(self, champion: Champion, world: DynamicWorld, modules: Sequence[int], start: float) -> None:
+        from symbrion_gym._src.swarm.docks import make_organism
+
+        self._world, self._modules = world, list(modules)
+        body = champion.body.find_organism()
+        links = [link for link in world.state.links if link.first in self._modules]
+        organism, order = make_organism(links, self._modules, world.scout, self._modules[0])
+        if organism.dockings != body.dockings or list(order) != self._modules:
+            raise RunError(f"robots {self._modules} have not docked into the body of the champion")
+        self._controller = champion.control.make_controller(body, champion.episode)
+        missing = sorted(set(self._controller.sensors) - set(_READ))
+        if missing:
+            raise RunError(f"docked robots do not sense {', '.join(missing)}; there are: {', '.join(_READ)}")
+        self._genotype = np.array(champion.genotype)[None]
+        check_genotypes(self._controller, self._genotype)
+        self._state: Any = self._controller.begin(1)
+        self._hinged = [self._modules[module] for module in organism.hinges]
+        self.track_odometry = start
+
+    def command(self, commands: SwarmCommands) -> SwarmCommands:
+        """Return commands in which the robots of the organism do what the champion does now; others keep theirs."""
+        from symbrion_gym._src.swarm.organism_senses import is_organism, read_organism
+
+        hinge, tracks, latch = commands.hinge.copy(), commands.tracks.copy(), self._hold(commands.latch)
+        if not is_organism(self._world, self._modules):
+            hinge[self._modules], tracks[self._modules] = 0.0, 0.0
+            return SwarmCommands(tracks, hinge, latch)
+        parts = read_organism(self._world, self._modules)
+        parts["track_odometry"] = np.array([self.track_odometry])
+        structure, rows, first = {}, [], 0
+        for name in self._controller.sensors:
+            structure[name] = slice(first, first + len(parts[name]))
+            rows.append(parts[name])
+            first += len(parts[name])
+        action, self._state = self._controller.act(
+            np.concatenate(rows)[None], self._genotype, structure, self._state
+        )
+        scout = self._world.scout
+        hinge[self._hinged] = scout.hinge_range * np.clip(action[0, : len(self._hinged)], -1.0, 1.0)
+        tracks[self._modules] = scout.track_speed
+        self.track_odometry += self.dt * scout.track_speed * float(np.cos(parts["pitch"][0]))
+        return SwarmCommands(tracks, hinge, latch)
+
+    def _hold(self, latch: Bool[np.ndarray, "N 4"]) -> Bool[np.ndarray, "N 4"]:
+        """Return what docks are told, with those of the organism held and its free ones closed."""
+        held = latch.copy()
+        held[self._modules] = False
+        for link in self._world.state.links:
+            for robot, side in link.ends:
+                if robot in self._modules:
+                    held[robot, SIDES.index(side)] = True
+        return held
+
+    def step(self, commands: SwarmCommands) -> None:
+        """Advance the world by one action of the champion; robots of other groups do what `commands` say."""
+        self._world.step(self.command(commands), self.dt)

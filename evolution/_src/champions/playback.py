@@ -1,0 +1,222 @@
+"""Champions after a run: judged by new randomized trials, or played back once and filmed."""
+
+import logging
+import time
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from evolution._src.backends.making import make_backend
+from evolution._src.backends.rollout import make_environment_options
+from evolution._src.backends.trials import Job, Outcome, Randomization, Trials, find_trial_controller
+from evolution._src.controllers.protocol import Controller
+from evolution._src.errors import RunError
+from evolution._src.limits import MAX_TRIALS
+from evolution._src.search.stored_config import restore
+from evolution._src.search.validation import Champion
+from reconstruction._src.base.range_checks import as_integers
+from symbrion_gym._src.environment.snake_pit import SnakePitEnv
+
+if TYPE_CHECKING:
+    from evolution._src.backends.parts import Point
+    from evolution._src.backends.trials import ArenaSource
+
+UNSTRETCHED = Randomization(stretch=(1.0,))
+"""Conditions of `judge`: the length of the arena is known."""
+_JUDGE_SEED = 0x6A75
+"""Second word of the seed of `judge`: a run draws the conditions of its own trials from other seeds."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One trial, tick by tick.
+
+    Attributes:
+        success: whether the strict success check passed.
+        progress: progress of the whole body [m].
+        seconds: simulated [s].
+        positions: centers of the modules, head first, at every tick [m].
+        rotations: module -> world, at every tick.
+        frames: images; empty where nothing was filmed.
+        fps: frames a second at which the film runs at `speed` times real time.
+    """
+
+    success: bool
+    progress: float
+    seconds: float
+    positions: Float[np.ndarray, "T n 3"]
+    rotations: Float[np.ndarray, "T n 3 3"]
+    frames: list[UInt8[np.ndarray, "H W 3"]]
+    fps: int
+
+
+def judge(
+    champion: Champion,
+    arena: "ArenaSource" = "truth",
+    trials: int = 20,
+    seed: int = 0,
+    *,
+    start: "str | Point | None" = None,
+    randomization: Randomization = UNSTRETCHED,
+    workers: int = 1,
+    allow: Collection[str] = (),
+) -> Outcome:
+    """Try a champion in randomized trials: start, yaw, friction and torque differ.
+
+    Args:
+        champion: champion to try, with genotype, controller and body.
+        arena: a name, folder or `Arena`.
+        trials: number of trials.
+        seed: seed of the conditions.
+        start: "floor", "pit" or (x, y) [m]; None: as in the run where that had a place or a task, else "floor".
+        randomization: ranges of the conditions; by default the arena is not stretched.
+        workers: number of threads.
+        allow: modules of yours that a champion from a file names and that may be imported.
+
+    Returns:
+        The outcome; `successes` of its `trials` succeeded.
+
+    Raises:
+        RunError: the environment cannot be made, or trials or seed is out of range.
+    """
+    (trials,) = as_integers("trials", [trials], 1, MAX_TRIALS, RunError)
+    (seed,) = as_integers("seed", [seed], 0, np.inf, RunError)
+    conditions = make_champion_trials(
+        champion,
+        arena,
+        start,
+        count=trials,
+        seed=(seed, _JUDGE_SEED),
+        randomization=randomization,
+        allow=allow,
+    )
+    backend = make_backend("batch", workers)
+    (outcome,) = backend.run([Job(np.array(champion.genotype), conditions)])
+    return outcome
+
+
+def play(
+    champion: Champion,
+    arena: "ArenaSource" = "truth",
+    seed: int = 0,
+    *,
+    start: "str | Point | None" = None,
+    film: bool = False,
+    window: bool = False,
+    speed: float = 5.0,
+    fps: int = 20,
+    size: tuple[int, int] = (640, 400),
+    allow: Collection[str] = (),
+) -> Recording:
+    """Play one trial under nominal conditions and record it.
+
+    Args:
+        champion: champion to try, with genotype, controller and body.
+        arena: a name, folder or `Arena`.
+        seed: seed of the environment.
+        start: as of `judge`.
+        film: also render; where there is no OpenGL, a warning is logged and there are no frames.
+        window: show it in MuJoCo's viewer instead; where there is no display, a warning is logged.
+        speed: speed of film and window, relative to the robot.
+        fps: frames a second.
+        size: width and height of a frame [pixel].
+        allow: as of `judge`.
+
+    Raises:
+        ValueError: the environment cannot be made; `ArenaError` and `OrganismError` are among them.
+    """
+    conditions = make_champion_trials(champion, arena, start, allow)
+    environment = SnakePitEnv(
+        render_mode="human" if window else "rgb_array",
+        width=size[0],
+        height=size[1],
+        **make_environment_options(conditions),
+    )
+    try:
+        return _run(
+            environment, champion, find_trial_controller(conditions), seed, film and not window, speed, fps
+        )
+    finally:
+        environment.close()
+
+
+def make_champion_trials(
+    champion: Champion,
+    arena: "ArenaSource",
+    start: "str | Point | None" = None,
+    allow: Collection[str] = (),
+    **others: Any,
+) -> Trials:
+    """Return trials of a champion: its body, its controller and its task, all found anew in the arena.
+
+    Args:
+        champion: champion to try.
+        arena: a name, folder, file or `Arena`.
+        start: as of `judge`.
+        allow: as of `judge`.
+        others: other fields of the trials.
+
+    Raises:
+        RunError: controller or task cannot be restored.
+    """
+    champion = restore(champion, allow)
+    episode = champion.episode
+    if start is None and isinstance(episode.find_start(), str):
+        start = "floor"
+    if start is not None:
+        episode = replace(episode, start=start)
+    return Trials(arena=arena, body=champion.body, episode=episode, control=champion.control, **others)
+
+
+def _run(
+    environment: SnakePitEnv,
+    champion: Champion,
+    controller: Controller,
+    seed: int,
+    film: bool,
+    speed: float,
+    fps: int,
+) -> Recording:
+    genotype = np.array(champion.genotype)[None]
+    observation, info = environment.reset(seed=seed)
+    state = controller.begin(1)
+    positions, rotations, frames = [], [], []
+    ticks_per_frame = max(1, round(speed / (fps * environment.dt)))
+    progress, ended = 0.0, False
+    is_shown, began = environment.render_mode == "human", time.perf_counter()
+    while not ended:
+        if is_shown:  # wait for the time of the film
+            time.sleep(max(0.0, float(info["time"]) / speed - (time.perf_counter() - began)))
+        if film and len(positions) % ticks_per_frame == 0:
+            film = _add_frame(environment, frames)
+        actions, state = controller.act(observation[None], genotype, environment.observation_structure, state)
+        observation, _, terminated, truncated, info = environment.step(actions[0])
+        physics = environment.physics
+        positions.append(physics.position[0].copy())
+        rotations.append(physics.rotation[0].reshape(-1, 3, 3).copy())
+        progress, ended = float(info["progress"]), terminated or truncated
+    return Recording(
+        success=bool(info["success"]),
+        progress=progress,
+        seconds=float(info["time"]),
+        positions=np.array(positions),
+        rotations=np.array(rotations),
+        frames=frames,
+        fps=fps,
+    )
+
+
+def _add_frame(environment: SnakePitEnv, frames: list[UInt8[np.ndarray, "H W 3"]]) -> bool:
+    """Render a frame; return whether it was possible."""
+    try:
+        frame = environment.render()
+    except Exception as error:  # whatever a graphics driver raises
+        logger.warning("no video: OpenGL cannot be used here (%s: %s)", type(error).__name__, error)
+        return False
+    frames.append(np.asarray(frame))
+    return True

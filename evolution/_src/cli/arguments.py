@@ -1,0 +1,41 @@
+"""Checks of arguments that several subcommands have: arenas, length of the snake."""
+
+from pathlib import Path
+
+import symbrion_gym as sg
+from evolution._src.cli.command import UsageError
+
+
+def check_arena(arena: str) -> None:
+    """Refuse an arena that is neither the name of a ready-made one nor an existing file or folder.
+
+    Raises:
+        UsageError: the message lists the names.
+    """
+    if arena in sg.NAMED_ARENAS or Path(arena).exists():
+        return
+    raise UsageError(
+        f"no arena '{arena}'; give one of {', '.join(sg.NAMED_ARENAS)}, an arena folder or a mesh file"
+    )
+
+
+def check_arena_folder(arena: str) -> None:
+    """Refuse a damaged arena folder before anything is written; what it contains is kept for the run.
+
+    Raises:
+        ArenaError: the message names the file and the field.
+    """
+    if arena not in sg.NAMED_ARENAS and Path(arena).is_dir():
+        from evolution._src.backends.prepared_arenas import prepare_arena
+
+        prepare_arena(arena)
+
+
+def check_modules(modules: int) -> None:
+    """Refuse a body of fewer than two modules, which has no hinge to control.
+
+    Raises:
+        UsageError: the message names the smallest number.
+    """
+    if modules < 2:
+        raise UsageError(f"--modules {modules} is too few for a snake; give 2 or more")

@@ -1,0 +1,121 @@
+"""What all subcommands share: common options, and checks of paths."""
+
+import abc
+import contextlib
+import dataclasses
+import os
+import sys
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from evolution._src.cli.console import Console
+
+MISSED = 3
+"""Exit code where the work is done, but misses what was asked for, under `--strict`."""
+
+
+class UsageError(ValueError):
+    """A command line cannot be executed; the message names the value and a remedy."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Command(abc.ABC):
+    """A subcommand: its fields are its options, `run` does the work."""
+
+    json: bool = False
+    """Print a summary as JSON on standard output, and nothing else."""
+    quiet: bool = False
+    """Show no progress."""
+
+    def explain_interruption(self) -> str:
+        """Return in a line how the work goes on after an interruption by the keyboard; empty where it does not."""
+        return ""
+
+    @abc.abstractmethod
+    def run(self, console: Console) -> dict[str, Any]:
+        """Do the work and return a summary; with `ok: False` in it the exit code is 1, or else its `exit_code`."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrustingCommand(Command):
+    """A subcommand that reads files in which code of a user may be named."""
+
+    allow_code: tuple[str, ...] = ()
+    """Modules or packages of yours that the files name and that may be imported; no other code of a file is run."""
+
+    def __post_init__(self) -> None:
+        find_modules_here(*(each.partition(".")[0] for each in self.allow_code))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SeededCommand(Command):
+    """A subcommand that uses random numbers."""
+
+    seed: int = 0
+    """Seed of all random numbers; equal seeds give equal results."""
+
+    def __post_init__(self) -> None:
+        parent = getattr(super(), "__post_init__", None)
+        if parent is not None:
+            parent()
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed} is negative; give 0 or more")
+
+
+def find_modules_here(*names: object) -> None:
+    """Let the command line name modules in the working folder, after all others; unless it names code, none is found.
+
+    Args:
+        names: values of options: "module:name" of a controller, task or fitness, or modules of `--allow-code`.
+    """
+    if any(isinstance(name, str) and (":" in name or name.isidentifier()) for name in names):
+        with contextlib.suppress(OSError):  # the folder has been removed
+            here = os.getcwd()
+            if here not in sys.path:
+                sys.path.append(here)
+
+
+def require_file(path: Path, option: str) -> None:
+    """Refuse a path that is not a readable file, by a `UsageError` that names the option."""
+    if not path.exists():
+        raise UsageError(f"{option} {path}: no such file")
+    if path.is_dir():
+        raise UsageError(f"{option} {path} is a folder; give a file")
+    if not os.access(path, os.R_OK):
+        raise UsageError(f"{option} {path} cannot be read; change its permissions")
+
+
+def require_writable_file(path: Path, option: str, endings: tuple[str, ...]) -> None:
+    """Refuse a file that cannot be written, or whose ending is not one of `endings`, by a `UsageError`."""
+    if not path.name.lower().endswith(endings):
+        raise UsageError(f"{option} {path} has an unknown ending; use one of {', '.join(endings)}")
+    if path.is_dir():
+        raise UsageError(f"{option} {path} is a folder; give a file name")
+    if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
+        raise UsageError(f"{option} {path} is write-protected or not a regular file; give another name")
+    require_writable_folder(path.parent, option)
+
+
+def require_own_archive(path: Path, option: str, member: str) -> None:
+    """Refuse to replace a file at the default place that this command did not write, by a `UsageError`."""
+    if not path.exists():
+        return
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            if f"{member}.npy" in archive.namelist():
+                return
+    raise UsageError(f"{path} exists and was not written by this command; name another file with {option}")
+
+
+def require_writable_folder(path: Path, option: str) -> None:
+    """Refuse a folder that cannot be created or written to, by a `UsageError`."""
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{option} {path} is a file; give a folder")
+    existing = path
+    while (
+        not existing.exists() and existing != existing.parent
+    ):  # the root may be absent, too: a drive on Windows
+        existing = existing.parent
+    if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
+        raise UsageError(f"{option} {path} cannot be written; give another folder")

@@ -1,0 +1,196 @@
+"""`symbrion arena`: turn a surface into geometry for MuJoCo."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import tyro
+
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution._src.cli.command import (
+    MISSED,
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_writable_file,
+    require_writable_folder,
+)
+from evolution._src.cli.console import Console
+from evolution._src.cli.quality_table import make_quality_rows
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.quantities import format_count, format_extents
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.arenas.accuracy import AccuracyReport
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Arena(SeededCommand):
+    """Decompose a surface into convex pieces for contact, keep the exact surface for rays, and write both as a folder.
+
+    The table says how far contact is from the surface, in all directions and both ways, and, where the position of
+    the scanner is known, how many of its beams still end where they did. A missed accuracy is a warning.
+
+    Example: symbrion arena surface.npz --out arenas/pit --picture pit.png
+    """
+
+    mesh: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
+    """A reconstruction by `symbrion reconstruct` (.npz) or a mesh file (.ply .obj .stl .off .glb)."""
+    out: Path = Path("arena")
+    """Output folder: MJCF for MuJoCo's viewer, meshes, arena.json. An arena in it is replaced, other files are kept."""
+    accuracy: float | None = None
+    """Target of the mean distance between contact geometry and surface [m]. Default: follows the data."""
+    kind: Literal["auto", "convex", "hfield", "prisms", "primitives", "mixed"] = "auto"
+    """Contact geometry: convex pieces, a height field, one prism per triangle (slow), or boxes where planes fit.
+    Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
+    max_pieces: int | None = None
+    """Largest number of convex pieces. More follow rough ground better and make a step slower."""
+    time_limit: float | None = None
+    """Emergency stop [s]: the best arena so far is written, with a warning."""
+    viewpoint: tuple[tuple[float, float, float], ...] = ()
+    """Position X Y Z of the scanner [m], in the frame of the file with z up; several: X Y Z X Y Z. Contact grows away
+    from it."""
+    unit: Literal["m", "cm", "mm", "ft", "us-ft", "in"] | None = None
+    """Length unit of a mesh file. Default: what the file says (.glb, .gltf, .dae), otherwise meters."""
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] | None = None
+    """Axis of a mesh file that points up. Default: what the file says, otherwise z."""
+    scale: float = 1.0
+    """Factor on all lengths of a mesh file."""
+    picture: Path | None = None
+    """Draw where contact and surface differ in this file (.png)."""
+    strict: bool = False
+    """End with exit code 3 where the accuracy is missed."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_file(self.mesh, "MESH")
+        self._check_mesh()
+        require_writable_folder(self.out, "--out")
+        try:
+            from symbrion_gym._src.arenas.saving import find_own_files
+
+            find_own_files(self.out)
+        except sg.ArenaError as error:
+            raise UsageError(f"--out {error}") from error
+        if self.accuracy is not None and not self.accuracy > 0:
+            raise UsageError(
+                f"--accuracy {self.accuracy} is not a distance; give meters above 0, for example 0.003"
+            )
+        if self.max_pieces is not None and self.max_pieces < 1:
+            raise UsageError(f"--max-pieces {self.max_pieces} is too few; give 1 or more")
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise UsageError(f"--time-limit {self.time_limit} is not a time; give seconds above 0")
+        if not np.isfinite(np.ravel(self.viewpoint)).all():
+            raise UsageError(f"--viewpoint {self.viewpoint} is not finite; give positions in meters")
+        if self.picture is not None:
+            require_writable_file(self.picture, "--picture", (".png",))
+
+    def _check_mesh(self) -> None:
+        """Refuse points, which have no surface, and a frame for a reconstruction, which knows its own.
+
+        Raises:
+            UsageError: it names the command that helps.
+        """
+        if not 0 < self.scale < math.inf:
+            raise UsageError(f"--scale {self.scale} is not a factor; give a number above 0")
+        from symbrion_gym._src.arenas.surface_file import check_has_surface
+
+        try:
+            check_has_surface(self.mesh)
+        except sg.ArenaError as error:
+            raise UsageError(f"MESH {error}") from error
+        if self.mesh.suffix.lower() == ".npz" and (self.unit or self.up or self.scale != 1.0):
+            raise UsageError(
+                f"MESH {self.mesh} is a reconstruction, in meters with z up; give --unit, --up and --scale to "
+                "symbrion reconstruct"
+            )
+
+    def run(self, console: Console) -> dict[str, Any]:
+        """Make the arena, write it, print its quality.
+
+        Raises:
+            MissingExtraError: a picture is wanted and the extra is not installed.
+        """
+        if self.picture is not None:
+            require_extras("`symbrion arena --picture`", "report")
+        from symbrion_gym._src.arenas.accuracy import report_accuracy
+
+        with console.track(f"Arena from {self.mesh.name}") as step:
+            arena, kept = self._keep_objects(self._make(step.progress))
+            arena.save(self.out)
+        report = report_accuracy(arena)
+        if self.picture is not None:
+            with console.track(f"Picture {self.picture.name}"):
+                self._draw(arena)
+        contact = format_count(len(arena.pieces), "piece") if arena.height_field is None else "a height field"
+        console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
+        console.print_line(f"it extends over {format_extents(*arena.surface.bounds.tolist())}")
+        if kept:
+            console.print_line(kept)
+        console.show_table(
+            "Quality of the contact geometry",
+            ["measure", "value"],
+            make_quality_rows(arena, report),
+        )
+        return self._summarize(arena, report, step.seconds)
+
+    def _summarize(self, arena: "sg.Arena", report: "AccuracyReport", seconds: float) -> dict[str, Any]:
+        summary = {
+            "folder": self.out,
+            "pieces": len(arena.pieces),
+            "bounds": arena.surface.bounds.tolist(),
+            "seconds": seconds,
+            "quality": arena.quality.as_dict(),
+            "accuracy": report.as_dict(),
+            "picture": self.picture,
+        }
+        return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
+
+    def _make(self, progress: "rc.Progress") -> "sg.Arena":
+        options = {
+            name: getattr(self, name)
+            for name in ("max_pieces", "time_limit")
+            if getattr(self, name) is not None
+        }
+        return sg.make_arena(
+            self.mesh,
+            accuracy=self.accuracy,
+            kind=self.kind,
+            viewpoints=np.array(self.viewpoint) if self.viewpoint else None,
+            unit=self.unit,
+            up=self.up,
+            scale=self.scale,
+            seed=self.seed,
+            progress=progress,
+            **options,
+        )
+
+    def _keep_objects(self, arena: "sg.Arena") -> tuple["sg.Arena", str]:
+        """Return the arena with the known objects of the one that it replaces, and what happened to them."""
+        from symbrion_gym._src.arenas.saving import count_objects
+
+        number = count_objects(self.out)
+        if not number:
+            return arena, ""
+        former = sg.Arena.load(self.out)
+        if np.array_equal(former.offset, arena.offset):
+            return dataclasses.replace(
+                arena, objects=former.objects
+            ), f"known objects that were there: {number} kept"
+        return arena, (
+            f"known objects that were there: {number} dropped, as the surface lies in another frame; find them "
+            f"again by symbrion objects SCAN --object FILE --add-to {self.out}"
+        )
+
+    def _draw(self, arena: "sg.Arena") -> None:
+        assert self.picture is not None
+        from evolution._src.report.error_map import draw_error_map
+        from evolution._src.report.pictures import to_png
+
+        self.picture.parent.mkdir(parents=True, exist_ok=True)
+        with write_atomically(self.picture) as beside:
+            beside.write_bytes(to_png(draw_error_map(arena), is_reduced=False))

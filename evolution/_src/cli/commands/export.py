@@ -1,0 +1,61 @@
+"""`symbrion export`: write an arena for other simulators and robots."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+import symbrion_gym as sg
+from evolution._src.cli.arguments import check_arena
+from evolution._src.cli.command import Command, UsageError, require_writable_folder
+from evolution._src.cli.console import Console
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.quantities import format_count
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Export(Command):
+    """Write an arena as a folder that other simulators load without this package, with loaders and a license note.
+
+    Example: symbrion export arenas/mine --to usd --out mine-usd
+    """
+
+    arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")]
+    """A folder by `symbrion arena`, a ready-made arena (truth, simple, gsrm, gg, stairs) or a mesh file."""
+    to: Literal["mjcf", "urdf", "usd", "obj"] = "mjcf"
+    """mjcf: MuJoCo, mjlab, Playground; urdf: PyBullet, Gazebo, Drake; usd: Isaac Lab, Newton (extra `usd`); obj."""
+    out: Path = Path("export")
+    """Output folder. An export in it is replaced, other files are kept."""
+    max_vertices: int | None = 64
+    """Most vertices of a convex solid; pieces with more are cut. 64 is the limit of PhysX on GPUs; None: no limit."""
+
+    def __post_init__(self) -> None:
+        check_arena(self.arena)
+        require_writable_folder(self.out, "--out")
+        from symbrion_gym._src.arenas.export.saving import find_own_files
+        from symbrion_gym._src.arenas.export.vertex_limit import FEWEST_VERTICES
+
+        if self.max_vertices is not None and self.max_vertices < FEWEST_VERTICES:
+            raise UsageError(
+                f"--max-vertices {self.max_vertices} is too few; give {FEWEST_VERTICES} or more, or None"
+            )
+        try:
+            find_own_files(self.out)
+        except sg.ArenaError as error:
+            raise UsageError(f"--out {error}") from error
+
+    def run(self, console: Console) -> dict[str, Any]:
+        if self.to == "usd":
+            require_extras("`symbrion export --to usd`", "usd")
+        with console.track(f"Export to {self.to}"):
+            arena = sg.load_arena(self.arena)
+            about = arena.export(self.out, self.to, self.max_vertices)
+        solids, pieces = (
+            format_count(about["num_solids"], "convex solid"),
+            format_count(about["num_pieces"], "piece"),
+        )
+        console.print_line(
+            f"{solids} in {self.out} (from {pieces}); {self.out}/README.md says how to load it"
+        )
+        return {"folder": self.out, **about}

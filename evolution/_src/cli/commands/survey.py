@@ -1,0 +1,136 @@
+"""`symbrion survey`: scan an arena with the virtual robot."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+from jaxtyping import Float
+
+import symbrion_gym as sg
+from evolution._src.cli.arguments import check_arena
+from evolution._src.cli.command import (
+    SeededCommand,
+    UsageError,
+    require_file,
+    require_own_archive,
+    require_writable_file,
+)
+from evolution._src.cli.console import Console
+from reconstruction._src.base.typed_json import as_type, read_json
+from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+
+PATH_ENDINGS = (".csv", ".txt", ".json")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Survey(SeededCommand):
+    """Drive a virtual robot with two SICK laser scanners through an arena, and save the scan log.
+
+    Example: symbrion survey truth --out survey.npz
+
+    Example: symbrion survey pit.ply --path="-1,1.6 0.2,2.8 1.4,1.6" --speed 0.5 --noise 0.01
+    """
+
+    arena: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="ARENA")] = "truth"
+    """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a mesh file in meters, z up."""
+    out: Path = Path("survey.npz")
+    """Output file for the scan log (.npz)."""
+    path: str | None = None
+    """Waypoints: "X,Y X,Y ..." [m], or a file of them (.csv .txt .json). Default: a zigzag around the arena."""
+    speed: float = SurveyRobot.speed
+    """Driving speed [m/s]; a lower speed gives more scans."""
+    rate: float = SurveyRobot.scan_rate
+    """Scan rate [Hz]."""
+    shake: float = float(np.round(np.degrees(SurveyRobot.shake), 6))
+    """Standard deviation of the robot's roll and pitch [degrees]."""
+    beams: int = LaserScanner.num_beams
+    """Number of beams of a scan, over 180 degrees: 361 is one every half degree."""
+    noise: float = LaserScanner.noise
+    """Standard deviation of a reading at range 0 [m]; it grows by 0.5 mm per meter."""
+    max_range: float = LaserScanner.max_range
+    """Largest range that is read [m]."""
+    resolution: float = LaserScanner.resolution
+    """Resolution of a reading [m]; 0: continuous."""
+    camera: bool = False
+    """Color the readings by a camera beside the scanner. The arena must have colors; truth and stairs are painted."""
+    friction: bool = False
+    """Let docked Scouts drive over the arena as well and feel its friction by the slip of their tracks."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_arena(self.arena)
+        require_writable_file(self.out, "--out", (".npz",))
+        if self.out == Survey.out:
+            require_own_archive(self.out, "--out", "ranges")
+        for name in ("speed", "rate", "max_range"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise UsageError(f"--{name.replace('_', '-')} {getattr(self, name)} must be above 0")
+        for name in ("shake", "noise", "resolution"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise UsageError(f"--{name} {getattr(self, name)} must be 0 or more")
+        if self.beams < 2:
+            raise UsageError(f"--beams {self.beams} is too few for a scan; give 2 or more")
+        if self.path is not None:
+            read_path(self.path)
+
+    def run(self, console: Console) -> dict[str, Any]:
+        path = None if self.path is None else read_path(self.path)
+        with console.track(f"Survey of {self.arena}") as step:
+            log = sg.survey(
+                self.arena,
+                path=path,
+                sensor=self.make_robot(),
+                seed=self.seed,
+                progress=step.progress,
+                camera=self.camera,
+                friction=self.friction,
+            )
+            self.out.parent.mkdir(parents=True, exist_ok=True)
+            log.save(self.out)
+        scans, beams = log.ranges.shape
+        console.print_line(f"{scans} scans of {beams} beams in {self.out}")
+        console.print_line(f"next: symbrion reconstruct {self.out} --out surface.npz")
+        slip = {} if log.slip is None else {"slip_ticks": len(log.slip)}
+        return {"log": self.out, "scans": scans, "beams": beams, "seconds": step.seconds, **slip}
+
+    def make_robot(self) -> SurveyRobot:
+        """Return the robot that the options describe."""
+        scanner = LaserScanner(
+            num_beams=self.beams, noise=self.noise, max_range=self.max_range, resolution=self.resolution
+        )
+        shake = SurveyRobot.shake if self.shake == Survey.shake else float(np.radians(self.shake))
+        return SurveyRobot(scanner=scanner, speed=self.speed, scan_rate=self.rate, shake=shake)
+
+
+def read_path(text: str) -> Float[np.ndarray, "W 2"]:
+    """Read waypoints from "X,Y X,Y ..." or from a file of them [m].
+
+    Raises:
+        UsageError: there are fewer than two, or they are not pairs of finite numbers, or all the same.
+    """
+    file = Path(text.strip())
+    try:
+        if file.name.lower().endswith(PATH_ENDINGS):
+            require_file(file, "--path")
+            if file.suffix.lower() == ".json":
+                rows = as_type(read_json(file), list[tuple[float, float]], "waypoints")
+            else:
+                lines = file.read_text(encoding="utf-8").splitlines()
+                rows = [line.replace(",", " ").split() for line in lines if line.strip()]
+        else:
+            rows = [place.split(",") for place in text.split()]
+        waypoints = np.array(rows, dtype=float)
+    except (ValueError, TypeError) as error:
+        if isinstance(error, UsageError):
+            raise
+        raise UsageError(
+            f'--path {text}: not waypoints ({error}); give "X,Y X,Y ..." or a .csv or .json file'
+        ) from error
+    if waypoints.ndim != 2 or waypoints.shape[1] != 2 or len(waypoints) < 2:
+        raise UsageError(f'--path {text}: give two waypoints or more, each x and y, like "0,2 3,2"')
+    if not np.isfinite(waypoints).all() or np.ptp(waypoints, axis=0).max() == 0:
+        raise UsageError(f"--path {text}: waypoints must be finite and not all the same")
+    return waypoints

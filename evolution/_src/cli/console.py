@@ -1,0 +1,141 @@
+"""Output of the command line: progress bars with the remaining time, results as lines and tables."""
+
+import sys
+import time
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console as RichConsole
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from evolution._src.cli.streams import discard_output
+from reconstruction._src.base.printable import make_printable
+from reconstruction._src.base.progress import Progress as ProgressCallback
+
+
+class Console:
+    """Draws progress on standard error, so that standard output contains only results.
+
+    Args:
+        quiet: show no progress.
+        mute: print no results.
+    """
+
+    def __init__(self, quiet: bool = False, mute: bool = False):
+        self.quiet = quiet
+        self._out = _PlainConsole(file=sys.stdout, quiet=mute, soft_wrap=True)
+        self._rich = _PlainConsole(file=sys.stderr, quiet=quiet)
+        self._bars = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            TextColumn("{task.percentage:>3.0f}%"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[detail]}", style="dim", markup=False),
+            console=self._rich,
+            disable=quiet or not self._rich.is_terminal,
+        )
+
+    def __enter__(self) -> "Console":
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def print_line(self, text: str) -> None:
+        """Print a line of results."""
+        self._out.print(make_printable(text))
+
+    def show_table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+        """Print a table of results."""
+        table = Table(*columns, title=title, title_justify="left")
+        for row in rows:
+            table.add_row(*(make_printable(cell) for cell in row))
+        self._out.print(table)
+
+    def track(self, title: str) -> "Step":
+        """Return a step with its own progress bar, for use in a `with` block."""
+        return Step(
+            make_printable(title), self._bars, None if self.quiet or self._rich.is_terminal else self._rich
+        )
+
+
+class _PlainConsole(RichConsole):
+    """Prints text literally, without markup; becomes silent when the reader of a pipe has closed it."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, highlight=False, **options)
+
+    def on_broken_pipe(self) -> None:
+        """Continue without output: the results are in files."""
+        self.quiet = True
+        discard_output(self.file)
+
+
+class Step:
+    """One step of the work: long functions call its `progress`. Without a terminal it prints lines instead of a bar.
+
+    Args:
+        title: what the step does.
+        bars: draws the progress bar.
+        log: prints lines where there is no terminal; None to print none.
+
+    Attributes:
+        seconds: wall time of the step, known when it has ended.
+    """
+
+    LOG_INTERVAL = 5.0
+    """Shortest time between two lines of progress [s]; a log of an hour has at most 720 of them."""
+    MIN_FRACTION = 0.02
+    """Share of the work since the first report from which the remaining time is estimated."""
+
+    def __init__(self, title: str, bars: Progress, log: RichConsole | None):
+        self.title, self._bars, self._log = title, bars, log
+        self.seconds = 0.0
+        self._task: TaskID | None = None
+        self._start = self._last_line = 0.0
+        self._first: tuple[float, float] | None = None
+
+    def __enter__(self) -> "Step":
+        self._start = self._last_line = time.perf_counter()
+        self._task = self._bars.add_task(self.title, total=1.0, detail="")
+        if self._log:
+            self._log.print(f"{self.title} ...")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.seconds = time.perf_counter() - self._start
+        if self._task is not None and error is None:
+            self._bars.update(self._task, completed=1.0, detail="")
+        if self._log and error is None:
+            self._log.print(f"{self.title}: done in {self.seconds:.1f} s")
+
+    @property
+    def progress(self) -> ProgressCallback:
+        """The callback for the function that does the work."""
+        return self._update
+
+    def _update(self, message: str, fraction: float) -> None:
+        if self._task is not None:
+            self._bars.update(self._task, completed=fraction, detail=message)
+        now = time.perf_counter()
+        self._first = self._first or (now, fraction)
+        if self._log and now - self._last_line > self.LOG_INTERVAL:
+            self._last_line = now
+            self._log.print(f"  {message} ({fraction:.0%}{self._estimate(now, fraction)})")
+
+    def _estimate(self, now: float, fraction: float) -> str:
+        """Return the time that is left at the speed since the first report, before which a resumed run did nothing."""
+        assert self._first is not None
+        begin, known = self._first
+        if fraction - known <= self.MIN_FRACTION or fraction >= 1:
+            return ""
+        return f", about {(now - begin) * (1 - fraction) / (fraction - known):.0f} s left"

@@ -1,0 +1,304 @@
+"""Coupled oscillators: a central pattern generator with one phase oscillator for each hinge, on any tree of modules.
+
+With theta the phase, r the amplitude and x the target of hinge i, p its parent (the next hinge on the way to the head,
+or a clock at the head) and c its children:
+
+    dtheta_i/dt = 2 pi f + w sin(theta_p - theta_i - lag_i) + sum_c w sin(theta_c - theta_i + lag_c) - s N_i cos theta_i
+    d2r_i/dt2   = a (a / 4 (R_i - r_i) - dr_i/dt)
+    x_i         = offset_i + r_i cos(theta_i) + gain_ahead * inclination ahead + gain_behind * pitch
+
+A module with two rotational degrees of freedom turns its arm, too, with the phase of its hinge and a smooth start:
+
+    x_twist = twist_offset_i + twist_amplitude_i min(clock, 1) cos(theta_i - twist_lag_i)
+
+References:
+    Ijspeert (2008), Central pattern generators for locomotion control in animals and robots: a review, Neural Networks
+    21(4). Phases, amplitudes and steering by different amplitudes to the left and right: Ijspeert, Crespi, Ryczko and
+    Cabelguen (2007), From swimming to walking with a salamander robot driven by a spinal cord model, Science 315.
+    Owaki, Kano, Nagasawa, Tero and Ishiguro (2013), Simple robot suggests physical interlimb communication is essential
+    for quadruped walking, J. R. Soc. Interface 10: the feedback - s N cos theta from ground contact.
+
+    Differs: couplings are not weighted by amplitudes, so that a resting hinge passes the rhythm on; N is 1 or 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from evolution._src.controllers.config import OscillatorConfig
+from evolution._src.controllers.drive import GOAL_SENSOR, Drive, find_bearing
+from evolution._src.controllers.joints import Joints
+from evolution._src.controllers.namespaces import add_to_column, find_namespace
+from evolution._src.controllers.protocol import Structure
+from symbrion_gym._src.environment.config import SENSORS
+from symbrion_gym._src.robot.scout_constants import SIDES
+
+COMMON_GENES = ("log2_frequency", "pitch_ahead", "pitch_behind", "contact_feedback")
+"""Genes of all hinges: frequency as a power of 2, gains on inclinations, and s [rad/s]."""
+SIDE_GENES = ("side_bias", "side_steering")
+"""Genes of bodies with hinges on both sides: smaller strokes on the left, and a gain of that on the goal's bearing."""
+KIND_GENES = ("amplitude", "offset", "lag")
+"""Genes of each kind of docking [rad]."""
+TWIST_GENES = ("twist_amplitude", "twist_offset", "twist_lag")
+"""Likewise of the rotations of arms, where modules have them [rad]."""
+_ANGLES = ("lag_", "twist_lag_")
+"""Beginnings of the names of genes that are phases, which go all around."""
+_HINTS = {
+    "front": (0.3, 0.0, 0.0),
+    "back": (0.3, 0.0, 1.0),
+    "left": (0.3, 0.0, 0.0),
+    "right": (0.3, 0.0, pi / 2),
+}
+"""Genes of each kind of docking at which a search with a hint begins: a wave along the spine, legs in turn."""
+
+
+class OscillatorState(NamedTuple):
+    """The memory of oscillators between ticks.
+
+    Attributes:
+        has_begun: whether a tick has passed; phases begin at their lags.
+        clock: phase at the head [rad].
+        phase: of each hinge [rad].
+        amplitude: of each hinge [rad].
+        amplitude_rate: its change [rad/s].
+    """
+
+    has_begun: Bool[Any, "P 1"]
+    clock: Float[Any, "P 1"]
+    phase: Float[Any, "P h"]
+    amplitude: Float[Any, "P h"]
+    amplitude_rate: Float[Any, "P h"]
+
+
+@dataclass(frozen=True, eq=False)
+class OscillatorController:
+    """Coupled oscillators on a body: it follows `Controller`.
+
+    Attributes:
+        joints: the hinges of the body.
+        drive: its tracks.
+        kinds: kinds of dockings with a hinge: the sides to which the modules with these hinges are docked.
+        parent: next hinge of each hinge on the way to the head; itself where the clock is next.
+        hinge_range: largest angle of a hinge to either side [rad]; actions are relative to it.
+        bound: largest absolute value of a gene other than a lag.
+        config: parameters that are not evolved.
+        twist_range: largest angle of the rotation of an arm to either side [rad].
+        name: name of the controller.
+        version: raised when it acts differently than before.
+    """
+
+    joints: Joints
+    drive: Drive
+    kinds: tuple[str, ...]
+    parent: Int[np.ndarray, " h"]
+    hinge_range: float
+    bound: float
+    config: OscillatorConfig
+    twist_range: float = pi / 2
+    name: str = "oscillators"
+    version: str = "1"
+
+    @property
+    def can_steer(self) -> bool:
+        """Whether there are hinges on both sides."""
+        return {1.0, -1.0} <= set(self.joints.side.tolist())
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The parts of an observation that it reads."""
+        steers = (self.can_steer or self.drive.can_turn) and GOAL_SENSOR in SENSORS
+        rolls = ("roll",) if self.joints.has_rolls else ()
+        return ("hinge_angle", "pitch", "contact", *rolls, *((GOAL_SENSOR,) if steers else ()))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Name of each gene."""
+        sides = SIDE_GENES if self.can_steer else ()
+        own = KIND_GENES + TWIST_GENES * bool(self.joints.num_twists)
+        kinds = tuple(f"{gene}_{kind}" for kind in self.kinds for gene in own)
+        return (*self.drive.parameters, *COMMON_GENES, *sides, *kinds)
+
+    @property
+    def initial(self) -> tuple[float, ...]:
+        """Genotype at which a search with a hint begins."""
+        sides = (0.0, 1.0) if self.can_steer else ()
+        twists = (0.0,) * len(TWIST_GENES) * bool(self.joints.num_twists)
+        kinds = tuple(value for kind in self.kinds for value in (*_HINTS[kind], *twists))
+        return (*self.drive.initial, *(0.0,) * len(COMMON_GENES), *sides, *kinds)
+
+    @property
+    def upper(self) -> tuple[float, ...]:
+        """Largest value of each gene."""
+        return tuple(pi if name.startswith(_ANGLES) else self.bound for name in self.parameters)
+
+    @property
+    def lower(self) -> tuple[float, ...]:
+        """Smallest value of each gene."""
+        return tuple(-value for value in self.upper)
+
+    def begin(self, count: int) -> OscillatorState:
+        """Return the state of `count` controllers before their first observation."""
+        clock, hinges = np.zeros((count, 1)), np.zeros((count, len(self.joints.own)))
+        return OscillatorState(clock > 0, clock, hinges, hinges.copy(), hinges.copy())
+
+    def act(
+        self,
+        observation: Float[Any, "P O"],
+        genotype: Float[Any, "*P G"],
+        structure: Structure,
+        state: OscillatorState,
+    ) -> tuple[Float[Any, "P A"], OscillatorState]:
+        """Compute actions in [-1, 1], hinge targets as a share of their range, then track speeds.
+
+        Args:
+            observation: one row for each controller.
+            genotype: one row for each controller, or one genotype for all.
+            structure: slice of each quantity in an observation.
+            state: as returned by `begin` or the previous call.
+        """
+        xp = find_namespace(observation)
+        genes = xp.broadcast_to(genotype, (len(observation), len(self.parameters)))
+        gene = {name: genes[:, index : index + 1] for index, name in enumerate(self.parameters)}
+        amplitude, offset, lag = (self._spread(gene, name) for name in KIND_GENES)
+        amplitude = amplitude * self._find_stroke(gene, observation, structure)
+        touches = xp.asarray(observation[:, structure["contact"]], dtype=float)[:, self.joints.own] > 0
+        state = self._step(state, gene, amplitude, lag, touches)
+        target = offset + state.amplitude * xp.cos(state.phase)
+        target = (target + self._find_reflex(gene, observation, structure)) / self.hinge_range
+        tracks = self.drive.act(genes[:, : len(self.drive.parameters)], observation, structure)
+        twists = self._find_twists(gene, state)
+        return xp.concatenate((xp.clip(target, -1.0, 1.0), xp.clip(twists, -1.0, 1.0), tracks), axis=1), state
+
+    def _find_twists(self, gene: dict[str, Float[Any, "P 1"]], state: OscillatorState) -> Float[Any, "P t"]:
+        """Return the targets of the rotations of arms, as a share of their range."""
+        xp = find_namespace(state.phase)
+        if not self.joints.num_twists:
+            return xp.zeros((len(state.phase), 0))
+        amplitude, offset, lag = (self._spread(gene, name) for name in TWIST_GENES)
+        stroke = xp.clip(state.clock, 0.0, 1.0) * xp.cos(state.phase - lag)
+        return (offset + amplitude * stroke) / self.twist_range
+
+    def _spread(self, gene: dict[str, Float[Any, "P 1"]], name: str) -> Float[Any, "P h"]:
+        """Return the gene of each hinge's kind of docking."""
+        columns = [gene[f"{name}_{dock}"] for dock in self.joints.dock]
+        xp = find_namespace(gene["log2_frequency"])
+        return xp.concatenate(columns, axis=1) if columns else xp.zeros((len(gene["log2_frequency"]), 0))
+
+    def _find_stroke(
+        self,
+        gene: dict[str, Float[Any, "P 1"]],
+        observation: Float[Any, "P O"],
+        structure: Structure,
+    ) -> Float[Any, "#P #h"]:
+        """Return the factor on the amplitudes: smaller on the side to which the body turns."""
+        if not self.can_steer:
+            return find_namespace(observation).ones((1, 1))
+        turn = gene["side_bias"] + gene["side_steering"] * find_bearing(observation, structure)
+        return 1.0 - find_namespace(turn).clip(turn, -1.0, 1.0) * self.joints.side
+
+    def _find_reflex(
+        self,
+        gene: dict[str, Float[Any, "P 1"]],
+        observation: Float[Any, "P O"],
+        structure: Structure,
+    ) -> Float[Any, "P h"]:
+        """Return what inclinations add to the targets [rad]."""
+        pitch, roll = (
+            find_namespace(observation).asarray(observation[:, structure[name]], dtype=float)
+            if name in structure
+            else None
+            for name in ("pitch", "roll")
+        )
+        assert pitch is not None
+        ahead = self.joints.find_inclination_ahead(pitch, roll if self.joints.has_rolls else None)
+        return gene["pitch_ahead"] * ahead + gene["pitch_behind"] * pitch[:, self.joints.own]
+
+    def _step(
+        self,
+        state: OscillatorState,
+        gene: dict[str, Float[Any, "P 1"]],
+        amplitude: Float[Any, "P h"],
+        lag: Float[Any, "P h"],
+        touches: Bool[Any, "P h"],
+    ) -> OscillatorState:
+        """Return the state one tick later (explicit Euler)."""
+        xp = find_namespace(lag)
+        dt, rate = self.config.dt, self.config.amplitude_rate
+        lags = self._add_up(lag)
+        phase = xp.where(state.has_begun, state.phase, state.clock - lags)
+        is_root = self.parent == np.arange(len(self.parent))
+        before = xp.where(is_root, state.clock, phase[:, self.parent])
+        pull = xp.sin(before - phase - lag)
+        turn = 2.0 * pi * self.config.frequency * xp.exp2(gene["log2_frequency"])
+        change = turn + self.config.coupling * pull - gene["contact_feedback"] * touches * xp.cos(phase)
+        for child in np.flatnonzero(~is_root):
+            change = add_to_column(change, self.parent[child], -(self.config.coupling * pull[:, child]))
+        acceleration = rate * (rate / 4.0 * (amplitude - state.amplitude) - state.amplitude_rate)
+        speed = state.amplitude_rate + dt * acceleration
+        return OscillatorState(
+            has_begun=xp.ones_like(state.has_begun),
+            clock=state.clock + dt * turn,
+            phase=phase + dt * change,
+            amplitude=state.amplitude + dt * speed,
+            amplitude_rate=speed,
+        )
+
+    def _add_up(self, lag: Float[Any, "P h"]) -> Float[Any, "P h"]:
+        """Return the lag of each hinge behind the clock."""
+        total = lag.copy()
+        for hinge in np.argsort(self.joints.depth, kind="stable"):
+            if self.parent[hinge] != hinge:
+                total = add_to_column(total, hinge, total[:, self.parent[hinge]])
+        return total
+
+
+def make_oscillators(
+    config: OscillatorConfig,
+    bound: float,
+    joints: Joints,
+    drive: Drive,
+    hinge_range: float,
+    twist_range: float = pi / 2,
+) -> OscillatorController:
+    """Make coupled oscillators for a body.
+
+    Args:
+        config: parameters that are not evolved.
+        bound: largest absolute value of a gene other than a lag.
+        joints: the hinges of the body.
+        drive: its tracks.
+        hinge_range: largest angle of a hinge to either side [rad].
+        twist_range: likewise of the rotation of an arm.
+    """
+    kinds = tuple(side for side in SIDES if side in joints.dock)
+    parents = _find_parents(joints)
+    return OscillatorController(joints, drive, kinds, parents, hinge_range, bound, config, twist_range)
+
+
+def _find_parents(joints: Joints) -> Int[np.ndarray, " h"]:
+    """Return for each hinge the next one on the way to the head, itself where there is none.
+
+    Of two hinges in one docking, the one that belongs to the module nearer to the head comes first.
+    """
+    hinges: dict[int, list[int]] = {}
+    pairs = [(int(own), int(ahead)) for own, ahead in zip(joints.own, joints.ahead, strict=True)]
+    fars = [own if joints.parents[own] == ahead else ahead for own, ahead in pairs]
+    for hinge, far in enumerate(fars):
+        hinges.setdefault(far, []).append(hinge)
+    parents = np.arange(len(pairs))
+    for hinge, far in enumerate(fars):
+        together = sorted(hinges[far], key=lambda each: pairs[each][0] == far)
+        if together.index(hinge):
+            parents[hinge] = together[0]
+            continue
+        module = joints.parents[far]
+        while module > 0 and module not in hinges:
+            module = joints.parents[module]
+        if module in hinges:
+            parents[hinge] = sorted(hinges[module], key=lambda each: pairs[each][0] == module)[-1]
+    return parents

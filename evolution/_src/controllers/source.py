@@ -1,0 +1,224 @@
+"""Where a controller of a user is found again: by "module:name" and version, in records, workers and clusters."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import sys
+from collections.abc import Callable, Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+from evolution._src.errors import RunError
+from evolution._src.references import check_allowed
+from reconstruction._src.base.typed_json import JsonError, as_type
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.robot.organism import Organism
+
+_PLAIN = (bool, int, float, str, type(None))
+"""Types of arguments that a record can hold."""
+_ADVICE = 'give a class or function of the organism that a module defines, or "module:name" of one'
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerSource:
+    """A controller of a user, by reference. It can be hashed, compared, pickled and written as JSON.
+
+    Attributes:
+        name: name of the controller.
+        version: its version when the run began.
+        source: "module:name" of a controller, or of a class or function of the organism that returns one.
+        arguments: fields of a dataclass that `source` names; None for a class or function of the organism.
+        is_allowed: whether its module may be imported; not where a file named it and nobody has allowed it since.
+    """
+
+    name: str
+    version: str
+    source: str
+    arguments: tuple[tuple[str, Any], ...] | None = None
+    is_allowed: bool = dataclasses.field(default=True, compare=False)
+
+    def __post_init__(self) -> None:
+        split_path(self.source)
+        if self.arguments is not None:
+            arguments = tuple((str(name), _freeze(value)) for name, value in self.arguments)
+            object.__setattr__(self, "arguments", arguments)
+
+    def make(self, organism: Organism, num_tracks: int) -> Any:
+        """Return the controller for a body.
+
+        Raises:
+            RunError: its module is missing, it is of another version than recorded, or it cannot be made.
+        """
+        if not self.is_allowed:
+            check_allowed(self.source, "controller", ())
+        found = import_path(self.source)
+        if self.arguments is not None:
+            made = call_maker(lambda: found(**dict(self.arguments or ())), self.source)
+        else:
+            made = make_from(found, organism, num_tracks, self.source)
+        version = getattr(made, "version", None)
+        if version != self.version:
+            raise RunError(
+                f"controller {self.source!r} is of version {version!r}, the record of {self.version!r}; "
+                "restore that version of its module, or start a new run"
+            )
+        return made
+
+    def allow(self, modules: Collection[str]) -> ControllerSource:
+        """Return the source that may be imported.
+
+        Raises:
+            RunError: its module is not among those allowed.
+        """
+        if not self.is_allowed:
+            check_allowed(self.source, "controller", modules)
+        return dataclasses.replace(self, is_allowed=True)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain JSON content; `read_source` reads it."""
+        content: dict[str, Any] = {"name": self.name, "version": self.version, "source": self.source}
+        return content if self.arguments is None else content | {"arguments": list(self.arguments)}
+
+
+def read_source(content: Mapping[str, Any]) -> ControllerSource:
+    """Return the source that `ControllerSource.as_dict` described, without importing anything.
+
+    Raises:
+        RunError: the content is none.
+    """
+    try:
+        given = {name: value for name, value in content.items() if name != "is_allowed"}
+        return dataclasses.replace(as_type(given, ControllerSource, "controller"), is_allowed=False)
+    except JsonError as error:
+        raise RunError(str(error)) from error
+
+
+def find_source(spec: Any, name: str, version: str) -> ControllerSource:
+    """Return the reference to what a user gave as a controller: an object, a class, a function or "module:name".
+
+    Raises:
+        RunError: it could not be found again from a record or in another process; the message says why.
+    """
+    if isinstance(spec, str):
+        return ControllerSource(name, version, spec)
+    if isinstance(spec, type) or inspect.isroutine(spec):
+        return ControllerSource(name, version, _find_path(spec, spec.__qualname__))
+    for key, value in vars(sys.modules.get(type(spec).__module__, object)).items():
+        if value is spec:
+            return ControllerSource(name, version, _find_path(spec, key))
+    if dataclasses.is_dataclass(spec):
+        fields = [field for field in dataclasses.fields(spec) if field.init]
+        arguments = tuple((field.name, _freeze(getattr(spec, field.name))) for field in fields)
+        if all(map(_is_plain, arguments)):
+            return ControllerSource(name, version, _find_path(type(spec), type(spec).__qualname__), arguments)
+    raise RunError(
+        f"controller {name!r} cannot be found again from a record or in a worker: it is an object that no module "
+        f"names, and no dataclass of numbers and text; {_ADVICE}"
+    )
+
+
+def _find_path(thing: Any, qualname: str) -> str:
+    """Return "module:name", by which an importable thing is found again.
+
+    Raises:
+        RunError: it is not found there.
+    """
+    module = thing.__module__ if hasattr(thing, "__module__") else type(thing).__module__
+    what = f"controller {module}:{qualname}"
+    if "<" in qualname:
+        raise RunError(
+            f"{what} is a lambda or defined inside a function, so that a record or worker cannot find it; {_ADVICE}"
+        )
+    if module == "__main__":
+        raise RunError(
+            f"{what} is defined in the program that runs, so that a record or worker cannot find it; "
+            "move it into a module of its own and import it"
+        )
+    path = f"{module}:{qualname}"
+    if import_path(path) is not thing:
+        raise RunError(f"{what} has been replaced in its module, so that a record cannot find it; {_ADVICE}")
+    return path
+
+
+def split_path(path: str) -> tuple[str, str]:
+    """Return module and name of "module:name".
+
+    Raises:
+        RunError: it is no such text.
+    """
+    module, _, name = path.partition(":")
+    if not all(part.isidentifier() for part in (*module.split("."), *name.split("."))):
+        raise RunError(f'controller is {path!r}; "module:name" is needed, such as "my_package.walking:Wave"')
+    return module, name
+
+
+def import_path(path: str) -> Any:
+    """Import what "module:name" names.
+
+    Raises:
+        RunError: there is no such module or name, or importing it fails.
+    """
+    module, name = split_path(path)
+    try:
+        found: Any = importlib.import_module(module)
+    except Exception as error:  # whatever the module of a user raises
+        raise RunError(
+            f"controller {path!r}: module {module!r} cannot be imported ({type(error).__name__}: {error}); "
+            "start in the folder that contains it, or add that folder to PYTHONPATH"
+        ) from error
+    for part in name.split("."):
+        if not hasattr(found, part):
+            public = [each for each in vars(found) if not each.startswith("_")]
+            raise RunError(f"controller {path!r}: there is no {part!r} in it; there are: {', '.join(public)}")
+        found = getattr(found, part)
+    return found
+
+
+def make_from(found: Any, organism: Organism, num_tracks: int, what: str) -> Any:
+    """Return a controller: what was found, or what it makes as a class or function of the organism.
+
+    Args:
+        found: controller, class or function; it gets the organism, and `num_tracks` where it takes that.
+        organism: body to be moved.
+        num_tracks: number of track speeds in an action.
+        what: name of what was found, for messages.
+
+    Raises:
+        RunError: it fails, or cannot be called.
+    """
+    if not isinstance(found, type) and hasattr(found, "act"):
+        return found
+    if not callable(found):
+        raise RunError(f"controller {what!r} is {found!r}, which is no controller; {_ADVICE}")
+    try:
+        parameters = inspect.signature(found).parameters
+    except (TypeError, ValueError):
+        parameters = {"organism": None}
+    if not parameters:
+        return call_maker(found, what)
+    options = {"num_tracks": num_tracks} if "num_tracks" in parameters else {}
+    return call_maker(lambda: found(organism, **options), what)
+
+
+def call_maker(make: Callable[[], Any], what: str) -> Any:
+    """Return what a class or function of a user makes.
+
+    Raises:
+        RunError: it raises whatever else.
+    """
+    try:
+        return make()
+    except RunError:
+        raise
+    except Exception as error:
+        raise RunError(f"controller {what!r} cannot be made: {type(error).__name__}: {error}") from error
+
+
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list | tuple) else value
+
+
+def _is_plain(value: Any) -> bool:
+    return all(map(_is_plain, value)) if isinstance(value, tuple) else isinstance(value, _PLAIN)

@@ -1,0 +1,246 @@
+"""The whole pipeline, run once: survey, networks, arenas, evolution, judging the champion, video."""
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+import evolution as ev
+import reconstruction as rc
+import symbrion_gym as sg
+from evolution._src.experiments.demo.truth import paint_truth
+from evolution._src.experiments.output_folder import refuse_foreign_files
+from evolution._src.search.run import RunFolder
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.typed_json import JsonError, read_json
+from symbrion_gym._src.ready_made import SPACING
+
+MARKER = "demo.json"
+"""The file that the demo writes first; it shows that the folder is a demo's."""
+OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
+"""Files and folders that the demo makes."""
+ADDED_FIELDS = {"trials"}
+"""Fields of `DemoConfig` that the `demo.json` of an earlier version lacks."""
+
+
+class Step(Protocol):
+    """One step of the pipeline, as the command line draws it.
+
+    Attributes:
+        seconds: wall time, known when the step has ended.
+    """
+
+    seconds: float
+
+    @property
+    def progress(self) -> rc.Progress:
+        """The callback for the function that does the work, see `reconstruction._src.base.progress`."""
+        ...
+
+
+Track = Callable[[str], AbstractContextManager[Step]]
+"""Starts a step with the given title."""
+
+
+@dataclasses.dataclass(frozen=True)
+class DemoConfig:
+    """What the demo builds.
+
+    Attributes:
+        folder: the folder of all files.
+        seed: seed of all random numbers.
+        modules: number of modules in the snake.
+        gsrm_units: units of the GSRM, whose surface becomes the arena of the evolution; 2200 as in the paper.
+        gg_units: units of the growing grid; 7000 give about 14,000 triangles, as in the paper.
+        generations: limit of the evolution, which stops earlier when a champion is confirmed.
+        workers: threads; the results do not depend on their number.
+        trials: randomized trials in which the champion is judged in each arena; 18 of 20 are the success threshold.
+    """
+
+    folder: Path
+    seed: int = 0
+    modules: int = 8
+    gsrm_units: int = 2200
+    gg_units: int = 7000
+    generations: int = 30
+    workers: int = os.cpu_count() or 1
+    trials: int = 20
+
+
+@dataclasses.dataclass
+class DemoResult:
+    """Everything the demo made, for its page.
+
+    Attributes:
+        config: the configuration of the demo.
+        log: the scan log.
+        raw_points: before pre-processing [m].
+        points: after pre-processing, thinned [m].
+        surfaces: network -> reconstruction.
+        arenas: network -> arena.
+        run: the evolution.
+        outcomes: arena -> randomized trials of the champion there.
+        films: arena -> recording of the champion's nominal trial there; "insufficient": of a robot that did not
+            cross, in the true arena.
+        seconds: step -> wall time [s].
+        colors: red, green and blue of `points` as the robot's camera saw them.
+    """
+
+    config: DemoConfig
+    log: rc.ScanLog
+    raw_points: Float[np.ndarray, "N 3"]
+    points: Float[np.ndarray, "M 3"]
+    surfaces: dict[str, rc.Reconstruction]
+    arenas: dict[str, sg.Arena]
+    run: ev.Run
+    outcomes: dict[str, ev.Outcome]
+    films: dict[str, ev.Recording]
+    seconds: dict[str, float]
+    colors: UInt8[np.ndarray, "M 3"] | None = None
+
+    @property
+    def crosses(self) -> dict[str, bool]:
+        """Arena -> whether the champion crosses from the floor under nominal conditions (no randomization)."""
+        return {name: film.success for name, film in self.films.items() if name in ("gsrm", "truth")}
+
+
+def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
+    """Run all steps from the survey to the video of the champion.
+
+    Args:
+        config: the configuration of the demo.
+        track: starts a step of the progress display.
+
+    Raises:
+        RunError: the folder contains files that no demo wrote, or the evolution fails.
+        ScanError: the survey cannot be pre-processed.
+        ReconstructionError: a network cannot learn the points.
+        ArenaError: a surface cannot become an arena.
+    """
+    seconds: dict[str, float] = {}
+    claim_folder(config)
+    with track("1/7 survey of the true arena") as step:
+        log = sg.survey(paint_truth(), seed=config.seed, progress=step.progress, camera=True)
+        log.save(config.folder / "survey.npz")
+    seconds["survey"] = step.seconds
+    with track("2/7 pre-processing") as step:
+        points = rc.thin(rc.preprocess(log), SPACING)
+        rc.save_points(config.folder / "cloud.ply", points)
+    seconds["pre-processing"] = step.seconds
+
+    surfaces: dict[str, rc.Reconstruction] = {}
+    for method, units in (("gsrm", config.gsrm_units), ("gg", config.gg_units)):
+        with track(f"3/7 network {method}, {units} units") as step:
+            surfaces[method] = rc.reconstruct(
+                points, method=method, units=units, seed=config.seed, progress=step.progress
+            )
+            surfaces[method].save(config.folder / f"{method}.npz")
+        seconds[f"network {method}"] = step.seconds
+
+    arenas: dict[str, sg.Arena] = {}
+    for method, surface in surfaces.items():
+        with track(f"4/7 arena from {method}") as step:
+            made = sg.make_arena(surface.mesh, name=method, seed=config.seed, progress=step.progress)
+            arenas[method] = sg.color_arena(made, surface.cloud)
+            arenas[method].save(config.folder / "arenas" / method)
+        seconds[f"arena {method}"] = step.seconds
+
+    with track(f"5/7 evolution of {config.modules} modules in the GSRM arena") as step:
+        run = _evolve(config, step.progress)
+    seconds["evolution"] = step.seconds
+    with track("6/7 trials and video of the champion") as step:
+        outcomes, films = _judge(config, run, arenas["gsrm"], step.progress)
+    seconds["trials and video"] = step.seconds
+    return DemoResult(
+        config,
+        log,
+        log.points(),
+        points.points,
+        surfaces,
+        arenas,
+        run,
+        outcomes,
+        films,
+        seconds,
+        points.colors,
+    )
+
+
+def claim_folder(config: DemoConfig) -> None:
+    """Write `demo.json`, which allows a later demo to replace the files of this one.
+
+    Raises:
+        RunError: the folder contains a file that the demo would replace and no demo wrote.
+    """
+    _refuse_foreign_marker(config.folder / MARKER)
+    refuse_foreign_files(config.folder, MARKER, OUTPUTS)
+    config.folder.mkdir(parents=True, exist_ok=True)
+    with write_atomically(config.folder / MARKER) as beside:
+        beside.write_text(json.dumps(dataclasses.asdict(config) | {"folder": "."}, indent=2) + "\n")
+
+
+def _refuse_foreign_marker(path: Path) -> None:
+    """Refuse a file of the marker's name that does not contain the fields of a `DemoConfig`."""
+    try:
+        content = read_json(path) if path.exists() else None
+    except JsonError:
+        content = ()
+    names = {field.name for field in dataclasses.fields(DemoConfig)}
+    is_demo = isinstance(content, dict) and names - ADDED_FIELDS <= set(content) <= names
+    if content is not None and not is_demo:
+        raise ev.RunError(f"{path} was not written by a demo; name another folder, or move it")
+
+
+def _evolve(config: DemoConfig, progress: rc.Progress) -> ev.Run:
+    """Evolve in the reconstructed arena; the run of an earlier demo is replaced."""
+    folder = config.folder / "run"
+    earlier = RunFolder(folder)
+    with earlier.lock():
+        earlier.remove()
+    return ev.evolve(
+        ev.EvolutionConfig(
+            arena=str(config.folder / "arenas" / "gsrm"),
+            modules=config.modules,
+            seed=config.seed,
+            generations=config.generations,
+            workers=config.workers,
+            folder=str(folder),
+        ),
+        progress=progress,
+    )
+
+
+def _judge(
+    config: DemoConfig, run: ev.Run, arena: sg.Arena, progress: rc.Progress
+) -> tuple[dict[str, ev.Outcome], dict[str, ev.Recording]]:
+    """Judge the champion in the reconstructed and in the true arena, and film it and a robot that did not cross."""
+    assert run.champion is not None
+    outcomes: dict[str, ev.Outcome] = {}
+    films: dict[str, ev.Recording] = {}
+    judged_in = {"gsrm": arena, "truth": paint_truth()}
+    for index, (name, place) in enumerate(judged_in.items()):
+        progress(f"trials in {name}", index / (len(judged_in) + 1))
+        outcomes[name] = ev.judge(run.champion, place, config.trials, config.seed, workers=config.workers)
+        films[name] = ev.play(run.champion, place, config.seed, film=name == "truth")
+    progress("an insufficiently evolved robot", len(judged_in) / (len(judged_in) + 1))
+    films["insufficient"] = ev.play(find_insufficient(run), judged_in["truth"], config.seed, film=True)
+    return outcomes, films
+
+
+def find_insufficient(run: ev.Run) -> ev.Champion:
+    """Return an insufficiently evolved robot: of those of the first generation that did not cross, the median one."""
+    assert run.champion is not None
+    first = [entry for entry in run.record.entries if entry.generation == 0]
+    failed = sorted(
+        (entry for entry in first if not any(entry.outcome.succeeded)), key=lambda entry: entry.fitness
+    )
+    if not failed:  # all crossed at once: a robot that does nothing instead
+        return dataclasses.replace(run.champion, genotype=(0.0,) * len(run.champion.genotype))
+    genotype = failed[len(failed) // 2].genotype
+    return dataclasses.replace(run.champion, genotype=tuple(map(float, genotype)))

@@ -1,0 +1,185 @@
+"""The story of a swarm: scattered robots gather into an organism, cross the pit, part and go on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from evolution._src.champions.docked import DockedChampion
+from evolution._src.experiments.swarm.config import StoryConfig
+from reconstruction._src.base.progress import Progress, silent
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.robot.organism import snake
+from symbrion_gym._src.swarm.behavior.machine import Machine
+from symbrion_gym._src.swarm.behavior.memory import PART, Memory, Mode
+from symbrion_gym._src.swarm.behavior.plan import make_plan
+from symbrion_gym._src.swarm.behavior.sensing import make_scout
+from symbrion_gym._src.swarm.behavior.swarm import BehavingSwarm, Recorder, Track
+from symbrion_gym._src.swarm.kinematic.kinematic_world import KinematicWorld
+from symbrion_gym._src.swarm.starts import UPRIGHT, Field, find_across, find_field, scatter
+from symbrion_gym._src.swarm.world import DECISION, SwarmCommands
+
+if TYPE_CHECKING:
+    from evolution._src.search.validation import Champion
+
+HOLD_TIME = 0.3
+"""All modules are beyond the pit for so long before the organism parts [s], as the task of the snake has it."""
+FALLEN = -0.3
+"""A module whose up axis has less height has rolled over, likewise."""
+
+
+@dataclass(frozen=True)
+class Story:
+    """What became of a swarm.
+
+    Attributes:
+        config: of the story.
+        success: every robot beyond the pit, undocked and upright.
+        reason: what it failed at; "" for a success.
+        gathered: when the organism was whole [s]; nan if never.
+        crossed: when it was beyond the pit [s]; likewise.
+        ended: [s].
+        recoveries: failed attempts to dock, of all robots.
+        across: how many robots are beyond the pit at the end, undocked and upright.
+        track: where all were, with what they did.
+    """
+
+    config: StoryConfig
+    success: bool
+    reason: str
+    gathered: float
+    crossed: float
+    ended: float
+    recoveries: int
+    across: int
+    track: Track
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures, for JSON; nan as None."""
+        times = {name: getattr(self, name) for name in ("gathered", "crossed", "ended")}
+        return {
+            "seed": self.config.seed,
+            "arena": self.config.arena,
+            "robots": self.config.num_robots,
+            "docks": self.config.docks,
+            "success": self.success,
+            "reason": self.reason,
+            **{name: round(value, 3) if np.isfinite(value) else None for name, value in times.items()},
+            "recoveries": self.recoveries,
+            "across": self.across,
+        }
+
+
+def tell_story(
+    config: StoryConfig, arena: Arena, champion: Champion | None, progress: Progress = silent
+) -> Story:
+    """Run a story from the scattered start to the end.
+
+    Args:
+        config: the story.
+        arena: its arena.
+        champion: of a snake of as many robots; needed where they dock.
+        progress: called with the share of the longest time.
+    """
+    field = find_field(arena, config.num_robots)
+    swarm = _begin(config, arena, field)
+    gathered = _gather(swarm, config, progress)
+    tracks, crossed = [swarm.recorder.read()], float("nan")
+    reason = "" if np.isfinite(gathered) else f"no whole organism within {config.gather_time:g} s"
+    world: KinematicWorld = swarm.world  # pyright: ignore[reportAssignmentType]
+    if not reason and champion is not None:
+        progress("crossing", 0.8)
+        reason, crossed, track = _cross(world, swarm.memory, field, champion, config)
+        tracks.append(track)
+        if not reason:
+            progress("parting", 0.95)
+            tracks.append(_part(world, swarm.machine, swarm.memory, config))
+    track = Track.join(*tracks)
+    across = find_across(world.state, field, world.scout)
+    stands = bool(np.isfinite(crossed) and across.all())
+    if not reason and not stands:
+        reason = f"{int((~across).sum())} robots are not beyond the pit, undocked and upright"
+    recoveries = int(swarm.memory.recoveries.sum())
+    ended = float(track.time[-1])
+    return Story(config, stands, reason, gathered, crossed, ended, recoveries, int(across.sum()), track)
+
+
+def find_gathering_time(config: StoryConfig, arena: Arena, progress: Progress = silent) -> float:
+    """Return when the organism of a story is whole [s]; nan if it is not within `gather_time`.
+
+    Args:
+        config: the story.
+        arena: its arena.
+        progress: called with the share of the longest time.
+    """
+    return _gather(_begin(config, arena, find_field(arena, config.num_robots)), config, progress)
+
+
+def _begin(config: StoryConfig, arena: Arena, field: Field) -> BehavingSwarm:
+    count = config.num_robots
+    world = KinematicWorld(arena, count, make_scout())
+    world.reset(scatter(field, count, arena, np.random.default_rng((config.seed, 3))), config.seed)
+    machine = Machine(make_plan(snake(count)), count, config.weights, config.docks)
+    return BehavingSwarm(world, machine, seed=config.seed)
+
+
+def _gather(swarm: BehavingSwarm, config: StoryConfig, progress: Progress) -> float:
+    """Return when the organism was whole [s]; nan if it never was."""
+    steps = round(config.gather_time / DECISION)
+    for step in range(steps):
+        swarm.step()
+        if step % 100 == 0:
+            progress("gathering", 0.8 * step / steps)
+        if swarm.machine.is_complete(swarm.memory):
+            return float(swarm.world.time)
+    return float("nan")
+
+
+def _cross(
+    kinematic: KinematicWorld, memory: Memory, field: Field, champion: Champion, config: StoryConfig
+) -> tuple[str, float, Track]:
+    """Let the organism cross in full contact; return why not, when it was across [s], and its track."""
+    from symbrion_gym._src.swarm.dynamic.motion import Motion
+    from symbrion_gym._src.swarm.dynamic.world import DynamicWorld
+
+    state = kinematic.state
+    zero = np.zeros((kinematic.num_robots, 3))
+    world = DynamicWorld(kinematic.arena, kinematic.num_robots)
+    world.begin(Motion(state.position, state.rotation, zero, zero, state.hinge, zero[:, 0]), state.links)
+    world.time = kinematic.time
+    modules = np.argsort(memory.role).tolist()
+    start = float(field.find_way(state.position)[modules[0]])
+    driver = DockedChampion(champion, world, modules, start)
+    idle, recorder, held = SwarmCommands.make_idle(kinematic.num_robots), Recorder(), 0.0
+    reason = f"not across within {config.cross_time:g} s"
+    for tick in range(round(config.cross_time / driver.dt)):
+        driver.step(idle)
+        if tick % round(DECISION / driver.dt) == 0:
+            recorder.add(world, memory.mode)
+        up, way = world.state.rotation[:, 2, 2], field.find_way(world.state.position)
+        held = held + driver.dt if (way > field.route.finish).all() and (up > UPRIGHT).all() else 0.0
+        if held >= HOLD_TIME:
+            reason = ""
+            break
+        if (up < FALLEN).any() or not np.isfinite(way).all():
+            reason = "the organism rolled over"
+            break
+        if (world.state.position[:, 2] < field.route.lowest).any():
+            reason = "the organism fell off the side"
+            break
+    recorder.add(world, memory.mode)
+    kinematic.set_state(world.state, world.time)
+    return reason, float("nan") if reason else float(world.time), recorder.read()
+
+
+def _part(kinematic: KinematicWorld, machine: Machine, memory: Memory, config: StoryConfig) -> Track:
+    """Undock all robots and let them go on."""
+    told = memory._replace(goes=np.full(kinematic.num_robots, PART))
+    swarm = BehavingSwarm(kinematic, machine, seed=config.seed + 1, memory=told)
+    for _ in range(round(config.part_time / DECISION)):
+        swarm.step()
+        if (swarm.memory.mode == Mode.REST).all():
+            break
+    return swarm.recorder.read()

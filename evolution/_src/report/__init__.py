@@ -1,0 +1,1 @@
+"""Results for people: figures, video, and self-contained HTML pages."""

@@ -1,0 +1,264 @@
+"""Pictures of an arena in layers: surface, contact geometry, drivable ground, route."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from scipy.spatial import cKDTree
+
+import symbrion_gym as sg
+from evolution._src.report.framing import find_frame
+from evolution._src.report.friction_view import add_friction, make_friction_legend
+from evolution._src.report.pictures import DPI
+from evolution._src.report.raster import Pixels, View, make_view, rasterize
+from evolution._src.report.robot_view import (
+    add_robot,
+    add_scale,
+    add_way,
+    make_boxes,
+    make_robot_legend,
+    make_way_legend,
+)
+from evolution._src.report.shading import OVERSAMPLING, blend, draw_outlines, reduce_samples, shade_pixels
+from evolution._src.report.touchable import find_touchable
+from reconstruction._src.base.quantities import format_count
+from symbrion_gym._src.arenas.spec import make_piece_colors
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.robot.organism import Organism
+    from symbrion_gym._src.tasks.drivable_way import Pair
+    from symbrion_gym._src.traversability.drivable import TraversabilityMap
+    from symbrion_gym._src.traversability.routes import DrivingRoute
+
+LAYERS = ("surface", "contact", "drivable", "route")
+"""What can be drawn."""
+DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
+"""Elevation and azimuth of the two cameras [degree]."""
+FROM_ABOVE = (90.0, -90.0)
+"""Of the camera of the plan: x to the right, y up."""
+PLAN_SHARE = 0.7
+"""Width of the plan, relative to that of both pictures side by side."""
+WIDTH = 760
+"""Width of each picture [pixel]."""
+SURFACE_COLOR = np.array([0.80, 0.78, 0.74])
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of red, green and blue in a gray (ITU-R BT.709)."""
+LIGHTEST, MUTED_CONTRAST = 0.92, 0.35
+"""Of the grays in place of a scan's colors, below contact or drivable ground: white, and what of the contrast stays."""
+CONTACT_OPACITY = 0.40
+CONTACT_COLOR, PLAIN_OPACITY = (0.36, 0.44, 0.90), 0.25
+"""Of contact over colored ground; else each piece has its own color."""
+GROUND_COLORS = {
+    "largest drivable region": (0.22, 0.62, 0.34),
+    "other drivable regions": (0.35, 0.50, 0.80),
+    "ground, not drivable": (0.86, 0.45, 0.38),
+}
+GROUND_OPACITY = 0.55
+HEIGHT_WEIGHT = 4.0
+"""Surface is colored as ground within two cells in plan, and in height within two divided by this."""
+ROUTE_COLOR = "#b00050"
+ENDS = (("*", 12, ROUTE_COLOR, "goal"), ("o", 7, "white", "start"))
+"""Marker, size [point], color and name, in the order in which they are drawn: a goal never hides the start."""
+BEHIND = 0.05
+"""Contact and route this far behind the surface are still drawn [m]: within what a robot feels."""
+LIFT = 0.02
+"""A route is drawn this far above the ground [m]."""
+
+
+def draw_arena(
+    arena: sg.Arena,
+    layers: Sequence[str] = LAYERS,
+    ground: TraversabilityMap | None = None,
+    route: DrivingRoute | None = None,
+    robot: Organism | None = None,
+    has_plan: bool = False,
+    way: Pair | None = None,
+) -> Figure:
+    """Draw an arena from two sides; what is seen from behind, like a ceiling from above, is left out.
+
+    What trails far off the scene is outside the picture (`find_frame`).
+
+    Args:
+        arena: any arena.
+        layers: what is drawn, of `LAYERS`.
+        ground: where a body can drive, for the layer "drivable".
+        route: way on it, for the layer "route".
+        robot: what stands at the start of the route, in the layer "route"; None for nothing.
+        has_plan: draw it from above, too, with coordinates in meters.
+        way: start and goal of a straight way, for the plan.
+    """
+    front, labels = find_touchable(arena) if "contact" in layers else (np.zeros((0, 3, 3)), np.zeros(0, int))
+    route = route if "route" in layers else None
+    boxes = [] if robot is None or route is None else make_boxes(robot, route)
+    frame = find_frame(arena, route, way if has_plan else None)
+    views = [make_view(frame, *direction, OVERSAMPLING * WIDTH) for direction in DIRECTIONS]
+    if has_plan:
+        views.append(make_view(frame, *FROM_ABOVE, OVERSAMPLING * round(PLAN_SHARE * 2 * WIDTH)))
+    figure, places = _make_figure(views)
+    contact = (
+        format_count(arena.quality.num_pieces, "contact piece")
+        if arena.height_field is None
+        else "a height field"
+    )
+    figure.suptitle(f"{arena.name}: {contact}", fontsize=10)
+    for axes, view in zip(places, views, strict=True):
+        pixels = rasterize(np.asarray(arena.surface.triangles), view)
+        picture = _draw_surface(arena, layers, pixels, view)
+        contact = rasterize(front, view)
+        shown_ground = ground if "drivable" in layers else None
+        if "contact" in layers:
+            picture = _add_contact(picture, pixels, contact, front, labels, shown_ground is not None)
+        if shown_ground is not None:
+            picture = _add_ground(picture, np.maximum(pixels.height, contact.height), view, shown_ground)
+        if boxes:
+            picture = add_robot(picture, pixels, view, boxes)
+        axes.imshow(reduce_samples(picture))
+        if route is not None:
+            _add_route(axes, view, pixels, route)
+    if has_plan and way is not None:
+        add_way(places[-1], views[-1], np.array(way))
+    handles = _make_legend(layers, ground, route)
+    handles += [make_robot_legend(robot)] if robot is not None and boxes else []
+    handles += [make_way_legend()] if has_plan and way is not None else []
+    handles += make_friction_legend(arena) if "surface" in layers else []
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=8, fontsize=9)
+    return figure
+
+
+def _make_figure(views: Sequence[View]) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a place for each view: two side by side, and a third one, from above, below them."""
+    heights = [view.height / OVERSAMPLING / DPI for view in views]
+    rows = [max(heights[:2]), *heights[2:]]
+    figure = Figure(figsize=(2 * WIDTH / DPI, sum(rows) + 0.8 * len(rows)), dpi=DPI, layout="constrained")
+    grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+    places = [figure.add_subplot(grid[0, column]) for column in (0, 1)]
+    for axes in places:
+        axes.set_axis_off()
+    for view in views[2:]:
+        places.append(figure.add_subplot(grid[1, :]))
+        add_scale(places[-1], view)
+    return figure, places
+
+
+def _draw_surface(
+    arena: sg.Arena, layers: Sequence[str], pixels: Pixels, view: View
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture of the surface with its friction; white where it is not wanted."""
+    if "surface" not in layers:
+        return np.ones((*pixels.face.shape, 3))
+    colors = _color_pixels(arena, pixels, view)
+    if arena.texture is not None and {"contact", "drivable"} & set(layers):
+        colors = mute(colors)
+    picture = shade_pixels(pixels, np.asarray(arena.surface.triangles), colors)
+    return add_friction(picture, pixels, view, arena)
+
+
+def _color_pixels(
+    arena: sg.Arena, pixels: Pixels, view: View
+) -> Float[np.ndarray, "H W 3"] | Float[np.ndarray, " 3"]:
+    """Return the color of the surface in each pixel; one for all where the arena has none."""
+    if arena.texture is None:
+        return SURFACE_COLOR
+    rows, columns = np.nonzero(pixels.face >= 0)
+    face = pixels.face[rows, columns]
+    places = view.find_points(columns, rows, pixels.height[rows, columns])
+    weights = trimesh.triangles.points_to_barycentric(np.asarray(arena.surface.triangles)[face], places)
+    weights = np.clip(np.nan_to_num(weights, nan=1 / 3), 0.0, 1.0)
+    colors = np.ones((*pixels.face.shape, 3))
+    colors[rows, columns] = arena.texture.find_colors(face, weights / weights.sum(axis=1, keepdims=True))
+    return colors
+
+
+def mute(colors: Float[np.ndarray, "*N 3"]) -> Float[np.ndarray, "*N 3"]:
+    """Return light grays in place of colors: a scan's colors through translucent layers would be none of either."""
+    gray = colors @ LUMA
+    return np.repeat((LIGHTEST - MUTED_CONTRAST * (1.0 - gray))[..., None], 3, axis=-1)
+
+
+def _add_contact(
+    picture: Float[np.ndarray, "H W 3"],
+    surface: Pixels,
+    contact: Pixels,
+    triangles: Float[np.ndarray, "F 3 3"],
+    labels: Int[np.ndarray, " F"],
+    is_plain: bool,
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture with translucent pieces that the surface does not hide; `is_plain`: all of one color."""
+    if not len(triangles):
+        return picture
+    is_seen = (contact.face >= 0) & (contact.height > surface.height - BEHIND)
+    piece = np.where(is_seen, labels[contact.face], -1)
+    colors = make_piece_colors(int(labels.max()) + 1)[piece, :3]
+    above = shade_pixels(contact, triangles, np.array(CONTACT_COLOR) if is_plain else colors)
+    opacity = PLAIN_OPACITY if is_plain else CONTACT_OPACITY
+    return draw_outlines(blend(picture, above, is_seen, opacity), piece, is_seen)
+
+
+def _add_ground(
+    picture: Float[np.ndarray, "H W 3"],
+    heights: Float[np.ndarray, "H W"],
+    view: View,
+    ground: TraversabilityMap,
+) -> Float[np.ndarray, "H W 3"]:
+    """Return the picture with ground colored by whether the body can drive there, on surface or contact."""
+    rows, columns = np.nonzero(np.isfinite(heights))
+    if not len(rows) or not len(ground.cell):
+        return picture
+    points = view.find_points(columns, rows, heights[rows, columns])
+    flat = [1.0, 1.0, HEIGHT_WEIGHT]
+    distance, place = cKDTree(ground.positions * flat).query(
+        points * flat, distance_upper_bound=2 * ground.grid.cell
+    )
+    is_ground = np.isfinite(distance)
+    region = ground.region[np.where(is_ground, place, 0)]
+    kind = np.where(region == 0, 0, np.where(region > 0, 1, 2))
+    tint = picture.copy()
+    tint[rows, columns] = np.array(list(GROUND_COLORS.values()))[kind]
+    is_shown = np.zeros(heights.shape, dtype=bool)
+    is_shown[rows, columns] = is_ground
+    return blend(picture, tint, is_shown, GROUND_OPACITY)
+
+
+def _add_route(axes: Axes, view: View, pixels: Pixels, route: DrivingRoute) -> None:
+    """Draw path, start and goal; dotted where the surface hides them."""
+    path = np.add(route.path, [0.0, 0.0, LIFT])
+    seen = view.project(path) / [OVERSAMPLING, OVERSAMPLING, 1.0]
+    is_seen = _is_seen(seen, pixels)
+    axes.plot(seen[:, 0], seen[:, 1], ":", color=ROUTE_COLOR, linewidth=1.2)
+    for part in np.split(np.arange(len(path)), np.flatnonzero(np.diff(is_seen)) + 1):
+        if is_seen[part[0]]:
+            axes.plot(seen[part, 0], seen[part, 1], color=ROUTE_COLOR, linewidth=2.0)
+    for index, (marker, size, color, _) in zip((-1, 0), ENDS, strict=True):
+        axes.plot(*seen[index, :2], marker, color=color, markersize=size, markeredgecolor=ROUTE_COLOR)
+
+
+def _is_seen(seen: Float[np.ndarray, "N 3"], pixels: Pixels) -> Bool[np.ndarray, " N"]:
+    rows, columns = ((OVERSAMPLING * seen[:, axis]).astype(np.int64) for axis in (1, 0))
+    rows = np.clip(rows, 0, pixels.height.shape[0] - 1)
+    columns = np.clip(columns, 0, pixels.height.shape[1] - 1)
+    return seen[:, 2] > pixels.height[rows, columns] - BEHIND
+
+
+def _make_legend(
+    layers: Sequence[str], ground: TraversabilityMap | None, route: DrivingRoute | None
+) -> list[Patch | Line2D]:
+    handles: list[Patch | Line2D] = []
+    if "contact" in layers:
+        handles.append(Patch(color=CONTACT_COLOR, alpha=CONTACT_OPACITY, label="contact pieces"))
+    if "drivable" in layers and ground is not None:
+        handles += [Patch(color=color, label=name) for name, color in GROUND_COLORS.items()]
+    if "route" in layers and route is not None:
+        for marker, size, color, name in reversed(ENDS):
+            line = Line2D([], [], marker=marker, markersize=size, label=name, color=color, linestyle="none")
+            line.set_markeredgecolor(ROUTE_COLOR)
+            handles.append(line)
+    return handles

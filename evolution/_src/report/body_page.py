@@ -1,0 +1,127 @@
+"""The page of a search for bodies: a grid of the fittest body of each kind; a click shows how it drives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from evolution._src.body_search.description import (
+    describe_success,
+    explain_fitness,
+    find_effort_weight,
+    format_fitness,
+)
+from evolution._src.body_search.descriptors import DESCRIPTORS
+from evolution._src.body_search.learning import Lesson
+from evolution._src.body_search.run import BodyRun
+from evolution._src.champions.playback import play
+from evolution._src.errors import RunError
+from evolution._src.report.bodies import draw_bodies
+from evolution._src.report.page import Card, Page
+from evolution._src.report.pictures import to_png
+from evolution._src.report.provenance import describe_machine
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.base.quantities import format_count, format_energy
+
+FILM_SPEED = 5.0
+"""Playback speed of films, relative to real time."""
+
+
+def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Progress = silent) -> Page:
+    """Return a page on which the bodies of a run can be looked through.
+
+    Args:
+        run: a search for bodies.
+        num_films: how many of them are filmed, the fittest first; the machine needs OpenGL.
+        seed: seed of the trials that are filmed.
+        progress: called with the body that is filmed and the share done.
+
+    Raises:
+        RunError: no body has learned yet.
+    """
+    elites = sorted(run.find_elites().values(), key=lambda lesson: -lesson.fitness)
+    if not elites:
+        raise RunError("no body has learned yet; resume the run")
+    axes = " and ".join(name.replace("_", " ") for name in run.config.bodies.axes)
+    bodies = format_count(len({each.pupil.key for each in run.record.lessons}), "body", "bodies")
+    page = Page(
+        title="Bodies that evolved",
+        summary=f"{bodies} learned in {run.config.arena}, {run.record.seconds:.0f} s of robot time.",
+        footer=describe_machine(),
+    )
+    champion = run.champion
+    assert champion is not None
+    page.add_verdict(
+        f"The best body: {describe_success(run)}.", good=champion.successes > champion.trials / 2
+    )
+    page.add_section("The fittest body of each kind", f"A kind is a cell of {axes}.")
+    page.add_list(_explain(run))
+    cards = _make_cards(run, elites, num_films, seed, progress)
+    page.add_cards(
+        cards, "From above, ahead is up; the free arm of the root is red. A click on a body opens its card."
+    )
+    return page
+
+
+def _explain(run: BodyRun) -> list[str]:
+    """Return how the cards are read."""
+    confirmed = (
+        "The champion is the body that succeeded most often when the fittest ones were tried again, under conditions "
+        "that none had met. Its successes are those of these fresh trials; those of the others are of the exam."
+        if run.confirmation is not None
+        else "The champion is the fittest body; it has not been tried again, which symbrion resume does."
+    )
+    return [
+        f"{explain_fitness(run)} It is that of the exam: trials of what the body has learned, under other conditions.",
+        confirmed,
+        "Cards with the mark “film” show the body drive, at "
+        f"{FILM_SPEED:g} times the speed of the robot. The option --films of symbrion replay says for how many bodies.",
+    ]
+
+
+def _make_cards(
+    run: BodyRun, elites: Sequence[Lesson], num_films: int, seed: int, progress: Progress
+) -> list[Card]:
+    """Return the card of the champion, then one for each elite that is not the champion."""
+    champion = run.best if run.confirmation is None else run.confirmation.lesson
+    assert champion is not None
+    others = [
+        lesson for lesson in elites if (lesson.pupil.key, lesson.rung) != (champion.pupil.key, champion.rung)
+    ]
+    cards = []
+    for number, lesson in enumerate([champion, *others]):
+        film = None
+        if number < num_films:
+            progress(f"film of {lesson.pupil.body.text}", number / min(num_films, 1 + len(others)))
+            film = _film(run, lesson, seed)
+        cards.append(_make_card(run, lesson, film, lesson is champion))
+    return cards
+
+
+def _make_card(run: BodyRun, lesson: Lesson, film: bytes | None, is_champion: bool) -> Card:
+    body = lesson.pupil.body
+    exam = f"{lesson.successes} of {lesson.trials} trials" if lesson.trials else "no exam yet"
+    rate, mark = f"{exam} of its exam" if lesson.trials else exam, ""
+    if is_champion:
+        mark = "champion" if run.confirmation is not None else "champion, not confirmed"
+        if run.confirmation is not None:
+            found = run.confirmation.champion
+            rate = f"{found.successes} of {found.trials} fresh trials"
+    fitness = format_fitness(run, lesson.fitness)
+    values = {name: axis.measure(lesson) for name, axis in DESCRIPTORS.items()}
+    work = format_energy(lesson.effort / find_effort_weight(run.config))
+    text = (
+        f"{format_count(body.num_modules, 'module')}, of whose hinges {values['hinges']:.0f} are used; width to length "
+        f"{values['width_to_length']:.2f}; work of the hinges {work}, as a mean over trials.\n"
+        f"Exam: {exam} succeeded, {fitness}; it learned in {lesson.seconds:.0f} s of robot time in its last rung.\n"
+        f"Body plan {body.to_plan()}, genome {body.text}"
+    )
+    label = f"{fitness}\n{format_count(body.num_modules, 'module')}\n{rate}"
+    return Card(to_png(draw_bodies([body], [""])), label, text, film, mark)
+
+
+def _film(run: BodyRun, lesson: Lesson, seed: int) -> bytes | None:
+    """Return one trial as a film; None where there is no OpenGL."""
+    from evolution._src.report.video import encode_video
+
+    recording = play(run.make_champion(lesson), run.config.arena, seed, film=True, speed=FILM_SPEED)
+    return encode_video(recording.frames, recording.fps) if recording.frames else None

@@ -1,0 +1,131 @@
+"""The error map of an arena: surface and contact geometry, colored by how far they lie from each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Float
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+import symbrion_gym as sg
+from evolution._src.report.framing import find_frame
+from evolution._src.report.pictures import DPI
+from evolution._src.report.raster import Pixels, View, make_view, rasterize
+from evolution._src.report.shading import OVERSAMPLING, draw_outlines, reduce_samples, shade_pixels
+from evolution._src.report.touchable import find_touchable
+from reconstruction._src.base.quantities import format_count, format_distance
+from symbrion_gym._src.contact.offsets import find_nearest, find_offsets
+from symbrion_gym._src.contact.quality import ArenaQuality
+
+DIRECTIONS = ((35.0, -60.0), (35.0, 120.0))
+"""Elevation and azimuth of the two cameras [degree]: opposite each other, so that every wall is seen."""
+WIDTH = 620
+"""Width of each of the four pictures [pixel]."""
+COLORS = "coolwarm"
+"""Red: contact stands in front of the surface, a bump. Blue: it lies behind or is missing, a hole."""
+LEAST_LIMIT = 0.001
+"""The end of the color scale is never below 1 mm: smaller errors are of no interest to a robot."""
+
+
+def draw_error_map(arena: sg.Arena, limit: float | None = None) -> Figure:
+    """Draw where the contact geometry of an arena differs from its surface, from two sides.
+
+    Faces seen from behind are left out, so that one looks into a room through its ceiling.
+
+    Args:
+        arena: any arena.
+        limit: distance at the ends of the color scale [m]; by default the 95th percentile, rounded up.
+    """
+    surface = np.asarray(arena.surface.triangles)
+    front, labels = find_touchable(arena)
+    contact = arena.pieces if arena.height_field is None else arena.height_field
+    drawn, frame = [], find_frame(arena)
+    for direction in DIRECTIONS:
+        view = make_view(frame, *direction, OVERSAMPLING * WIDTH)
+        drawn.append(_measure(surface, view, lambda points, normals: find_offsets(points, normals, contact)))
+        drawn.append(_measure(front, view, lambda points, _: find_nearest(points, arena.surface).heights))
+    limit = limit or _find_limit([values for _, values in drawn])
+    unit, factor = ("mm", 1000.0) if limit < 1.0 else ("m", 1.0)
+    limit *= factor
+    scale = ScalarMappable(Normalize(-limit, limit), mpl.colormaps[COLORS])
+    images = []
+    for index, (pixels, values) in enumerate(drawn):
+        colors = scale.to_rgba(np.clip(factor * values, -limit, limit))[..., :3]
+        image = shade_pixels(pixels, front if index % 2 else surface, colors)
+        if index % 2:
+            image = draw_outlines(image, np.append(labels, -1)[pixels.face])
+        images.append(reduce_samples(image))
+    return _compose(images, scale, unit, describe_quality(arena.quality))
+
+
+def _measure(
+    triangles: Float[np.ndarray, "F 3 3"],
+    view: View,
+    measure: Callable[[Float[np.ndarray, "N 3"], Float[np.ndarray, "N 3"]], Float[np.ndarray, " N"]],
+) -> tuple[Pixels, Float[np.ndarray, "H W"]]:
+    """Return the pixels of a view, and a measure of point and normal in each; 0 where there is nothing."""
+    pixels = rasterize(triangles, view)
+    rows, columns = np.nonzero(pixels.face >= 0)
+    values = np.zeros(pixels.face.shape)
+    if len(rows):
+        points = view.find_points(columns, rows, pixels.height[rows, columns])
+        cells = np.round((points - points.min(axis=0)) * view.scale / OVERSAMPLING).astype(np.int64)
+        keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+        _, first, group = np.unique(keys, return_index=True, return_inverse=True)
+        corners = triangles[pixels.face[rows, columns][first]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        values[rows, columns] = measure(points[first], normals)[group]
+    return pixels, values
+
+
+def _find_limit(values: Sequence[np.ndarray]) -> float:
+    """Return the 95th percentile of the distances, rounded up to 1, 2 or 5 times a power of ten [m]."""
+    sizes = np.concatenate([np.abs(each[each != 0]) for each in values])
+    sizes = sizes[np.isfinite(sizes)]
+    if not len(sizes):
+        return LEAST_LIMIT
+    wanted = max(float(np.percentile(sizes, 95)), LEAST_LIMIT)
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= wanted * (1 - 1e-9)))
+
+
+def describe_quality(quality: ArenaQuality) -> str:
+    """Return the figures that go with an error map, in one or two lines."""
+    count = format_count(quality.num_pieces, "piece")
+    pieces = f"{count}; " if quality.num_pieces else ""  # none with a height field
+    lines = [
+        f"{pieces}surface to contact: mean {format_distance(quality.mean)}, "
+        f"95 % {format_distance(quality.p95)}, max {format_distance(quality.max)}; "
+        f"{quality.uncovered:.1%} without contact"
+    ]
+    if quality.beams_contact is not None and quality.beams_surface is not None:
+        lines.append(
+            f"beams that end at their reading: {quality.beams_contact:.1%} on contact, "
+            f"{quality.beams_surface:.1%} on the surface; free space that is solid: {quality.free_space or 0:.1%}"
+        )
+    return "\n".join(lines)
+
+
+def _compose(
+    images: Sequence[Float[np.ndarray, "_ _ 3"]], scale: ScalarMappable, unit: str, text: str
+) -> Figure:
+    heights = [image.shape[0] for image in images[::2]]
+    figure = Figure(figsize=(2 * WIDTH / DPI, sum(heights) / DPI + 1.7), dpi=DPI, layout="constrained")
+    figure.suptitle(text, fontsize=10)
+    grid = figure.subplots(2, 2, gridspec_kw={"height_ratios": heights})
+    titles = ("surface: where its contact geometry lies", "contact geometry: where it lies from the surface")
+    for index, (axes, image) in enumerate(zip(grid.ravel(), images, strict=True)):
+        axes.imshow(image)
+        axes.set_axis_off()
+        if index < 2:
+            axes.set_title(titles[index], fontsize=11)
+    bar = figure.colorbar(scale, ax=grid, location="bottom", extend="both", shrink=0.6, aspect=45, pad=0.01)
+    bar.set_label(
+        f"contact behind or missing  ←  distance [{unit}]  →  contact in front, a bump", fontsize=10
+    )
+    return figure

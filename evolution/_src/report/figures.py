@@ -1,0 +1,309 @@
+"""Figures of point clouds, surfaces, arenas and runs; drawn without a display or OpenGL."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Real, UInt8
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from evolution._src.report.pictures import CHART_DPI, CHART_WIDTH, DPI
+from reconstruction._src.surfaces.color import WHITE, find_vertex_colors
+
+VIEW = (28.0, -62.0)
+"""Elevation and azimuth of the camera [degree]: both ramps and the bottom of the pit can be seen."""
+LIGHT = np.array([0.35, -0.5, 0.79])
+"""Direction to the light: from above, beside the camera, so that ramps and walls differ in brightness."""
+PALETTE = ("#24588f", "#c8553d", "#3f8f5b", "#8b5fa8", "#b8892b", "#4a9aa8")
+MARK_COLOR = "#d1242f"
+EDGE_COLOR = "#3a4a5c"
+INK_COLOR = "#1d2530"
+SURFACE_COLOR = "#c9d6e4"
+SECTION_HALF_WIDTH = 0.03
+"""Points up to this distance from a section are drawn on it [m]."""
+MAX_SPLIT_FACES = 300
+"""Largest number of faces of a mesh that is drawn in small parts: large triangles cannot be sorted by depth."""
+
+
+def draw_cloud(
+    points: Float[np.ndarray, "N 3"],
+    limit: int = 25_000,
+    marked: Float[np.ndarray, "M 3"] | None = None,
+    bounds: Float[np.ndarray, "2 3"] | None = None,
+    colors: UInt8[np.ndarray, "N 3"] | None = None,
+) -> Figure:
+    """Draw a point cloud, colored by height, or in its own colors.
+
+    Args:
+        points: the cloud [m]; every n-th point is drawn.
+        limit: number of points drawn at most.
+        marked: points drawn in red over the others [m].
+        bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
+        colors: red, green and blue of the points, 0 to 255.
+    """
+    if bounds is not None:
+        inside = ((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)
+        points, colors = points[inside], None if colors is None else colors[inside]
+    step = max(1, len(points) // limit)
+    shown = points[::step]
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_3d_axes(figure, points if bounds is None else bounds)
+    low, high = np.percentile(shown[:, 2], (1, 99))
+    look = {"c": shown[:, 2], "cmap": "viridis", "vmin": low, "vmax": high}
+    if colors is not None:
+        look = {"c": colors[::step] / WHITE}
+    axes.scatter(*shown.T, **look, s=0.9, depthshade=False, linewidths=0, rasterized=True)
+    if marked is not None:
+        seen = marked if bounds is None else _crop(marked, bounds)
+        seen = seen[:: max(1, len(seen) // limit)]
+        axes.scatter(*seen.T, c=MARK_COLOR, s=2.2, depthshade=False, linewidths=0, rasterized=True)
+    return figure
+
+
+def draw_surface(
+    mesh: trimesh.Trimesh,
+    points: Float[np.ndarray, "N 3"] | None = None,
+    bounds: Float[np.ndarray, "2 3"] | None = None,
+) -> Figure:
+    """Draw a shaded mesh with its edges, or in its own colors without them, and some points of the cloud.
+
+    Args:
+        mesh: the surface.
+        points: points of the cloud [m]; every n-th point is drawn over the mesh.
+        bounds: lower and upper corner of the region that is shown [m], for the same camera in several figures.
+    """
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_3d_axes(figure, mesh.vertices if bounds is None else bounds)
+    color = np.array(to_rgb(SURFACE_COLOR))
+    own = find_vertex_colors(mesh)
+    if own is not None:
+        _add_triangles(axes, mesh, own[np.asarray(mesh.faces)].mean(axis=1) / WHITE, edge="none")
+    elif len(mesh.faces) > MAX_SPLIT_FACES:
+        _add_triangles(axes, mesh, color, edge=EDGE_COLOR)
+    else:
+        _add_large_triangles(axes, mesh, color)
+    if points is not None:
+        shown = points[:: max(1, len(points) // 3000)]
+        axes.scatter(*shown.T, s=0.4, c=PALETTE[1], depthshade=False, linewidths=0, rasterized=True)
+    return figure
+
+
+def draw_pieces(pieces: Sequence[trimesh.Trimesh]) -> Figure:
+    """Draw the convex pieces of an arena, each in its own color."""
+    figure = Figure(figsize=(12, 8), dpi=DPI)
+    axes = _make_3d_axes(figure, np.vstack([piece.vertices for piece in pieces]))
+    colors = mpl.colormaps["tab20"].colors  # pyright: ignore[reportAttributeAccessIssue]
+    extent = max(np.ptp(np.vstack([piece.bounds for piece in pieces]), axis=0))
+    fine, color = [], []
+    for index, piece in enumerate(pieces):
+        part = _subdivide(piece, extent / 60)  # small triangles can be sorted by depth
+        part.update_faces(~_is_hidden(part.triangles_center, index, pieces))
+        fine.append(part)
+        color.append(np.tile(colors[index % len(colors)], (len(part.faces), 1)))
+    together = trimesh.util.concatenate(fine)
+    assert isinstance(together, trimesh.Trimesh)
+    _add_triangles(axes, together, np.vstack(color), edge="none")
+    return figure
+
+
+def draw_section(
+    meshes: Mapping[str, trimesh.Trimesh | Sequence[trimesh.Trimesh]],
+    points: Float[np.ndarray, "N 3"] | None = None,
+    y: float = 0.1,
+    x_limits: tuple[float, float] = (-1.0, 1.0),
+    marked: Float[np.ndarray, "M 3"] | None = None,
+) -> Figure:
+    """Draw a vertical section along the course: every surface as a line, the points near it as dots.
+
+    Args:
+        meshes: label -> surface, or pieces.
+        points: the cloud [m].
+        y: position of the section across the course [m].
+        x_limits: the part of the course that is shown [m].
+        marked: points drawn in red where they are near the section [m].
+    """
+    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    if points is not None:
+        near = points[np.abs(points[:, 1] - y) < SECTION_HALF_WIDTH]
+        axes.scatter(
+            near[:, 0], near[:, 2], s=4, c="#6b7683", linewidths=0, label="points", rasterized=True, zorder=3
+        )
+    if marked is not None:
+        near = marked[np.abs(marked[:, 1] - y) < SECTION_HALF_WIDTH]
+        axes.scatter(
+            near[:, 0],
+            near[:, 2],
+            s=7,
+            c=MARK_COLOR,
+            linewidths=0,
+            label="mixed pixels",
+            rasterized=True,
+            zorder=4,
+        )
+    for index, (label, group) in enumerate(meshes.items()):
+        parts = [group] if isinstance(group, trimesh.Trimesh) else list(group)
+        cuts = [_cut(part, y) for part in parts]
+        lines = np.concatenate(cuts) if cuts else np.zeros((0, 2, 2))
+        color = PALETTE[index % len(PALETTE)]
+        width = max(0.9, 2.4 - 0.75 * index)  # lines drawn later do not hide the earlier ones
+        axes.add_collection(LineCollection(list(lines), colors=color, linewidths=width, label=label))
+    axes.set(xlim=x_limits, xlabel="x [m]", ylabel="z [m]", aspect="equal")
+    ground = [group for group in meshes.values() if isinstance(group, trimesh.Trimesh)]
+    heights = np.concatenate([mesh.vertices[:, 2] for mesh in ground]) if ground else np.zeros(0)
+    if len(heights):
+        axes.set_ylim(heights.min() - 0.1, heights.max() + 0.15)
+    else:
+        axes.autoscale(axis="y")
+    axes.legend(frameon=False, fontsize=9, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    style_axes(axes)
+    return figure
+
+
+def draw_learning_curve(
+    evaluations: Real[np.ndarray, " G"], best: Real[np.ndarray, " G"], median: Real[np.ndarray, " G"]
+) -> Figure:
+    """Draw fitness over the number of evaluated genotypes.
+
+    Args:
+        evaluations: genotypes evaluated by the end of each generation.
+        best: best fitness of each generation.
+        median: median fitness of each generation.
+    """
+    figure = Figure(figsize=(CHART_WIDTH, 2.7), dpi=CHART_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(evaluations, best, color=PALETTE[0], marker="o", ms=3, label="best of the generation")
+    axes.plot(evaluations, median, color=PALETTE[1], marker="o", ms=3, label="median")
+    axes.set(xlabel="genotypes evaluated", ylabel="fitness")
+    axes.legend(frameon=False)
+    style_axes(axes)
+    return figure
+
+
+def draw_tracks(
+    positions: Float[np.ndarray, "T M 3"], surface: trimesh.Trimesh, snapshots: int = 7
+) -> Figure:
+    """Draw the body from the side at several times, over the ground it drives on.
+
+    Args:
+        positions: centers of the modules over time [m].
+        surface: the arena's surface.
+        snapshots: number of times that are drawn, from violet (early) to yellow (late).
+    """
+    figure = Figure(figsize=(CHART_WIDTH, 2.2), dpi=CHART_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    axes.add_collection(LineCollection(list(_cut(surface, 0.013)), colors=INK_COLOR, linewidths=1.6))
+    colors = mpl.colormaps["viridis"](np.linspace(0.0, 0.92, snapshots))
+    for color, body in zip(
+        colors, positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)], strict=True
+    ):
+        axes.plot(body[:, 0], body[:, 2], "-o", color=color, ms=4, lw=1.2)
+    low, high = positions[..., 0].min(), positions[..., 0].max()
+    axes.set(xlim=(low - 0.2, high + 0.2), ylim=(-0.06, 0.75), aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    style_axes(axes)
+    return figure
+
+
+def _make_3d_axes(figure: Figure, points: Float[np.ndarray, "N 3"]) -> Axes:
+    axes = figure.add_axes((0, 0, 1, 1), projection="3d")
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = np.maximum(high - low, 1e-9)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(size / size.max(), zoom=1.4)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    axes.view_init(*VIEW)  # pyright: ignore[reportAttributeAccessIssue]
+    axes.set_axis_off()
+    return axes
+
+
+def _crop(points: Float[np.ndarray, "N 3"], bounds: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "M 3"]:
+    return points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
+
+
+def _cut(mesh: trimesh.Trimesh, y: float) -> Float[np.ndarray, "S 2 2"]:
+    """Return the segments (x, z) in which a vertical plane along the course cuts a mesh [m]."""
+    return np.asarray(trimesh.intersections.mesh_plane(mesh, (0, 1, 0), (0, y, 0)))[:, :, [0, 2]]
+
+
+def _subdivide(mesh: trimesh.Trimesh, size: float) -> trimesh.Trimesh:
+    parts = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, size)
+    return trimesh.Trimesh(parts[0], parts[1], process=False)
+
+
+def _is_hidden(
+    centers: Float[np.ndarray, "F 3"], index: int, pieces: Sequence[trimesh.Trimesh]
+) -> Bool[np.ndarray, " F"]:
+    """Return which faces of piece `index` lie inside another one; of two that coincide the later is hidden."""
+    hidden = np.zeros(len(centers), dtype=bool)
+    for other, piece in enumerate(pieces):
+        if other != index:
+            depth = (
+                centers @ piece.face_normals.T - np.sum(piece.face_normals * piece.triangles_center, axis=1)
+            ).max(axis=1)
+            hidden |= depth < (1e-4 if other < index else -1e-4)
+    return hidden
+
+
+def shade(
+    mesh: trimesh.Trimesh, color: Float[np.ndarray, " 3"] | Float[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "F 3"]:
+    """Return the colors of faces in the light; `color` is one RGB triple for all faces, or one for each."""
+    light = LIGHT / np.linalg.norm(LIGHT)
+    brightness = 0.45 + 0.55 * np.clip(mesh.face_normals @ light, 0, 1)
+    return brightness[:, None] * color
+
+
+def _add_triangles(
+    axes: Axes,
+    mesh: trimesh.Trimesh,
+    color: Float[np.ndarray, " 3"] | Float[np.ndarray, "F 3"],
+    edge: str,
+) -> None:
+    """Add shaded triangles; `color` is one RGB triple for all faces, or one for each."""
+    shaded = shade(mesh, color)
+    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
+        Poly3DCollection(
+            mesh.triangles,
+            facecolors=shaded,
+            edgecolors=shaded if edge == "none" else edge,
+            linewidths=0.25 if len(mesh.faces) < 8000 else 0.08,
+            rasterized=True,
+        )
+    )
+
+
+def _add_large_triangles(axes: Axes, mesh: trimesh.Trimesh, color: Float[np.ndarray, " 3"]) -> None:
+    """Add triangles and edges in small parts that can be sorted by depth."""
+    size = float(mesh.extents.max()) / 80
+    fine = _subdivide(mesh, size)
+    elevation, azimuth = np.deg2rad(VIEW)
+    to_camera = np.array(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
+    )
+    ends = np.asarray(mesh.vertices)[mesh.edges_unique]
+    parts = []
+    for start, end in ends:
+        cuts = np.linspace(start, end, max(2, int(np.linalg.norm(end - start) / size) + 2))
+        parts.append(np.stack([cuts[:-1], cuts[1:], cuts[1:]], axis=1))
+    lines = np.concatenate(parts) + size * to_camera
+    shaded = shade(fine, color)
+    dark = np.tile(to_rgb(EDGE_COLOR), (len(lines), 1))
+    axes.add_collection3d(  # pyright: ignore[reportAttributeAccessIssue]
+        Poly3DCollection(
+            np.concatenate([fine.triangles, lines]),
+            facecolors=np.concatenate([shaded, dark]),
+            edgecolors=np.concatenate([shaded, dark]),
+            linewidths=0.5,
+            rasterized=True,
+        )
+    )
+
+
+def style_axes(axes: Axes) -> None:
+    """Remove two sides of the frame, and add a light grid."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25)

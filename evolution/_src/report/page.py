@@ -1,0 +1,152 @@
+"""One self-contained HTML page: text, tables, figures and video are inside the file."""
+
+import base64
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from matplotlib.figure import Figure
+
+from evolution._src.report.pictures import find_width, to_png
+from evolution._src.report.scene import Scene, get_plotly_script
+from reconstruction._src.base.atomic_write import write_atomically
+
+_TEMPLATE = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    undefined=jinja2.StrictUndefined,
+).get_template("page.html.j2")
+
+
+@dataclasses.dataclass(frozen=True)
+class Card:
+    """A picture that opens.
+
+    Attributes:
+        picture: figure, or PNG.
+        label: below the picture.
+        text: shown when it is open.
+        video: H.264 in MP4, likewise; None for none. The closed card says that there is one.
+        mark: a word on the card, which is framed; empty for none.
+    """
+
+    picture: bytes | Figure
+    label: str
+    text: str
+    video: bytes | None = None
+    mark: str = ""
+
+
+@dataclasses.dataclass
+class Page:
+    """A page to which blocks are added one after the other, and which is written at the end.
+
+    Attributes:
+        title: the heading, and the title of the browser tab.
+        summary: one paragraph below the heading.
+        footer: machine, versions, command.
+    """
+
+    title: str
+    summary: str = ""
+    footer: str = ""
+    _blocks: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+
+    def add_section(self, title: str, text: str = "") -> None:
+        """Start a section; the blocks that follow belong to it."""
+        anchor = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
+        self._blocks.append({"kind": "section", "title": title, "text": text, "anchor": anchor})
+
+    def add_contents(self) -> None:
+        """Add a list of links to all sections."""
+        self._blocks.append({"kind": "contents"})
+
+    def add_text(self, text: str) -> None:
+        """Add a paragraph."""
+        self._blocks.append({"kind": "text", "text": text})
+
+    def add_verdict(self, text: str, good: bool) -> None:
+        """Add a highlighted line, green where the result is good, else red."""
+        self._blocks.append({"kind": "verdict", "text": text, "good": good})
+
+    def add_list(self, entries: Sequence[str]) -> None:
+        """Add a bulleted list."""
+        self._blocks.append({"kind": "list", "entries": list(entries)})
+
+    def add_figure(self, picture: bytes | Figure, caption: str) -> None:
+        """Add a figure, or a PNG image, with a caption."""
+        png = _as_png(picture)
+        shown = {"source": _inline(png, "image/png"), "width": find_width(png)}
+        self._blocks.append({"kind": "figure", **shown, "caption": caption})
+
+    def add_gallery(self, pictures: Mapping[str, bytes | Figure], caption: str) -> None:
+        """Add images with labels, side by side, or one below the other on a narrow page."""
+        shown = [
+            {"label": label, "source": _inline(_as_png(item), "image/png")}
+            for label, item in pictures.items()
+        ]
+        self._blocks.append({"kind": "gallery", "pictures": shown, "caption": caption})
+
+    def add_cards(self, cards: Sequence[Card], caption: str) -> None:
+        """Add a grid of pictures; a click opens the text, and the video where there is one."""
+        shown = [
+            {
+                "source": _inline(_as_png(card.picture), "image/png"),
+                "label": card.label,
+                "text": card.text,
+                "mark": card.mark,
+                "video": _inline(card.video, "video/mp4") if card.video else "",
+            }
+            for card in cards
+        ]
+        self._blocks.append({"kind": "cards", "cards": shown, "caption": caption})
+
+    def add_scene(self, scene: Scene, caption: str) -> None:
+        """Add an interactive scene and its switches; a page can have one.
+
+        Raises:
+            ValueError: the page has a scene already.
+        """
+        if any(block["kind"] == "scene" for block in self._blocks):
+            raise ValueError("a page can have one scene, and has one already")
+        switches = scene.switches()
+        self._blocks.append(
+            {"kind": "scene", "html": scene.to_html(), "switches": switches, "caption": caption}
+        )
+
+    def add_video(self, mp4: bytes, caption: str) -> None:
+        """Add an H.264 video with controls."""
+        self._blocks.append({"kind": "video", "source": _inline(mp4, "video/mp4"), "caption": caption})
+
+    def add_table(self, columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str) -> None:
+        """Add a table; the first column contains the headings of the rows."""
+        is_text = [any(str(row[index])[:1].isalpha() for row in rows) for index in range(len(columns))]
+        self._blocks.append(
+            {"kind": "table", "columns": columns, "rows": rows, "is_text": is_text, "caption": caption}
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the page as one file, atomically."""
+        has_scene = any(block["kind"] == "scene" for block in self._blocks)
+        html = _TEMPLATE.render(
+            title=self.title,
+            summary=self.summary,
+            footer=self.footer,
+            blocks=self._blocks,
+            program=get_plotly_script() if has_scene else "",
+        )
+        with write_atomically(path) as beside:
+            beside.write_text(html, encoding="utf-8", errors="backslashreplace")
+
+
+def _as_png(picture: bytes | Figure) -> bytes:
+    return picture if isinstance(picture, bytes) else to_png(picture)
+
+
+def _inline(content: bytes, media_type: str) -> str:
+    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"

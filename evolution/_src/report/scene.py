@@ -1,0 +1,183 @@
+"""An interactive 3-D scene inside a page: it can be turned and zoomed, and its layers switched on and off.
+
+Plotly draws it. Its script is part of the page, which therefore works from a file, without a network.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from markupsafe import Markup
+
+from evolution._src.report.figures import EDGE_COLOR, PALETTE, shade
+from reconstruction._src.surfaces.color import find_vertex_colors
+
+Trace = dict[str, Any]
+MILLIMETER_DIGITS = 3
+"""Decimals of coordinates in meters."""
+CAMERA = {"eye": {"x": -0.56, "y": -2.26, "z": 1.24}, "center": {"x": 0.0, "y": 0.0, "z": -0.04}}
+BODY_COLOR = "#7a1f12"
+BACKGROUND_COLOR = "#eef1f5"
+PATH_STEP = 5
+"""Every fifth position of the head becomes a point of its path."""
+
+
+@dataclass
+class Layer:
+    """A part of the scene that a switch shows or hides.
+
+    Attributes:
+        name: label of the switch.
+        traces: Plotly traces, as plain dictionaries.
+        is_shown: whether it is visible at first.
+    """
+
+    name: str
+    traces: list[Trace]
+    is_shown: bool = True
+
+
+@dataclass
+class Scene:
+    """Layers, in the order of their switches."""
+
+    layers: list[Layer] = field(default_factory=list)
+
+    def add_points(
+        self, name: str, points: Float[np.ndarray, "N 3"], limit: int = 15_000, is_shown: bool = True
+    ) -> None:
+        """Add a point cloud [m], colored by height; every n-th point is shown, `limit` at most."""
+        shown = points[:: max(1, -(-len(points) // limit))]
+        marker = {"size": 1.6, "color": _round(shown[:, 2]), "colorscale": "Viridis"}
+        self._add(name, [_make_trace("scatter3d", **_to_xyz(shown), mode="markers", marker=marker)], is_shown)
+
+    def add_surface(self, name: str, mesh: trimesh.Trimesh, color: str, is_shown: bool = True) -> None:
+        """Add a mesh with its edges, or in its own colors without them."""
+        if find_vertex_colors(mesh) is not None:
+            self._add(name, [_make_colored_trace(mesh)], is_shown)
+            return
+        edges = np.asarray(mesh.vertices)[mesh.edges_unique]
+        gaps = np.full((len(edges), 1, 3), np.nan)
+        lines = np.concatenate([edges, gaps], axis=1).reshape(-1, 3)
+        wire = _make_trace(
+            "scatter3d", **_to_xyz(lines), mode="lines", line={"color": EDGE_COLOR, "width": 1}
+        )
+        self._add(name, [_make_mesh_trace(mesh, color), wire], is_shown)
+
+    def add_pieces(self, name: str, pieces: Sequence[trimesh.Trimesh], is_shown: bool = True) -> None:
+        """Add convex pieces, each in its own color."""
+        colors = [PALETTE[index % len(PALETTE)] for index in range(len(pieces))]
+        traces = [_make_mesh_trace(piece, color) for piece, color in zip(pieces, colors, strict=True)]
+        self._add(name, traces, is_shown)
+
+    def add_path(
+        self,
+        name: str,
+        positions: Float[np.ndarray, "T modules 3"],
+        snapshots: int = 9,
+        is_shown: bool = True,
+    ) -> None:
+        """Add the path of a body: a line for the head, and the whole body at several times.
+
+        Args:
+            name: label of the switch.
+            positions: positions of the modules, head first [m].
+            snapshots: number of times at which the whole body is shown.
+            is_shown: whether it is visible at first.
+        """
+        head = _make_trace(
+            "scatter3d",
+            **_to_xyz(positions[::PATH_STEP, 0]),
+            mode="lines",
+            line={"color": PALETTE[1], "width": 4},
+        )
+        shown = positions[np.linspace(0, len(positions) - 1, snapshots).astype(int)]
+        gap = np.full((snapshots, 1, 3), np.nan)
+        bodies = _make_trace("scatter3d",
+            **_to_xyz(np.concatenate([shown, gap], axis=1).reshape(-1, 3)),
+            mode="lines+markers", line={"color": BODY_COLOR, "width": 3},
+            marker={"size": 4, "color": PALETTE[1]},
+        )  # fmt: skip
+        self._add(name, [head, bodies], is_shown)
+
+    def switches(self) -> list[dict[str, Any]]:
+        """Return `name`, `is_shown` and the indices of the `traces` of each layer."""
+        listed, first = [], 0
+        for layer in self.layers:
+            traces = list(range(first, first + len(layer.traces)))
+            first += len(layer.traces)
+            listed.append({"name": layer.name, "is_shown": layer.is_shown, "traces": traces})
+        return listed
+
+    def to_html(self) -> Markup:
+        """Return the scene as a `div` with a script; the page must contain Plotly itself."""
+        import plotly.graph_objects as go
+        import plotly.io
+
+        figure = go.Figure([trace for layer in self.layers for trace in layer.traces])
+        axis: Mapping[str, Any] = {"visible": False, "showspikes": False}
+        figure.update_layout(
+            scene={"aspectmode": "data", "xaxis": axis, "yaxis": axis, "zaxis": axis, "camera": CAMERA},
+            margin={"l": 0, "r": 0, "t": 0, "b": 0},
+            showlegend=False,
+            paper_bgcolor=BACKGROUND_COLOR,
+        )
+        config = {"responsive": True, "displaylogo": False, "displayModeBar": False}
+        return Markup(
+            plotly.io.to_html(
+                figure, config=config, include_plotlyjs=False, full_html=False, div_id="scene-3d",
+                default_width="100%", default_height="100%",
+            )
+        )  # fmt: skip
+
+    def _add(self, name: str, traces: list[Trace], is_shown: bool) -> None:
+        for trace in traces:
+            trace |= {"visible": is_shown, "hoverinfo": "skip", "name": name}
+        self.layers.append(Layer(name, traces, is_shown))
+
+
+def get_plotly_script() -> Markup:
+    """Return the JavaScript of Plotly, to be put into a page."""
+    import plotly.offline
+
+    return Markup(plotly.offline.get_plotlyjs())
+
+
+def _make_mesh_trace(mesh: trimesh.Trimesh, color: str) -> Trace:
+    """Return a mesh with shaded face colors, as in the figures, instead of the light of Plotly."""
+    i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
+    shaded = np.round(255 * shade(mesh, np.array(mpl.colors.to_rgb(color)))).astype(np.uint8)
+    facecolor = ["#" + bytes(rgb).hex() for rgb in shaded]
+    return _make_trace(
+        "mesh3d",
+        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, facecolor=facecolor, flatshading=True,
+        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+    )  # fmt: skip
+
+
+def _make_colored_trace(mesh: trimesh.Trimesh) -> Trace:
+    """Return a mesh in the colors of its vertices, as bright as they are: a scan's colors hold its light."""
+    i, j, k = np.asarray(mesh.faces, dtype=np.int32).T
+    colors = find_vertex_colors(mesh)
+    assert colors is not None
+    return _make_trace(
+        "mesh3d",
+        **_to_xyz(np.asarray(mesh.vertices)), i=i, j=j, k=k, vertexcolor=["#" + bytes(rgb).hex() for rgb in colors],
+        lighting={"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0},
+    )  # fmt: skip
+
+
+def _make_trace(kind: str, **values: Any) -> Trace:
+    return {"type": kind, **values}
+
+
+def _to_xyz(points: Float[np.ndarray, "N 3"]) -> dict[str, np.ndarray]:
+    return dict(zip("xyz", _round(points).T.copy(), strict=True))
+
+
+def _round(values: np.ndarray) -> np.ndarray:
+    return np.round(values, MILLIMETER_DIGITS).astype(np.float32)

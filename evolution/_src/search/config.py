@@ -1,0 +1,259 @@
+"""The configuration of a run: what it searches for, and on which workers."""
+
+import hashlib
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar
+
+from evolution._src.backends.making import LOCAL_BACKENDS
+from evolution._src.backends.nested import Nested
+from evolution._src.backends.parts import (
+    BodyConfig,
+    ControlConfig,
+    EpisodeConfig,
+    check_body_options,
+    take_environment,
+)
+from evolution._src.backends.scoring import Scoring, find_scoring
+from evolution._src.backends.trials import Randomization, RolloutConfig, TrialConfig
+from evolution._src.controllers.controller import ControllerConfig
+from evolution._src.controllers.drive import count_tracks
+from evolution._src.controllers.finding import check_genotype, refer_to_controller
+from evolution._src.errors import RunError
+from evolution._src.limits import MAX_SEED
+from evolution._src.search.archive import ArchiveConfig
+from evolution._src.search.cmaes import CmaesConfig
+from evolution._src.search.islands import IslandsConfig
+from evolution._src.search.search_config import ExecutionConfig, SearchConfig
+from evolution._src.search.stages import Stage
+from evolution._src.search.stored_config import (
+    SHARED_KINDS,
+    Kinds,
+    drop_none,
+    read_content,
+    restore,
+    to_json,
+    to_text,
+)
+from evolution._src.search.validation import FORMER_VALIDATION_NAMES, Validation
+from reconstruction._src.base.quantities import format_count
+from reconstruction._src.base.range_checks import coerce_integers
+from reconstruction._src.deprecation import accept_former_fields, rename_keys
+
+RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
+"""Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
+FORMER_NAMES = {"randomisation": "randomization"}
+"""Former name -> present name of fields of `EvolutionConfig`."""
+KINDS: Kinds = SHARED_KINDS | {
+    "arena": str,
+    "stages": tuple[Stage, ...],
+    "seed": int,
+    "scoring": Scoring,
+    "population_size": int,
+    "sigma": float,
+    "trials": int,
+    "stage_sigma": float,
+    "restart_after": int | None,
+    "handle_noise": bool,
+    "is_start_tried": bool,
+    "initial_genotype": tuple[float, ...],
+    "cmaes": CmaesConfig,
+    "islands": IslandsConfig,
+    "archive": ArchiveConfig,
+    "validation": Validation,
+    "generations": int,
+    "workers": int,
+    "backend": str,
+    "address": str | None,
+    "folder": str | None,
+    "stop_when_solved": bool,
+}
+"""Types of the fields in a file."""
+_NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
+"""A digest is computed with the former names, so that runs of earlier versions keep theirs."""
+_ADDED = {
+    "is_start_tried": False,
+    "initial_genotype": (),
+    "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
+    "islands": asdict(IslandsConfig(), dict_factory=drop_none),
+    "archive": asdict(ArchiveConfig(), dict_factory=drop_none),
+    "success_threshold": Validation.success_threshold,
+    "controller_config": asdict(ControllerConfig(), dict_factory=drop_none),
+    "rollout": asdict(RolloutConfig(), dict_factory=drop_none),
+    "descriptors": [],
+    "patch_friction": Randomization.patch_friction,
+}
+"""Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
+
+
+@accept_former_fields(**FORMER_NAMES)
+@dataclass(frozen=True, init=False)
+class EvolutionConfig(Nested):
+    """A run of evolution. The run folder stores every field.
+
+    The fields of its parts count as its own: `EvolutionConfig(modules=5, generations=30)` is the same as
+    `EvolutionConfig(body=BodyConfig(modules=5), execution=ExecutionConfig(generations=30))`. What is no field is an
+    option of the environment, such as `pit` or `track_control`.
+
+    Attributes:
+        arena: name, folder or file of the arena of a run without stages.
+        stages: arenas one after the other, coarse to fine; empty means one stage in `arena`.
+        seed: seed of all random numbers of the run.
+        body: the body: `modules`, `organism`, `body_lengths`.
+        episode: what is to be done: `task`, `start`, `goal`, `environment`.
+        control: the controller and where the search begins: `controller`, `controller_config`, `origin`.
+        trial: how trials vary and are simulated: `randomization`, `rollout`.
+        scoring: how an outcome becomes a fitness: the weights of a `Scoring`, a function of (outcome, body), or
+            "module:name" of one.
+        search: the search: `population_size`, `sigma`, `trials`, `restart_after` and others.
+        validation: rules by which candidates for the champion are validated.
+        execution: length and place of the run: `generations`, `workers`, `backend`, `folder` and others.
+
+    Raises:
+        RunError: a value is out of range, or parts do not fit together; with the value and what is allowed.
+    """
+
+    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control", "trial", "search", "execution")
+
+    arena: str = "gsrm"
+    stages: tuple[Stage, ...] = ()
+    seed: int = 0
+    body: BodyConfig = field(default_factory=BodyConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+    trial: TrialConfig = field(default_factory=TrialConfig)
+    scoring: Any = field(default_factory=Scoring)
+    search: SearchConfig = field(default_factory=SearchConfig)
+    validation: Validation = field(default_factory=Validation)
+    execution: ExecutionConfig = field(default_factory=ExecutionConfig)
+
+    def check_given(self, values: Mapping[str, Any]) -> None:
+        """Refuse two bodies."""
+        check_body_options(values)
+
+    def take_others(self, others: dict[str, Any]) -> None:
+        """Take further options of the environment."""
+        take_environment(self, others)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.arena, PathLike):
+            self.set_field("arena", str(Path(self.arena)))
+        if not isinstance(self.arena, str):
+            raise RunError(
+                f"arena is {type(self.arena).__name__}; a run is stored as text: "
+                "save the arena in a folder and name that"
+            )
+        if not isinstance(self.body, BodyConfig):
+            raise RunError(
+                f"body is {type(self.body).__name__}; a `BodyConfig` is needed. To search for bodies, give `evolve` a "
+                "BodyEvolutionConfig(bodies=BodiesConfig(...))"
+            )
+        self.set_field("stages", tuple(self.stages))
+        self.set_field("scoring", find_scoring(self.scoring))
+        coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
+        if self.archive.axes and (self.stages or self.body_lengths is not None):
+            raise RunError(
+                "archive: elites of another arena or body mean nothing; leave out stages and body_lengths"
+            )
+        self._check_control()
+
+    def _check_control(self) -> None:
+        organism = self.body.find_organism(self.body.max_modules)
+        num_tracks = count_tracks(self.episode.track_control, organism.num_modules)
+        controller = refer_to_controller(
+            self.controller, organism, num_tracks, must_be_found=self.must_be_restorable
+        )
+        self.set_field("controller", controller)
+        if not (organism.hinges or num_tracks):
+            raise RunError(
+                f"the body has {format_count(organism.num_modules, 'module')} and no hinge; give more modules, or "
+                "drive the tracks, "
+                "for example by track_control='skid'"
+            )
+        self._check_initial_genotype()
+
+    def _check_initial_genotype(self) -> None:
+        if not self.initial_genotype:
+            return
+        if self.body_lengths is not None:
+            raise RunError("initial_genotype has the genes of one body; leave out either it or body_lengths")
+        if isinstance(self.controller, str):  # one of a user is imported when it is made, and checked then
+            law = self.control.make_controller(self.body.find_organism(), self.episode)
+            check_genotype("initial_genotype", self.initial_genotype, law)
+
+    @property
+    def must_be_restorable(self) -> bool:
+        """Whether a file or other processes must find again what a user wrote."""
+        return self.execution.folder is not None or self.execution.backend not in LOCAL_BACKENDS
+
+    @property
+    def all_stages(self) -> tuple[Stage, ...]:
+        """The stages; a single one where none are given."""
+        return self.stages or (Stage(self.arena),)
+
+    @property
+    def validation_start(self) -> Any:
+        """Start of validation trials: as the rules say, unless the run has a place of its own."""
+        start = self.episode.find_start()
+        return self.validation.start if isinstance(start, str) else start
+
+    def digest(self) -> str:
+        """Return a fingerprint of all that decides the results of a run.
+
+        Options that are None are left out: a run from before an option existed keeps its fingerprint.
+        """
+        content = to_json(self, KINDS, _collect_for_digest) | {"start": self.episode.find_start()}
+        content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
+        content = drop_none(list(content.items()))
+        return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
+
+    def differences(self, other: "EvolutionConfig") -> list[str]:
+        """Return "field: this, not that" for each difference that decides the results of a run."""
+        mine, theirs = self.flatten(), other.flatten()
+        return [
+            f"{name}: {value!r}, not {theirs[name]!r}"
+            for name, value in mine.items()
+            if name not in RUNTIME_FIELDS and value != theirs[name]
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain JSON content, with the fields of parts as its own.
+
+        Raises:
+            RunError: a part is an object of a user that nothing would restore.
+        """
+        content = to_json(self, KINDS)
+        return json.loads(to_text(content | {"environment": dict(content["environment"])}))
+
+    @classmethod
+    def from_json(cls, content: object) -> "EvolutionConfig":
+        """Return the configuration described by `to_json`, also of an earlier version; this imports nothing.
+
+        Raises:
+            RunError: a field is unknown or its value of the wrong kind.
+        """
+        content = rename_keys(content, FORMER_NAMES)
+        if isinstance(content, dict):  # a run from before this option existed never restarts
+            content = {"restart_after": None} | content
+            if "validation" in content:
+                content["validation"] = rename_keys(content["validation"], FORMER_VALIDATION_NAMES)
+        return cls(**read_content(content, KINDS, "config"))
+
+    def restore(self, allow: Collection[str] = ()) -> "EvolutionConfig":
+        """Return the configuration with what a user wrote imported again.
+
+        Raises:
+            RunError: something cannot be imported, or has changed since the run began.
+        """
+        return restore(self, allow)
+
+
+def _collect_for_digest(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    return {
+        _NAMES_IN_DIGEST.get(name, name): value
+        for name, value in pairs
+        if value is not None and not (name in _ADDED and value == _ADDED[name])
+    }

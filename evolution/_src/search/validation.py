@@ -1,0 +1,267 @@
+"""Selection of the champion: by new randomized trials, never by the luckiest sample.
+
+The best of many samples of few trials each is mostly luck, and a search overfits to trials that are repeated. So the
+fittest genotype of a generation that succeeded in all its trials becomes a candidate, and so does the mean of the
+search distribution, which was not selected by its luck. Each is tried under conditions that no genotype has met
+before, round by round, and drops out once it fails too often.
+
+References:
+    pycma, `CMAEvolutionStrategy.result.xfavorite`: the mean of the distribution is its best estimate of the
+    optimum, not the best genotype drawn.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from evolution._src.backends.nested import Nested
+from evolution._src.backends.outcome import Outcome
+from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
+from evolution._src.controllers.finding import refer_to_controller
+from evolution._src.errors import RunError
+from evolution._src.limits import (
+    MAX_GENERATIONS,
+    MAX_GENOTYPES,
+    MAX_MAGNITUDE,
+    MAX_TRIALS,
+    MIN_POSITIVE,
+)
+from evolution._src.search.record import SAMPLE, VALIDATION, Entry, Record
+from evolution._src.search.stored_config import SHARED_KINDS, Kinds, read_content, to_json, to_text
+from reconstruction._src.base.range_checks import (
+    as_floats,
+    as_integers,
+    check_choice,
+    check_count,
+    coerce_floats,
+    coerce_integers,
+)
+from reconstruction._src.deprecation import accept_former_fields
+from symbrion_gym._src.environment.config import STARTS
+
+MAX_ROUNDS = 100
+"""Largest number of rounds of validation trials of a candidate."""
+CHAMPION_KINDS: Kinds = {
+    "genotype": tuple[float, ...],
+    "names": tuple[str, ...],
+    "arena": str,
+    "generation": int,
+    "fitness": float,
+    "successes": int,
+    "trials": int,
+    **{
+        name: SHARED_KINDS[name]
+        for name in SHARED_KINDS
+        if name not in ("randomization", "rollout", "descriptors")
+    },
+}
+"""Types of the fields of `champion.json`."""
+FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
+"""Former name -> present name of fields of `Validation`."""
+
+
+@accept_former_fields(**FORMER_VALIDATION_NAMES)
+@dataclass(frozen=True)
+class Validation:
+    """Rules by which candidates for the champion are validated.
+
+    Attributes:
+        candidates: largest number of genotypes of a generation that become candidates, those of highest fitness.
+        mean_share: share of a generation's genotypes that must succeed for the mean of the search distribution to be
+            a candidate, too; above 1 it never is.
+        rounds: number of fresh trials in each round.
+        continue_share: share of successes so far that is needed for the next round.
+        solved_share: share of successes after all rounds that ends the run; of the champions confirmed with 0.95 one
+            succeeded in only 17 of 20 trials in the true arena.
+        start: start of the fresh trials; "floor" as in the final test, because a champion that succeeds from close
+            before the pit may fail from there.
+        success_threshold: expected success rate from which the length of a body is sufficient: a shorter body is
+            then preferred to a more reliable one. 0.93 is exceeded by 46 of 48 successes, not by 45.
+    """
+
+    candidates: int = 1
+    mean_share: float = 0.25
+    rounds: tuple[int, ...] = (8, 8, 16, 16)
+    continue_share: float = 0.9
+    solved_share: float = 0.97
+    start: str = "floor"
+    success_threshold: float = 0.93
+
+    @property
+    def trials(self) -> int:
+        """Number of trials of a candidate that passes all rounds."""
+        return sum(self.rounds)
+
+    def is_solved(self, successes: int, trials: int) -> bool:
+        """Return whether a champion with these validation trials ends the run."""
+        return trials >= self.trials and successes >= self.solved_share * trials
+
+    def __post_init__(self) -> None:
+        coerce_integers(self, {"candidates": (0, MAX_GENOTYPES)}, RunError)
+        object.__setattr__(self, "rounds", as_integers("rounds", self.rounds, 1, MAX_TRIALS, RunError))
+        check_count("rounds", self.rounds, MAX_ROUNDS, RunError)
+        shares = ("continue_share", "solved_share", "success_threshold")
+        coerce_floats(
+            self, dict.fromkeys(shares, (0.0, 1.0)) | {"mean_share": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError
+        )
+        check_choice("start", self.start, STARTS, RunError)
+
+    def select_candidates(self, fitness: Float[np.ndarray, " P"], outcomes: Sequence[Outcome]) -> list[int]:
+        """Return the indices of the candidates of a generation; `len(outcomes)` stands for the mean."""
+        order = sorted(range(len(outcomes)), key=lambda index: (-fitness[index], index))
+        successful = [index for index in order if all(outcomes[index].succeeded)]
+        mean = [len(outcomes)] if len(successful) >= self.mean_share * len(outcomes) else []
+        return mean + successful[: self.candidates]
+
+
+@dataclass(frozen=True, init=False)
+class Champion(Nested):
+    """The result of a run: its best validated genotype, the body that it moves and what is to be done.
+
+    The fields of its parts count as its own: `champion.modules`, `champion.controller`.
+
+    Attributes:
+        genotype: values of the genes of the controller.
+        names: names of the genes.
+        arena: arena in which the champion was selected.
+        generation: generation in which it was sampled.
+        fitness: fitness in that generation, from few trials.
+        successes: number of its validation trials that succeeded.
+        trials: number of its validation trials; 0 if no genotype became a candidate.
+        body: the body.
+        episode: the task and further options of the environment in which it was selected.
+        control: the controller that reads the genotype.
+
+    Raises:
+        RunError: a field is out of range, or there are not as many names as genes.
+    """
+
+    PARTS: ClassVar[tuple[str, ...]] = ("body", "episode", "control")
+    POSITIONAL: ClassVar[tuple[str, ...]] = (
+        *("genotype", "names", "controller", "modules", "arena", "generation", "fitness"),
+        *("successes", "trials", "environment", "controller_config"),
+    )
+
+    genotype: tuple[float, ...]
+    names: tuple[str, ...]
+    arena: str
+    generation: int
+    fitness: float
+    successes: int = 0
+    trials: int = 0
+    body: BodyConfig = field(default_factory=BodyConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+
+    def __post_init__(self) -> None:
+        genotype = as_floats("genotype", self.genotype, -MAX_MAGNITUDE, MAX_MAGNITUDE, RunError)
+        object.__setattr__(self, "genotype", genotype)
+        if len(self.genotype) != len(self.names):
+            raise RunError(
+                f"genotype has {len(self.genotype)} genes, names {len(self.names)}; one each is needed"
+            )
+        if isinstance(self.controller, str | dict):
+            controller = refer_to_controller(self.controller, self.body.find_organism())
+            self.set_field("controller", controller)
+        trials = MAX_TRIALS * MAX_ROUNDS
+        counts = {"generation": (0, MAX_GENERATIONS), "trials": (0, trials), "successes": (0, self.trials)}
+        coerce_integers(self, counts, RunError)
+        coerce_floats(self, {"fitness": (-MAX_MAGNITUDE, MAX_MAGNITUDE)}, RunError)
+
+    @property
+    def score(self) -> float:
+        """Expected success rate after the validation trials (rule of succession); 0 without any."""
+        return expect_success(self.successes, self.trials) if self.trials else 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the content of `champion.json`.
+
+        Raises:
+            RunError: controller or task cannot be restored.
+        """
+        found = to_json(self, CHAMPION_KINDS) | {"environment": dict(self.environment)}
+        defaults = {
+            "start": "pit" if self.task is None and self.goal is None else None,
+            **dict.fromkeys(("organism", "task", "goal")),
+        }
+        found["start"] = self.episode.find_start()
+        content = {name: found[name] for name in self.POSITIONAL}
+        content |= {name: found[name] for name, default in defaults.items() if found[name] != default}
+        to_text(content)  # refuses what no file can keep
+        return content
+
+    @classmethod
+    def from_dict(cls, content: object) -> "Champion":
+        """Return the champion described by `as_dict`; this imports nothing.
+
+        Raises:
+            RunError: a field is missing, unknown or of the wrong kind.
+        """
+        found = read_content(content, CHAMPION_KINDS, "")
+        missing = [name for name in cls.POSITIONAL[:7] if name not in found]
+        if missing:
+            raise RunError(f"it lacks the field {missing[0]!r}")
+        return cls(**found)
+
+
+def expect_success(successes: int, trials: int) -> float:
+    """Return the expected success rate after some trials (Laplace's rule of succession)."""
+    return (successes + 1) / (trials + 2)
+
+
+def select_champion(
+    record: Record, is_in_stage: Sequence[bool], sufficient_rate: float | None = None
+) -> Entry | None:
+    """Return the entry of the champion, None before the first generation.
+
+    Args:
+        record: record of the run.
+        is_in_stage: for each generation, whether it counts.
+        sufficient_rate: among bodies of at least this expected success rate, prefer the shortest; None: the most
+            reliable one, whatever its length.
+
+    Returns:
+        A pooled VALIDATION entry of the candidate with the best validation trials; of equal ones the later
+        generation. Without validated candidates the SAMPLE entry of highest fitness.
+    """
+    counted = [entry for entry in record.entries if is_in_stage[entry.generation]]
+    candidates = find_candidates(counted)
+    if candidates:
+        return max(candidates, key=lambda entry: _rank(entry, sufficient_rate))
+    samples = [entry for entry in counted if entry.kind == SAMPLE]
+    return max(samples, key=lambda entry: entry.fitness, default=None)
+
+
+def find_candidates(entries: Iterable[Entry]) -> list[Entry]:
+    """Return one entry for each candidate, with all its validation trials."""
+    pooled: dict[tuple[int, int], Entry] = {}
+    for entry in entries:
+        if entry.kind == VALIDATION:
+            key = (entry.generation, entry.index)
+            pooled[key] = _pool(pooled[key], entry) if key in pooled else entry
+    return list(pooled.values())
+
+
+def _pool(first: Entry, second: Entry) -> Entry:
+    one, two = first.outcome, second.outcome
+    share = one.trials / max(one.trials + two.trials, 1)
+    outcome = Outcome(
+        progress=share * one.progress + (1 - share) * two.progress,
+        effort=share * one.effort + (1 - share) * two.effort,
+        succeeded=one.succeeded + two.succeeded,
+        seconds=one.seconds + two.seconds,
+        diverged=one.diverged + two.diverged,
+        descriptors=one.descriptors + two.descriptors,
+    )
+    return first._replace(outcome=outcome)
+
+
+def _rank(entry: Entry, sufficient_rate: float | None) -> tuple[float, ...]:
+    rate = expect_success(entry.outcome.successes, entry.outcome.trials)
+    if sufficient_rate is not None:
+        suffices = rate >= sufficient_rate
+        return (float(suffices), -entry.modules if suffices else 0.0, rate, entry.generation)
+    return (rate, entry.generation)

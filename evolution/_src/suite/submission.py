@@ -1,0 +1,160 @@
+"""Submissions to the benchmark suite: one JSON file with what was learned, its scores and its provenance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from evolution._src.backends.making import Backend, make_backend
+from evolution._src.backends.scoring import Scoring
+from evolution._src.backends.trials import Job
+from evolution._src.errors import RunError
+from evolution._src.suite.tasks import (
+    BUDGET,
+    EXAM_SEED,
+    EXAM_TRIALS,
+    LARGEST,
+    VERSION,
+    SuiteTask,
+    find_suite_task,
+)
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from symbrion_gym._src.robot.body_plans import organism_to_text
+
+FORMAT = "symbrion suite submission 1"
+SCORING = Scoring(module=0.0)
+"""The fitness of a score: progress [m], 1 for a success rate of 1, less the effort."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a genotype fared in the trials of the suite.
+
+    Attributes:
+        fitness: mean over trials, see `evolution._src.backends.scoring`.
+        successes: successful trials of `EXAM_TRIALS`.
+    """
+
+    fitness: float
+    successes: int
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a method has found for a task with a seed.
+
+    Attributes:
+        task: name of the task.
+        seed: seed of the method.
+        body: body plan.
+        controller: name of a law of ours, or "module:name".
+        genotype: genes of the controller.
+        seconds: simulated time that was spent [s], at most the budget and one generation.
+        scan: score in the arena.
+        truth: score in the exact arena.
+    """
+
+    task: str
+    seed: int
+    body: str
+    controller: str
+    genotype: tuple[float, ...]
+    seconds: float
+    scan: Score
+    truth: Score
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A submission.
+
+    Attributes:
+        name: name of the method.
+        entries: what it has found.
+        provenance: versions, commit, command.
+        version: of the suite.
+
+    Raises:
+        RunError: it is of another suite, or an entry cannot be one of its tasks.
+    """
+
+    name: str
+    entries: tuple[Entry, ...]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    version: str = VERSION
+
+    def __post_init__(self) -> None:
+        if self.version != VERSION:
+            raise RunError(
+                f"the submission is of suite {self.version!r}, this is suite {VERSION!r}, whose tasks and budget are "
+                "others; run the method again"
+            )
+        for entry in self.entries:
+            check_entry(entry)
+
+    def save(self, path: Path) -> None:
+        """Write the file."""
+        content = {"format": FORMAT} | asdict(self)
+        with write_atomically(path) as temporary:
+            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def load_submission(path: Path) -> Submission:
+    """Read a submission; this runs nothing from it.
+
+    Raises:
+        RunError: the file is missing, damaged or no submission.
+    """
+    try:
+        content: Any = read_json(path)
+        if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
+            raise RunError(
+                f"{path} is no submission of the format {FORMAT!r}; `symbrion bench-suite run` writes one"
+            )
+        entries = tuple(as_type(each, Entry, "entries") for each in content["entries"])
+        return Submission(str(content["name"]), entries, dict(content["provenance"]), str(content["version"]))
+    except (OSError, JsonError, KeyError, TypeError, ValueError) as error:
+        if isinstance(error, RunError):
+            raise
+        raise RunError(f"{path} cannot be read as a submission: {error}") from error
+
+
+def check_entry(entry: Entry) -> None:
+    """Refuse what cannot have been found under the rules of its task.
+
+    Raises:
+        RunError: another body, a body that is too large, a genotype that is not finite, or too large a budget.
+    """
+    from evolution._src.backends.parts import read_organism
+
+    task = find_suite_task(entry.task)
+    organism = read_organism(entry.body)
+    if task.body is not None and organism_to_text(read_organism(task.body)) != organism_to_text(organism):
+        raise RunError(f"{entry.task}: the body is {entry.body!r}, and the task gives {task.body!r}")
+    if task.body is None and organism.num_modules > LARGEST:
+        raise RunError(
+            f"{entry.task}: the body has {organism.num_modules} modules; at most {LARGEST} are allowed"
+        )
+    if not all(isfinite(value) for value in entry.genotype):
+        raise RunError(f"{entry.task}: the genotype is not finite")
+    if not 0.0 <= entry.seconds <= 2 * BUDGET:
+        raise RunError(f"{entry.task}: {entry.seconds:.0f} s were spent, of a budget of {BUDGET:.0f} s")
+
+
+def find_score(
+    task: SuiteTask, body: Any, controller: str, genotype: Any, in_truth: bool, backend: Backend | None = None
+) -> Score:
+    """Return the score of a genotype; equal genotypes have equal scores."""
+    trials = task.make_trials(body, controller, EXAM_TRIALS, EXAM_SEED, in_truth)
+    own = backend or make_backend("batch", 1)
+    outcome = own.run([Job(np.asarray(genotype, dtype=float), trials)])[0]
+    if outcome.error:
+        raise RunError(f"{task.name}: the genotype cannot be tried: {outcome.error}")
+    return Score(SCORING.score(outcome, 0), outcome.successes)

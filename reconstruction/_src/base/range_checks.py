@@ -1,0 +1,168 @@
+"""Refuse numbers of configurations that are out of range, with the error of the caller's package and one wording."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from math import inf, isfinite
+from numbers import Integral, Real
+from typing import Any
+
+from reconstruction._src.base.errors import ReconstructionError
+
+Limits = Mapping[str, tuple[float, float]]
+"""Field -> smallest and largest value."""
+
+
+def check_all_positive(
+    config: object, *, may_be_zero: Iterable[str] = (), any_sign: Iterable[str] = ()
+) -> None:
+    """Refuse a configuration of a network with a number that is not above zero.
+
+    Args:
+        config: an instance of a dataclass; fields of other types than `int` and `float` are not checked.
+        may_be_zero: fields that may also be zero.
+        any_sign: fields that may have any finite value.
+
+    Raises:
+        ReconstructionError: with the class, the field, its value and the range.
+    """
+    for field in dataclasses.fields(config):  # pyright: ignore[reportArgumentType]
+        value, what = getattr(config, field.name), f"{type(config).__name__}.{field.name}"
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        if field.name in any_sign:
+            _check(isfinite(value), what, "finite", value, ReconstructionError)
+        elif field.name in may_be_zero:
+            _check(value >= 0, what, "at least 0", value, ReconstructionError)
+        else:
+            _check(value > 0, what, "above 0", value, ReconstructionError)
+
+
+def check_positive(config: object, names: Iterable[str], error: type[Exception]) -> None:
+    """Refuse fields that are not finite numbers above 0.
+
+    Args:
+        config: whose fields are checked.
+        names: names of the fields.
+        error: class of the error that is raised.
+
+    Raises:
+        error: with the name of the configuration, the field and its value.
+    """
+    for name in names:
+        number, what = _find_number(config, name, error)
+        _check(0.0 < number < inf, what, "above 0", getattr(config, name), error)
+
+
+def check_not_negative(config: object, names: Iterable[str], error: type[Exception]) -> None:
+    """Refuse fields that are not finite numbers of at least 0; see `check_positive`."""
+    for name in names:
+        number, what = _find_number(config, name, error)
+        _check(0.0 <= number < inf, what, "at least 0", getattr(config, name), error)
+
+
+def check_counts(config: object, names: Iterable[str], error: type[Exception]) -> None:
+    """Refuse fields that are not whole numbers of at least 1; see `check_positive`."""
+    for name in names:
+        value = getattr(config, name)
+        is_count = isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= 1
+        _check(is_count, f"{type(config).__name__}.{name}", "a whole number of at least 1", value, error)
+
+
+def coerce_integers(config: object, limits: Limits, error: type[Exception]) -> None:
+    """Make fields of a frozen dataclass Python integers, which JSON can represent.
+
+    Raises:
+        error: a field is not an integer or out of range; with field, value and range.
+    """
+    for name, (low, high) in limits.items():
+        object.__setattr__(config, name, as_integers(name, [getattr(config, name)], low, high, error)[0])
+
+
+def coerce_floats(config: object, limits: Limits, error: type[Exception]) -> None:
+    """Make fields of a frozen dataclass floats: a config has the same digest before and after a file.
+
+    Raises:
+        error: a field is not a finite number or out of range; with field, value and range.
+    """
+    for name, (low, high) in limits.items():
+        object.__setattr__(config, name, as_floats(name, [getattr(config, name)], low, high, error)[0])
+
+
+def as_integers(
+    name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
+) -> tuple[int, ...]:
+    """Return the values of a field as integers.
+
+    Raises:
+        error: one is not an integer or out of range; with field, value and range.
+    """
+    needed = f"a whole number from {low:g} to {high:.15g}"
+    return tuple(int(_check_kind(name, value, Integral, (low, high), needed, error)) for value in values)
+
+
+def as_floats(
+    name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
+) -> tuple[float, ...]:
+    """Return the values of a field as floats.
+
+    Raises:
+        error: one is not a finite number or out of range; with field, value and range.
+    """
+    needed = f"a number from {low:g} to {high:g}"
+    return tuple(float(_check_kind(name, value, Real, (low, high), needed, error)) for value in values)
+
+
+def as_range(
+    name: str, values: Iterable[Any], low: float, high: float, error: type[Exception]
+) -> tuple[float, float]:
+    """Return the lowest and highest value of a field as floats.
+
+    Raises:
+        error: there are not two, or one is not a finite number or out of range.
+    """
+    limits = as_floats(name, values, low, high, error)
+    if len(limits) != 2:
+        raise error(f"{name} must be a lowest and a highest value, got {limits}")
+    return limits
+
+
+def check_choice(name: str, value: object, choices: Sequence[str], error: type[Exception]) -> None:
+    """Refuse a value that is not among the choices of a field.
+
+    Raises:
+        error: with field, value and choices.
+    """
+    if value not in choices:
+        raise error(f"{name}: there is no {value!r}; there are: {', '.join(choices)}")
+
+
+def check_count(name: str, values: Sequence[object], high: int, error: type[Exception]) -> None:
+    """Refuse a field without values, or with too many.
+
+    Raises:
+        error: with field, number of values and limit.
+    """
+    if not 1 <= len(values) <= high:
+        raise error(f"{name} has {len(values)} values; 1 to {high} are possible")
+
+
+def _find_number(config: object, name: str, error: type[Exception]) -> tuple[float, str]:
+    """Return the number of a field, and what to call the field in a message."""
+    value, what = getattr(config, name), f"{type(config).__name__}.{name}"
+    try:
+        return float("none" if isinstance(value, str) else value), what
+    except (TypeError, ValueError, OverflowError):
+        raise error(f"{what} must be a number, got {value!r}") from None
+
+
+def _check_kind(
+    name: str, value: Any, kind: type, limits: tuple[float, float], needed: str, error: type[Exception]
+) -> Any:
+    is_number = isinstance(value, kind) and not isinstance(value, bool)
+    _check(is_number and limits[0] <= value <= limits[1], name, needed, value, error)
+    return value
+
+
+def _check(is_allowed: bool, what: str, allowed: str, value: object, error: type[Exception]) -> None:
+    if not is_allowed:
+        raise error(f"{what} must be {allowed}, got {value!r}")

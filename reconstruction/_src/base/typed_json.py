@@ -1,0 +1,146 @@
+"""JSON from outside, read strictly: finite numbers, bounded nesting, typed fields.
+
+Two steps: `read_json` reads a file as plain content, `as_type` turns content into a dataclass or another
+type. Messages name the field; the caller adds the file and the remedy.
+"""
+
+import dataclasses
+import json
+import math
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from reconstruction._src.base.errors import ReconstructionPackageError
+from reconstruction._src.base.printable import make_printable
+
+MAX_FILE_BYTES = 64 * 2**20
+"""Largest file read; those that this project writes have some kilobytes."""
+MAX_DEPTH = 50
+"""Most levels of nesting; files of this project have six."""
+_TOKEN = re.compile(
+    r'"(?P<string>(?:[^"\\]|\\.)*+)"?\s*+(?P<is_name>:)?|(?P<open>[\[{])|(?P<close>[\]}])', re.DOTALL
+)
+"""Takes time and memory in proportion to the text, also of a string that never ends."""
+
+T = TypeVar("T")
+
+
+class JsonError(ReconstructionPackageError, ValueError):
+    """Content is no JSON, or not of the type expected; the message is one printable line."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(make_printable(message))
+
+
+def read_json(path: str | os.PathLike[str]) -> Any:
+    """Read a JSON file as plain content.
+
+    Raises:
+        JsonError: missing, too large, damaged, nested too deeply, or with a number that is not finite.
+    """
+    path = Path(path)
+    try:
+        if not path.is_file():
+            raise JsonError("there is no such file")
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise JsonError(f"larger than {MAX_FILE_BYTES // 2**20} MB")
+        return parse_json(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise JsonError(f"cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise JsonError(f"cannot be read as JSON ({error})") from error
+
+
+def parse_json(text: str) -> Any:
+    """Return JSON text as plain content.
+
+    Raises:
+        JsonError: damaged, nested too deeply, or with a number that is not finite.
+    """
+    _refuse_deep(text)
+    try:
+        content = json.loads(text)
+    except ValueError as error:
+        raise JsonError(f"cannot be read as JSON ({error})") from error
+    _refuse_non_finite(content, "")
+    return content
+
+
+def as_type(content: Any, kind: type[T], where: str = "", *, others_allowed: bool = False) -> T:
+    """Return plain content as a value of a type: dataclasses of objects, tuples of lists, floats of integers.
+
+    Args:
+        content: as `read_json` returned it.
+        kind: the type; a dataclass checks the range of its fields itself.
+        where: name of the content, for messages.
+        others_allowed: whether entries that a dataclass does not have are left alone.
+
+    Raises:
+        JsonError: a field is missing, unknown, of another type, or refused by a dataclass with a ValueError.
+    """
+    try:
+        value = msgspec.convert(content, kind)
+    except msgspec.ValidationError as error:
+        raise JsonError(_describe(error, where)) from error
+    except UnicodeEncodeError:  # text that is no Unicode, where msgspec wants none
+        return as_type(_replace_surrogates(content), kind, where, others_allowed=others_allowed)
+    if not others_allowed:
+        _refuse_unknown(content, value, where)
+    return value
+
+
+def _describe(error: msgspec.ValidationError, where: str) -> str:
+    """Put the field first: "config.modules: expected `int`, got `str`"."""
+    what, _, path = str(error).rpartition(" - at `$")
+    field = f"{where}{path[:-1]}".lstrip(".") if what else where
+    what = (what or path).replace("Object missing required field", "lacks the field")
+    return f"{field}: {what}" if field else what
+
+
+def _replace_surrogates(content: Any) -> Any:
+    return json.loads(json.dumps(content, ensure_ascii=False).encode("utf-8", "replace"))
+
+
+def _refuse_unknown(content: Any, value: Any, where: str) -> None:
+    """Refuse what msgspec accepts: fields that a dataclass does not have."""
+    if dataclasses.is_dataclass(value):
+        names = [field.name for field in dataclasses.fields(value)]
+        unknown = sorted(set(content) - set(names))
+        if unknown:
+            raise JsonError(f"{where or 'it'} has unknown entries {unknown}; there are {', '.join(names)}")
+        for name in content:
+            _refuse_unknown(content[name], getattr(value, name), f"{where}.{name}".lstrip("."))
+    elif isinstance(value, tuple) and isinstance(content, Sequence):
+        for index, (inner, each) in enumerate(zip(content, value, strict=False)):
+            _refuse_unknown(inner, each, f"{where}[{index}]")
+
+
+def _refuse_deep(text: str) -> None:
+    """Refuse what would exhaust the stack of a parser; the message names the last field on the way down."""
+    depth, name = 0, ""
+    for token in _TOKEN.finditer(text):
+        if token["open"]:
+            depth += 1
+            if depth > MAX_DEPTH:
+                raise JsonError(f"{name or 'it'} is nested deeper than {MAX_DEPTH} levels")
+        elif token["close"]:
+            depth -= 1
+        elif token["is_name"]:
+            name = token["string"]
+
+
+def _refuse_non_finite(content: Any, where: str) -> None:
+    """Refuse NaN and infinities, which Python reads and JSON does not have."""
+    if isinstance(content, dict):
+        for name, inner in content.items():
+            _refuse_non_finite(inner, f"{where}.{name}".lstrip("."))
+    elif isinstance(content, list):
+        for index, inner in enumerate(content):
+            _refuse_non_finite(inner, f"{where}[{index}]")
+    elif isinstance(content, float) and not math.isfinite(content):
+        raise JsonError(f"{where or 'it'} is {content}; a finite number is needed")

@@ -1,0 +1,166 @@
+"""Which side of a surface is outside: faces wound so that their normals point there."""
+
+import numpy as np
+from jaxtyping import Float, Int, Num
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from reconstruction._src.geometry.reversals import TurnedMesh, turn_reversed_parts
+from reconstruction._src.geometry.rows import cross_rows, find_areas, find_lengths, sum_rows
+from reconstruction._src.geometry.visibility import count_votes
+
+OPEN_SHARE = 0.2
+"""A component whose normals sum to less than this share of its area counts as closed: those of a closed one cancel,
+those of a half sphere sum to half of it."""
+_INSIDE = 0.5
+"""A closed component winds once around what is in it; one with a door or without a ceiling more than this."""
+_LEVEL = 0.9
+"""A face is level where the upward part of its normal, of length 1, is beyond this, or below its opposite."""
+_LOWEST = 0.15
+"""The bottom of a surface is this share of its height."""
+
+
+def orient_outwards(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    viewpoint: Num[np.ndarray, "*K 3"] | None = None,
+    open_share: float = OPEN_SHARE,
+) -> Int[np.ndarray, "F 3"]:
+    """Return the faces, each component turned to the outside; within a component they must be wound alike.
+
+    Closed components (and nearly closed ones) look outwards, but inwards where the scanner stood in them, as in a room.
+    Sheets look towards the scanner where its position is known, else upwards (along z).
+
+    Args:
+        vertices: [m].
+        faces: wound alike within a component.
+        viewpoint: `[3]` position of the scanner, or `[K, 3]` positions, each face seen from the nearest.
+        open_share: a component whose normals sum to more than this share of its area is a sheet.
+    """
+    if len(faces) == 0:
+        return faces
+    corners = vertices[faces]
+    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle = corners.mean(axis=1)
+    part = find_components(faces, len(vertices))
+    count = part.max() + 1
+    area = np.bincount(part, find_lengths(cross), count)
+    total = np.stack([np.bincount(part, cross[:, axis], count) for axis in range(3)], axis=1)
+    center = np.stack([np.bincount(part, middle[:, axis], count) for axis in range(3)], axis=1)
+    center /= np.bincount(part, minlength=count)[:, None]
+    outwards = np.bincount(part, sum_rows((middle - center[part]) * cross), count)
+    is_sheet = find_lengths(total) > open_share * area
+    if viewpoint is None:
+        forth = np.where(is_sheet, total[:, 2], outwards)
+    else:
+        seen_from = np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
+        forth = np.bincount(part, sum_rows((_find_nearest(middle, seen_from) - middle) * cross), count)
+        for closed in np.flatnonzero(~is_sheet):
+            turns = _count_turns(vertices, faces[part == closed], seen_from)
+            forth[closed] = -turns if abs(turns) > _INSIDE else outwards[closed]
+    return np.where((forth[part] < 0)[:, None], faces[:, ::-1], faces)
+
+
+def looks_down_below(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> bool:
+    """Return whether level faces look down at the bottom, and up above it, as those of a closed room from outside.
+
+    At the bottom less than half of the level area looks up, and above it more than half; without level faces in both,
+    it is not so.
+
+    Args:
+        vertices: [m].
+        faces: oriented.
+    """
+    corners = vertices[faces]
+    cross = cross_rows(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area, height = find_lengths(cross), corners[:, :, 2].mean(axis=1)
+    is_level = np.abs(cross[:, 2]) > _LEVEL * area
+    if not is_level.any():
+        return False
+    low, high = height[is_level].min(), height[is_level].max()
+    is_low = height < low + _LOWEST * (high - low)
+    below, above = (float(cross[is_level & chosen, 2].sum()) for chosen in (is_low, ~is_low))
+    return below < 0.0 < above
+
+
+def _find_nearest(
+    places: Float[np.ndarray, "N 3"], viewpoints: Float[np.ndarray, "K 3"]
+) -> Float[np.ndarray, "N 3"]:
+    """Return the viewpoint that is nearest to each place."""
+    if len(viewpoints) == 1:
+        return np.broadcast_to(viewpoints[0], places.shape)
+    return viewpoints[cKDTree(viewpoints).query(places)[1]]
+
+
+def _count_turns(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], viewpoints: Float[np.ndarray, "K 3"]
+) -> float:
+    """Return how often a component winds around the viewpoint that is deepest in it.
+
+    1 in one that looks outwards, -1 in one that looks inwards, 0 where all viewpoints are outside.
+    """
+    import igl
+
+    corners = vertices[np.unique(faces)]
+    is_near = ((viewpoints >= corners.min(axis=0)) & (viewpoints <= corners.max(axis=0))).all(axis=1)
+    if not is_near.any():
+        return 0.0
+    places = np.ascontiguousarray(viewpoints[is_near])
+    turns = np.atleast_1d(
+        igl.winding_number(np.ascontiguousarray(vertices, np.float64), np.asarray(faces, np.int64), places)
+    )
+    return float(turns[np.abs(turns).argmax()])
+
+
+def orient_to_viewpoints(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"],
+    seen_from: Int[np.ndarray, " N"] | None = None,
+) -> tuple[TurnedMesh, float]:
+    """Return the mesh, each component turned to the side that it was seen from, and how far that holds.
+
+    The points vote (`count_votes`), each face counts with its area: far walls have few readings. Large parts of a
+    component that look away from where they were seen are cut off and turned (`turn_reversed_parts`). Components
+    without a vote are turned as by `orient_outwards`.
+
+    Args:
+        vertices: [m].
+        faces: wound alike within a component.
+        points: readings of the surface [m].
+        viewpoints: positions of the sensor [m].
+        seen_from: viewpoint of every point; None: unknown.
+
+    Returns:
+        The mesh, and the share of the area with votes that looks to where it was seen from; 1 without votes.
+    """
+    if len(faces) == 0:
+        return TurnedMesh(vertices, faces), 1.0
+    turned = orient_outwards(vertices, faces, viewpoints)
+    votes, weights = count_votes(vertices, turned, points, viewpoints, seen_from)
+    shares = votes / np.where(weights > 0, weights, 1.0)
+    area = np.where(weights > 0, find_areas(vertices, turned), 0.0)
+    part = find_components(turned, len(vertices))
+    is_turned = (np.bincount(part, area * shares) < 0)[part]
+    turned = np.where(is_turned[:, None], turned[:, ::-1], turned)
+    shares = np.where(is_turned, -shares, shares)
+    mesh = turn_reversed_parts(vertices, turned, shares)
+    was_reversed = (mesh.vertices[mesh.faces[:, 0]] != vertices[turned[:, 0]]).any(axis=1)
+    agrees = np.where(was_reversed, shares < 0, shares > 0)
+    return mesh, float(area[agrees].sum() / area.sum()) if area.any() else 1.0
+
+
+def find_components(faces: Int[np.ndarray, "F 3"], num_vertices: int) -> Int[np.ndarray, " F"]:
+    """Return the component of every face, numbered from 0 in the order of their first faces.
+
+    libigl's `facet_components` returns the same in five times the time.
+    """
+    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num_vertices, num_vertices))
+    label = connected_components(graph, directed=False)[1][faces[:, 0]]
+    _, first, part = np.unique(label, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[part]

@@ -1,0 +1,91 @@
+"""The networks by name: their modules, loaded at first use, and their configurations, also from a saved file."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+
+import numpy as np
+from jaxtyping import Float
+
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.progress import Progress
+
+if TYPE_CHECKING:
+    from reconstruction._src.networks.change.refinement import NetworkLearner
+    from reconstruction._src.networks.growing_grid import growing_grid
+    from reconstruction._src.networks.gsrm import gsrm
+
+    NetworkConfig: TypeAlias = gsrm.GSRMConfig | growing_grid.GrowingGridConfig
+    State: TypeAlias = gsrm.State | growing_grid.State
+
+METHODS = {
+    "gsrm": ("reconstruction._src.networks.gsrm.gsrm", "GSRMConfig"),
+    "gg": ("reconstruction._src.networks.growing_grid.growing_grid", "GrowingGridConfig"),
+}
+"""Method -> the module of its network, which is loaded at first use, and the name of its configuration."""
+
+
+class Network(Protocol):
+    """What the module of a network offers."""
+
+    @property
+    def State(self) -> type[State]:
+        """The network as plain arrays."""
+        ...
+
+    def train(
+        self, points: Float[np.ndarray, "N 3"], config: NetworkConfig, seed: int, progress: Progress
+    ) -> State:
+        """Return a network that has grown over the points."""
+        ...
+
+
+def find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
+    """Return the network and the configuration of a method.
+
+    Raises:
+        ReconstructionError: there is no such method.
+    """
+    if method not in METHODS:
+        raise ReconstructionError(f"method must be one of {', '.join(map(repr, METHODS))}, got {method!r}")
+    module, config = METHODS[method]
+    network = importlib.import_module(module)
+    return cast("Network", network), getattr(network, config)
+
+
+def find_learner(method: str) -> Callable[[State, NetworkConfig], NetworkLearner[State, Any, Any]]:
+    """Return the class that lets a network of this method learn from new readings."""
+    folder = METHODS[method][0].rpartition(".")[0]
+    return importlib.import_module(f"{folder}.refinement").Learner
+
+
+def make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:
+    """Return the configuration, with lists from JSON as tuples; refuse names that it does not have."""
+    known = {field.name for field in dataclasses.fields(config_type)}
+    unknown = sorted(set(values) - known)
+    if unknown:
+        raise ReconstructionError(
+            f"unknown option {', '.join(unknown)}; there are {', '.join(sorted(known))}"
+        )
+    units = values.get("units")
+    if isinstance(units, bool) or not isinstance(units, int | np.integer):
+        raise ReconstructionError(f"units must be a whole number, got {units!r}")
+    return _restore(config_type(), values)
+
+
+def _restore(default: Any, values: dict[str, Any]) -> Any:
+    """Return a configuration with the values that JSON holds, those absent as in the default."""
+    restored = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            restored[name] = _restore(getattr(default, name), value)
+        else:
+            restored[name] = _freeze(value)
+    return dataclasses.replace(default, **restored)
+
+
+def _freeze(value: Any) -> Any:
+    return tuple(map(_freeze, value)) if isinstance(value, list) else value

@@ -1,0 +1,270 @@
+"""How a grid of units learns from many samples at once: the batch rule, and the fit of its surface."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from reconstruction._src.geometry.rows import find_lengths
+from reconstruction._src.networks.growing_grid.mesh import triangulate, unfold
+from reconstruction._src.networks.least_squares import FitConfig, find_chunk, fit_once
+from reconstruction._src.networks.som.padding import pad_rows, padded_length
+from reconstruction._src.networks.som.winners import (
+    MAX_CANDIDATES,
+    Tiles,
+    choose_num_candidates,
+    find_candidates,
+    search_tiles,
+)
+from reconstruction._src.networks.surface_fit import make_ring
+
+TAPS = 3
+"""Reach of the neighborhood along each grid axis."""
+MAX_ITERATIONS = 24
+"""Iterations of a fit at most."""
+ROOM = 1.1
+"""There is room for this many times the wanted units: a round may exceed its number."""
+_MAX_SHORT = 0.02
+"""Share of tiles that may reach beyond their list of candidates before all lists are made twice as long."""
+_FAR = 1e6
+"""Where padded units stand: they win nothing, and squares stay finite in float32."""
+_MIN_SAMPLES = 4096
+"""The number of samples is this or its double and so on, so that few programs are compiled."""
+_RING_DEPTH = 8
+"""A unit of a grid has at most eight faces: four cells of two triangles."""
+
+
+def choose_num_samples(num_points: int, wanted: int) -> int:
+    """Return how many of the points to take where `wanted` are enough: one of few numbers, so of few shapes."""
+    return min(num_points, _MIN_SAMPLES * 2 ** max(0, int(np.ceil(np.log2(wanted / _MIN_SAMPLES)))))
+
+
+def learn(
+    tiles: Tiles,
+    units: Float[np.ndarray, "R C 3"],
+    sigma: float,
+    iterations: int,
+    goal: int = 4,
+    is_movable: Bool[np.ndarray, "R C"] | None = None,
+) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
+    """Train the grid by the batch rule.
+
+    Args:
+        tiles: the samples.
+        units: float32 positions.
+        sigma: width of the neighborhood in grid steps.
+        iterations: how many batch steps.
+        goal: about R C; together with the number of samples it determines all array shapes.
+        is_movable: which units may move; all if absent.
+
+    Returns:
+        Units, and how many samples each wins.
+    """
+    capacity = max(find_capacity(goal), padded_length(units.shape[0] * units.shape[1], MAX_CANDIDATES))
+    padded, candidates = _pad(units, tiles, capacity)
+    moved, counts = _learn(
+        tiles.samples,
+        tiles.is_real,
+        padded,
+        candidates,
+        np.array(units.shape[:2]),
+        _pad_mask(is_movable, units, capacity),
+        np.float32(sigma),
+        np.int32(iterations),
+    )
+    return _as_grid(moved, units), _as_grid(counts, units)
+
+
+def choose_sigmas(samples_per_unit: float) -> tuple[float, ...]:
+    """Return the widths of the smoothing for a fit: the fewer samples, the wider; the more, the more iterations.
+
+    A vertex must not follow the noise of a handful of samples, so a wider neighborhood shares its moments with it: of
+    a constant number of samples, between half a grid step (narrower, and the sheet folds) and one and a half. A coarse
+    grid has far to go from its rounded crests, and samples enough to go there: from 12 samples a unit on, 2.5
+    iterations more with every double.
+    """
+    last = float(np.clip(2 / np.sqrt(samples_per_unit), 0.5, 1.5))
+    extra = round(2.5 * np.log2(max(samples_per_unit, 1) / 12))
+    number = int(np.clip(4 + extra, 4, MAX_ITERATIONS))
+    return tuple(max(sigma, last) for sigma in (1.0, 0.8, 0.6) + (last,) * (number - 3))
+
+
+def fit_grid(
+    tiles: Tiles,
+    units: Float[np.ndarray, "R C 3"],
+    sigmas: tuple[float, ...],
+    config: FitConfig,
+    goal: int,
+    is_movable: Bool[np.ndarray, "R C"] | None = None,
+) -> tuple[Float[np.ndarray, "R C 3"], Float[np.ndarray, "R C"]]:
+    """Fit the sheet to the samples, with the moments smoothed over the grid; then unfold it.
+
+    Args:
+        tiles: the samples.
+        units: float32 positions.
+        sigmas: width of the smoothing, iteration by iteration, at most `MAX_ITERATIONS`.
+        config: configuration of the fit; lengths in grid steps.
+        goal: see `learn`.
+        is_movable: see `learn`.
+
+    Returns:
+        Units, and how many samples each wins.
+    """
+    rows, columns = units.shape[:2]
+    spacing = float(find_lengths(np.diff(units, axis=1)).mean())
+    spacing = (spacing + float(find_lengths(np.diff(units, axis=0)).mean())) / 2
+    capacity = max(find_capacity(goal), padded_length(rows * columns, MAX_CANDIDATES))
+    padded, candidates = _pad(units, tiles, capacity)
+    ring = make_ring(triangulate(units, np.ones((rows - 1, columns - 1), dtype=bool)), capacity)
+    ring = np.pad(ring, ((0, 0), (0, _RING_DEPTH - ring.shape[1]), (0, 0)), constant_values=-1)
+    moved, counts = _fit(
+        tiles.samples / np.float32(spacing),
+        tiles.is_real,
+        padded / np.float32(spacing),
+        candidates,
+        np.array([rows, columns]),
+        _pad_mask(is_movable, units, capacity),
+        ring,
+        np.resize(sigmas, MAX_ITERATIONS).astype(np.float32),
+        np.int32(len(sigmas)),
+        config=config,
+        chunk=find_chunk(tiles.order.size),
+    )
+    return unfold(_as_grid(moved, units), is_movable) * spacing, _as_grid(counts, units)
+
+
+def _as_grid(
+    values: Shaped[jax.Array, "capacity ..."], units: Float[np.ndarray, "R C 3"]
+) -> Shaped[np.ndarray, "R C ..."]:
+    """Return the real ones of padded values in the shape of the grid."""
+    rows, columns = units.shape[:2]
+    return np.asarray(values)[: rows * columns].reshape(rows, columns, *values.shape[1:])
+
+
+def _pad(
+    units: Float[np.ndarray, "R C 3"], tiles: Tiles, capacity: int
+) -> tuple[Float[np.ndarray, "capacity 3"], Int[np.ndarray, "T K"]]:
+    """Return the units, row after row, and every tile's candidates.
+
+    Both shapes follow from the capacity, the number of samples and whether the lists are long enough: another
+    seed, another proportion of the grid, but the same compiled program.
+    """
+    flat = units.reshape(-1, 3)
+    padded = pad_rows(flat.astype(np.float32), capacity, _FAR)
+    if capacity <= MAX_CANDIDATES:
+        candidates = np.broadcast_to(np.arange(capacity, dtype=np.int32), (len(tiles.centers), capacity))
+    else:
+        number = min(choose_num_candidates(tiles.order.size, capacity, 1), len(flat))
+        candidates, reach = find_candidates(tiles, flat, number)
+        # Steep parts of a sheet put more units under a tile than the mean.
+        radius = find_lengths(tiles.samples[:, ::4] - tiles.centers[:, None]).max(axis=1)
+        if (reach < radius).mean() > _MAX_SHORT and number < min(MAX_CANDIDATES, len(flat)):
+            candidates, _ = find_candidates(tiles, flat, min(2 * number, MAX_CANDIDATES, len(flat)))
+    return padded, candidates
+
+
+def _pad_mask(
+    is_movable: Bool[np.ndarray, "R C"] | None, units: Float[np.ndarray, "R C 3"], capacity: int
+) -> Bool[np.ndarray, " capacity"]:
+    number = units.shape[0] * units.shape[1]
+    mask = np.ones(number, dtype=bool) if is_movable is None else is_movable.reshape(-1)
+    return pad_rows(mask, capacity, False)
+
+
+def find_capacity(goal: int) -> int:
+    """Return how many units to make room for where about `goal` are wanted."""
+    return padded_length(round(ROOM * goal), minimum=MAX_CANDIDATES)
+
+
+def _smooth(
+    grid: Float[jax.Array, "capacity K"], shape: Int[jax.Array, " 2"], sigma: Float[jax.Array, ""]
+) -> Float[jax.Array, "capacity K"]:
+    """Convolve along both axes of the grid with a Gaussian of `2 TAPS + 1` taps; nothing comes from outside.
+
+    Args:
+        grid: values, row after row; zero beyond the real units.
+        shape: rows and columns.
+        sigma: width in grid steps.
+    """
+    length = grid.shape[0]
+    column = jnp.arange(length) % shape[1]
+    margin = TAPS * length // 2 + TAPS  # a grid has at least two rows, so at most half its units in one
+    total = grid
+    for tap in range(1, TAPS + 1):
+        value = jnp.exp(-(tap**2) / (2 * sigma**2))
+        before = jnp.where((column >= tap)[:, None], jnp.roll(grid, tap, axis=0), 0.0)
+        behind = jnp.where((column < shape[1] - tap)[:, None], jnp.roll(grid, -tap, axis=0), 0.0)
+        total = total + value * (before + behind)
+    wide = jnp.pad(total, ((margin, margin), (0, 0)))
+    for tap in range(1, TAPS + 1):
+        value = jnp.exp(-(tap**2) / (2 * sigma**2))
+        before = jax.lax.dynamic_slice_in_dim(wide, margin - tap * shape[1], length)
+        behind = jax.lax.dynamic_slice_in_dim(wide, margin + tap * shape[1], length)
+        total = total + value * (before + behind)
+    return total
+
+
+@jax.jit
+def _learn(
+    samples: Float[jax.Array, "T S 3"],
+    is_real: Bool[jax.Array, "T S"],
+    units: Float[jax.Array, "U 3"],
+    candidates: Int[jax.Array, "T K"],
+    shape: Int[jax.Array, " 2"],
+    is_movable: Bool[jax.Array, " U"],
+    sigma: Float[jax.Array, ""],
+    iterations: Int[jax.Array, ""],
+) -> tuple[Float[jax.Array, "U 3"], Float[jax.Array, " U"]]:
+    """Repeat the batch rule W = HᵀX / HᵀN, H the separable kernel."""
+    flat = samples.reshape(-1, 3)
+    real = is_real.reshape(-1, 1)
+    rows = jnp.where(real, jnp.concatenate([flat, jnp.ones_like(flat[:, :1])], axis=1), 0.0)
+
+    def step(_, carry):
+        units, _ = carry
+        winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
+        sums = jnp.zeros((len(units), 4)).at[winners].add(rows)
+        smooth = _smooth(sums, shape, sigma)
+        moved = smooth[:, :3] / jnp.maximum(smooth[:, 3:], 1e-9)
+        return jnp.where((is_movable & (smooth[:, 3] > 1e-6))[:, None], moved, units), sums[:, 3]
+
+    return jax.lax.fori_loop(0, iterations, step, (units, jnp.zeros(len(units))))
+
+
+@partial(jax.jit, static_argnames=("config", "chunk"))
+def _fit(
+    samples: Float[jax.Array, "T S 3"],
+    is_real: Bool[jax.Array, "T S"],
+    units: Float[jax.Array, "U 3"],
+    candidates: Int[jax.Array, "T K"],
+    shape: Int[jax.Array, " 2"],
+    is_movable: Bool[jax.Array, " U"],
+    ring: Int[jax.Array, "U D 2"],
+    sigmas: Float[jax.Array, " iterations"],
+    num_iterations: Int[jax.Array, ""],
+    *,
+    config: FitConfig,
+    chunk: int,
+) -> tuple[Float[jax.Array, "U 3"], Float[jax.Array, " U"]]:
+    """Fit by least squares with moments smoothed over the grid; lengths in grid steps."""
+    flat, weight = samples.reshape(-1, 3), is_real.reshape(-1).astype(jnp.float32)
+
+    def step(iteration, units):
+        winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
+        return fit_once(
+            units,
+            ring,
+            flat,
+            winners,
+            weight,
+            config,
+            chunk=chunk,
+            is_movable=is_movable,
+            spread=lambda moments: _smooth(moments, shape, sigmas[iteration]),
+        )
+
+    units = jax.lax.fori_loop(0, num_iterations, step, units)
+    winners = search_tiles(samples, units, candidates, 1)[0].reshape(-1)
+    return units, jnp.zeros(len(units)).at[winners].add(weight)

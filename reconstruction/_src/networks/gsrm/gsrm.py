@@ -1,0 +1,281 @@
+"""Growing self-reconstruction map: units that grow into a cloud and the faces between them.
+
+References:
+    Rêgo, Araújo and Lima Neto (2010), "Growing self-reconstruction maps", IEEE Transactions on Neural
+    Networks 21(2).
+
+Differs: signals come in batches (`growth`), edges and faces are learned from the three winners of all samples
+at once and made a two-manifold (`topology`), and the finished mesh is fitted to the samples by least squares
+(`surface_fit`). `mode="paper"` has the literal sequential rules (`paper`).
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.geometry.rows import sum_rows
+from reconstruction._src.networks.change.detection import ChangeConfig
+from reconstruction._src.networks.gsrm import paper as gsrm_paper
+from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
+from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
+from reconstruction._src.networks.gsrm.refinement_config import GSRMRefinementConfig
+from reconstruction._src.networks.gsrm.support import make_support
+from reconstruction._src.networks.gsrm.topology import learn_faces
+from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
+from reconstruction._src.networks.least_squares import FitConfig
+from reconstruction._src.networks.som.density import Density, DensityConfig, measure_density
+from reconstruction._src.networks.som.winners import Tiles, make_tiles, search_all
+from reconstruction._src.networks.surface_fit import fit_surface
+from reconstruction._src.surfaces.edge_flips import flip_edges
+from reconstruction._src.surfaces.unfolding import unfold_faces
+
+_MIN_MAP = 4
+"""A map of fewer units has no surface."""
+
+
+@dataclass(frozen=True)
+class GSRMConfig:
+    """How a map grows; there are no lengths among the parameters, so that the scale of the cloud is free.
+
+    Attributes:
+        units: units wanted. Where the samples are too sparse for them (units nearer to one another than
+            two sample spacings), the map stops growing earlier.
+        mode: "batch", or "paper" for the sequential rules.
+        growth: factor on the number of units in one round.
+        start_share: share of the units that are drawn among the samples, the others grow; at least three.
+        samples_per_unit: samples of a round, for each unit wanted; settling uses twice as many, topology
+            and the final fit all.
+        settle_passes: passes of all units through their samples once they are complete.
+        fit: whether the finished mesh is fitted to the samples by least squares.
+        start_distance: in an uneven cloud no unit starts nearer to another than this many sample spacings; with less,
+            scan lines get too many units.
+        start_neighbors: nearest units from which a starting unit keeps that distance.
+        split_radius: a cell whose samples lie nearer to its unit (root mean square, in sample spacings) stays whole.
+            Units of a hexagonal map are 2.7 times as far apart as this radius; half a cell has twice the spacing.
+        dense_fit: from this many samples a unit on, the mesh is first fitted to few of them.
+        coarse_samples: samples a unit of that first fit: creases need iterations, accuracy needs samples.
+        coarse_iterations: iterations of that first fit.
+        density: how the spacing of the samples is measured and outliers are found.
+        topology: how faces are learned.
+        surface_fit: how the mesh is fitted to the samples.
+        completion: how what is left uncovered in an uneven cloud is found and covered.
+        change: when new readings contradict the map.
+        refinement: how it learns from them.
+    """
+
+    units: int = 2200
+    mode: Literal["batch", "paper"] = "batch"
+    growth: float = 2.0
+    start_share: float = 0.25
+    samples_per_unit: int = 8
+    settle_passes: int = 4
+    fit: bool = True
+    start_distance: float = 1.4
+    start_neighbors: int = 8
+    split_radius: float = 1.05
+    dense_fit: int = 40
+    coarse_samples: int = 24
+    coarse_iterations: int = 3
+    density: DensityConfig = field(default_factory=DensityConfig)
+    topology: TopologyConfig = field(default_factory=TopologyConfig)
+    surface_fit: FitConfig = field(default_factory=FitConfig)
+    completion: CompletionConfig = field(default_factory=CompletionConfig)
+    change: ChangeConfig = field(default_factory=ChangeConfig)
+    refinement: GSRMRefinementConfig = field(default_factory=GSRMRefinementConfig)
+
+    def __post_init__(self) -> None:
+        if self.units < 4:
+            raise ReconstructionError(f"units must be at least 4, got {self.units}")
+        if self.mode not in ("batch", "paper"):
+            raise ReconstructionError(f"mode must be 'batch' or 'paper', got {self.mode!r}")
+        if not self.growth > 1:
+            raise ReconstructionError(f"growth must be above 1, got {self.growth}")
+        if not 0 <= self.start_share <= 1:
+            raise ReconstructionError(f"start_share must lie between 0 and 1, got {self.start_share}")
+        if self.samples_per_unit < 1 or self.settle_passes < 1:
+            raise ReconstructionError(
+                "samples_per_unit and settle_passes must be at least 1, got "
+                f"{self.samples_per_unit} and {self.settle_passes}"
+            )
+        check_all_positive(self, may_be_zero=("start_share", "start_distance", "split_radius"))
+
+
+class State(NamedTuple):
+    """A trained map.
+
+    Attributes:
+        units: reference vectors [m]; each has a face.
+        faces: unit indices: an oriented two-manifold (in paper mode: whatever the rules give).
+    """
+
+    units: Float[np.ndarray, "U 3"]
+    faces: Int[np.ndarray, "F 3"]
+
+
+def train(
+    points: Float[np.ndarray, "N 3"], config: GSRMConfig, seed: int = 0, progress: Progress = silent
+) -> State:
+    """Grow a map over the points.
+
+    Args:
+        points: finite positions [m], N >= units.
+        config: how.
+        seed: seed of all random numbers; equal seeds give equal maps.
+        progress: receives how far the work is.
+
+    Raises:
+        ReconstructionError: the points support no face.
+    """
+    rng = np.random.default_rng(seed)
+    center = points.mean(axis=0)
+    scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
+    scaled = (points - center) / scale
+    if config.mode == "paper":
+        units, faces = gsrm_paper.train(scaled, config.units, rng, progress)
+    else:
+        units, faces = _train_batch(scaled.astype(np.float32), config, rng, progress)
+    if len(faces) == 0:
+        raise ReconstructionError(
+            f"{len(points)} points carry no face between {config.units} units; "
+            "a surface needs about 20 points a unit"
+        )
+    progress("done", 1.0)
+    return State(units * scale + center, faces.astype(np.int32))
+
+
+def _train_batch(
+    samples: Float[np.ndarray, "N 3"], config: GSRMConfig, rng: np.random.Generator, progress: Progress
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+    """Grow, learn the topology, fit; all in units of the cloud's size."""
+    progress("sort the samples", 0.0)
+    tiles = make_tiles(samples)
+    density = measure_density(samples, tiles.tree, rng, config.density)
+    progress("grow", 0.1)
+    units = _grow(tiles, density, config.units, config, rng)
+    progress("learn the topology", 0.5)
+    level = make_level(tiles, density)
+    units, faces = _learn_surface(level, units, config, progress)
+    if np.ptp(density.spacing) > 0 and len(faces):
+        progress("complete the surface", 0.9)
+        units, faces = _complete(samples, units, faces, config, rng)
+    return units, faces
+
+
+def _grow(
+    tiles: Tiles, density: Density, num_units: int, config: GSRMConfig, rng: np.random.Generator
+) -> Float[np.ndarray, "U 3"]:
+    """Grow a number of units over the samples."""
+    return grow(
+        make_level(tiles, density),
+        _draw_start(tiles.tree.data.astype(np.float32), density, num_units, config, rng),
+        num_units,
+        growth=config.growth,
+        samples_per_unit=config.samples_per_unit,
+        settle_passes=config.settle_passes,
+        split_radius=config.split_radius,
+        rng=rng,
+    )
+
+
+def _complete(
+    samples: Float[np.ndarray, "N 3"],
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: GSRMConfig,
+    rng: np.random.Generator,
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "G 3"]]:
+    """Return the surface with maps beside it that have grown over what it leaves uncovered (`completion`)."""
+    left = int(config.completion.max_share * config.units)
+    for _ in range(config.completion.passes):
+        rest = samples[find_uncovered(samples, units, faces, config.completion)]
+        number = min(left, int(len(rest) / config.completion.samples_per_unit))
+        if number < _MIN_MAP:
+            break
+        tiles = make_tiles(rest)
+        density = measure_density(rest, tiles.tree, rng, replace(config.density, num_passes=0))
+        grown = _grow(tiles, density, number, config, rng)
+        added, between = _learn_surface(make_level(tiles, density), grown, config, silent)
+        if len(between) == 0:
+            break
+        faces = np.concatenate([faces, between + len(units)])
+        units = np.concatenate([units, added])
+        left -= len(added)
+    return units, faces
+
+
+def _draw_start(
+    samples: Float[np.ndarray, "N 3"],
+    density: Density,
+    num_units: int,
+    config: GSRMConfig,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "U 3"]:
+    """Draw the first units among the samples, fewer than the share of them where samples are too sparse."""
+    number = max(3, int(config.start_share * num_units))
+    usable = np.flatnonzero(density.weights)
+    drawn = rng.choice(usable, min(number, len(usable)), replace=False)
+    units, apart = samples[drawn], config.start_distance * density.spacing[drawn]
+    if np.ptp(density.spacing) == 0 or len(units) <= config.start_neighbors:
+        return units
+    distances, others = cKDTree(units).query(units, k=[*range(1, config.start_neighbors + 1)])
+    is_crowded = ((others < np.arange(len(units))[:, None]) & (distances < apart[:, None])).any(axis=1)
+    is_crowded[:3] = False
+    return units[~is_crowded]
+
+
+def _learn_surface(
+    level: Level, units: Float[np.ndarray, "U 3"], config: GSRMConfig, progress: Progress
+) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
+    """Join finished units by faces and fit these to the samples."""
+    winners = search_all(level.tiles, units, 3)
+    is_used = level.weights > 0
+    support = make_support(level, units, winners[..., 0], config.topology)
+    faces = learn_faces(units, winners[is_used], support)
+    if len(faces) == 0:
+        return units, faces
+    used, flat = np.unique(faces, return_inverse=True)
+    place = np.full(len(units), -1, dtype=np.int32)
+    place[used] = np.arange(len(used), dtype=np.int32)
+    units, faces = units[used].astype(np.float64), flat.reshape(-1, 3)
+    if config.fit:
+        progress("fit the surface", 0.8)
+        first = place[winners[..., 0]]
+        is_used &= first >= 0
+        samples, weights = level.tiles.samples[is_used], level.weights[is_used]
+        units, faces = _fit(units, faces, samples, first[is_used], weights, config)
+    return units, faces
+
+
+def _fit(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    samples: Float[np.ndarray, "N 3"],
+    winners: Int[np.ndarray, " N"],
+    weights: Float[np.ndarray, " N"],
+    config: GSRMConfig,
+) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
+    """Fit the mesh to the samples; where there are many, to few of them first.
+
+    Creases need iterations, accuracy needs samples; below 20 samples a unit a third iteration would fit
+    the noise. Between the iterations edges turn along the creases that have come out.
+    """
+    per_unit = len(samples) / len(units)
+    coarse = (config.coarse_iterations, max(1, int(per_unit / config.coarse_samples)))
+    for iterations, stride in (coarse if per_unit >= config.dense_fit else (1, 1), (1, 1)):
+        units = fit_surface(
+            units,
+            faces,
+            samples[::stride],
+            iterations=iterations,
+            winners=winners[::stride],
+            weights=weights[::stride],
+            config=config.surface_fit,
+        )
+        faces = flip_edges(units, faces)
+    return unfold_faces(units, faces), faces

@@ -1,0 +1,247 @@
+"""Close the holes that topology learning leaves; what no sample supports stays open.
+
+References:
+    The paper's post-processing closes a triangle at every node with exactly two border edges, until nothing
+    changes.
+    Differs: whole boundary loops are triangulated at once, best ears first, so that a patch can neither
+    pinch a vertex nor use an edge twice.
+"""
+
+import itertools
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from reconstruction._src.geometry.manifold import (
+    find_folds,
+    find_hinges,
+    find_loops,
+    find_vertex_normals,
+    group_sides,
+)
+from reconstruction._src.geometry.rows import cross_rows, find_lengths, sum_rows
+from reconstruction._src.networks.gsrm.support import Support
+
+
+def patch_holes(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    support: Support,
+    max_edges: int | None = None,
+) -> tuple[Int[np.ndarray, "G 3"], Int[np.ndarray, " D"]]:
+    """Triangulate the boundary loops of at most `max_edges` edges that lie where there are samples.
+
+    Args:
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
+        max_edges: longer loops stay open; `TopologyConfig.max_hole_edges` if absent.
+
+    Returns:
+        An oriented two-manifold with the patches last, and which of the given faces stand in the way of loops
+        that could not be closed.
+    """
+    config = support.config
+    max_edges = config.max_hole_edges if max_edges is None else max_edges
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= max_edges)
+    normals = find_vertex_normals(units, faces)
+    loops = [loop for loop in loops if _is_hole(units[loop], normals[loop])]
+    if not loops:
+        return faces, np.empty(0, dtype=np.int64)
+    neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
+    costs = _rate_triangles(loops, units, normals, config.reversed_cost)
+    patches = [
+        (loop, _triangulate(loop, cost, neighbors, config.reversed_cost))
+        for loop, cost in zip(loops, costs, strict=True)
+    ]
+    closed = [np.array(patch) for _, patch in patches if patch]
+    blocked = [loop for loop, patch in patches if not patch]
+    if closed:
+        is_supported = _find_supported(units, closed, support)
+        patched = np.concatenate(
+            [faces, *(patch for patch, is_kept in zip(closed, is_supported, strict=True) if is_kept)]
+        )
+    else:
+        patched = faces
+    return patched, _find_obstacles(faces, blocked)
+
+
+def close_tips(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
+) -> Int[np.ndarray, "G 3"]:
+    """Close what is left of longer holes, and of sharp tips and ridges, whose two sides face apart.
+
+    Args:
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
+
+    Returns:
+        An oriented two-manifold with the patches last.
+    """
+    config = support.config
+    loops = sorted(loop for loop in find_loops(faces, len(units)) if len(loop) <= config.max_tip_edges)
+    if not loops:
+        return faces
+    normals = find_vertex_normals(units, faces)
+    normals /= np.maximum(find_lengths(normals)[..., None], 1e-300)
+    loops = [loop for loop in loops if _find_outlook(units[loop], normals[loop]) > config.rim_cosine]
+    neighbors = _find_neighbors(faces, {vertex for loop in loops for vertex in loop})
+    added = []
+    for loop in loops:
+        costs = _rate_triangles([loop], units, normals, config.reversed_cost)[0]
+        patch = np.array(_triangulate(loop, costs, neighbors, config.reversed_cost))
+        if len(patch) == 0:
+            continue
+        void = support.measure_void(units[patch], config.min_patch_cover).sum()
+        if void <= config.max_void and not _is_second_layer(units, faces, loop, patch, config.max_folded):
+            added.append(patch)
+    return np.concatenate([faces, *added])
+
+
+def _is_second_layer(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    loop: list[int],
+    patch: Int[np.ndarray, "P 3"],
+    max_folded: float,
+) -> bool:
+    """Return whether more than a share of a patch's faces is folded back onto the surface next to its loop."""
+    adjacent = faces[np.isin(faces, loop).sum(axis=1) >= 2]
+    around = np.concatenate([adjacent, patch])
+    hinges = find_hinges(around, group_sides(around, len(units)))
+    folded = find_folds(units, around, hinges, np.arange(len(around), 0.0, -1))
+    return bool((folded >= len(adjacent)).sum() > max_folded * len(patch))
+
+
+def _find_outlook(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> float:
+    """Return the cosine between a loop's area vector and the normals next to it, less where these differ."""
+    area = _find_area(positions)
+    return float(area @ normals.mean(axis=0) / max(float(np.linalg.norm(area)), 1e-300))
+
+
+def _is_hole(positions: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> bool:
+    """Return whether a loop runs around a gap in the surface and not around a piece of it.
+
+    The loop's own area vector, whatever its triangulation, then points where the surface's normals point.
+    """
+    return bool(_find_area(positions) @ normals.sum(axis=0) > 0)
+
+
+def _find_area(positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " 3"]:
+    """Return twice the area vector of a loop."""
+    offset = positions - positions[0]
+    return cross_rows(offset[1:-1], offset[2:]).sum(axis=0)
+
+
+def _find_supported(
+    units: Float[np.ndarray, "U 3"], patches: list[np.ndarray], support: Support
+) -> Bool[np.ndarray, " P"]:
+    """Return which patches lie on samples."""
+    faces = np.concatenate(patches)
+    owner = np.repeat(np.arange(len(patches)), [len(patch) for patch in patches])
+    return np.bincount(owner, support.measure_void(units[faces])) <= support.config.max_void
+
+
+def _find_obstacles(faces: Int[np.ndarray, "F 3"], loops: list[list[int]]) -> Int[np.ndarray, " D"]:
+    """Return the faces that join corners of one loop across it; else those around the loop."""
+    obstacles = []
+    for loop in loops:
+        is_near = np.isin(faces, loop)
+        near = np.flatnonzero(is_near.sum(axis=1) >= 2)
+        sides = {frozenset(pair) for pair in zip(loop, [*loop[1:], loop[0]], strict=True)}
+        members = set(loop)
+        across = [
+            index
+            for index, face in zip(near.tolist(), faces[near].tolist(), strict=True)
+            if any(
+                a in members and b in members and frozenset((a, b)) not in sides
+                for a, b in zip(face, [*face[1:], face[0]], strict=True)
+            )
+        ]
+        obstacles.extend(across or near.tolist())
+    return np.unique(np.array(obstacles, dtype=np.int64))
+
+
+def _find_neighbors(faces: Int[np.ndarray, "F 3"], wanted: set[int]) -> dict[int, set[int]]:
+    """Return the neighbors of the wanted vertices."""
+    near = faces[np.isin(faces, np.array(sorted(wanted))).any(axis=1)]
+    neighbors: dict[int, set[int]] = {vertex: set() for vertex in wanted}
+    for face in near.tolist():
+        for vertex in face:
+            if vertex in neighbors:
+                neighbors[vertex].update(face)
+    return neighbors
+
+
+def _triangulate(
+    loop: list[int], costs: list[list[list[float]]], neighbors: dict[int, set[int]], reversed_cost: float
+) -> list[tuple[int, int, int]]:
+    """Find the triangulation of a loop with the best-shaped faces, by dynamic programming.
+
+    No face may use an existing edge as an inner one; faces that lie against the surface around them are
+    taken only where nothing else closes the loop, and a loop that needs nothing but those stays open.
+
+    Args:
+        loop: n vertices.
+        costs: `[n, n, n]` of the triangles between its corners.
+        neighbors: neighbors of every vertex of the loop.
+        reversed_cost: cost of a face that lies against the surface around it.
+
+    Returns:
+        The faces, or none where the loop cannot be closed.
+    """
+    size = len(loop)
+    is_chord = [[other not in neighbors[vertex] for other in loop] for vertex in loop]
+    is_chord[0][size - 1] = True
+    best = {(i, i + 1): (0.0, -1) for i in range(size - 1)}
+    for gap in range(2, size):
+        for i in range(size - gap):
+            k = i + gap
+            options = [
+                (best[i, j][0] + best[j, k][0] + costs[i][j][k], j)
+                for j in range(i + 1, k)
+                if best[i, j][0] + best[j, k][0] < np.inf
+            ]
+            best[i, k] = min(options) if options and is_chord[i][k] else (np.inf, -1)
+    if best[0, size - 1][0] >= reversed_cost * (size - 2):
+        return []
+    faces, stack = [], [(0, size - 1)]
+    while stack:
+        i, k = stack.pop()
+        j = best[i, k][1]
+        if j >= 0:
+            faces.append((loop[i], loop[j], loop[k]))
+            stack.extend([(i, j), (j, k)])
+    return faces
+
+
+def _rate_triangles(
+    loops: list[list[int]],
+    units: Float[np.ndarray, "U 3"],
+    normals: Float[np.ndarray, "U 3"],
+    reversed_cost: float,
+) -> list:
+    """Return for every loop the cost of the triangles between its n corners, `[n, n, n]`.
+
+    A triangle costs the cosine of its smallest angle, and a constant more where it lies against the normals
+    of its corners.
+    """
+    rated: list = [None] * len(loops)
+    for size in {len(loop) for loop in loops}:
+        places = [place for place, loop in enumerate(loops) if len(loop) == size]
+        corners = np.array([loops[place] for place in places])
+        positions, up = units[corners], normals[corners]
+        i, j, k = np.array(list(itertools.combinations(range(size), 3))).T
+        side, other = positions[:, j] - positions[:, i], positions[:, k] - positions[:, i]
+        squared = np.stack([sum_rows(side**2), sum_rows(other**2), sum_rows((other - side) ** 2)])
+        squared.sort(axis=0)
+        cosine = (squared[1] + squared[2] - squared[0]) / np.maximum(
+            2 * np.sqrt(squared[1] * squared[2]), 1e-300
+        )
+        outlook = sum_rows(cross_rows(side, other) * (up[:, i] + up[:, j] + up[:, k]))
+        costs = np.zeros((len(places), size, size, size))
+        costs[:, i, j, k] = np.where(outlook > 0, cosine, cosine + reversed_cost)
+        for place, cost in zip(places, costs.tolist(), strict=True):
+            rated[place] = cost
+    return rated

@@ -1,0 +1,287 @@
+"""Topology learning: from the winners of all samples to edges, faces and a two-manifold.
+
+Every sample is a witness that its nearest units are neighbors (competitive Hebbian learning, extended to the
+third winner). Three units that are neighbors of one another are a face if the ball around them contains no other
+neighbor, as in a Delaunay triangulation restricted to the surface.
+
+References:
+    Martinetz and Schulten (1994), Topology representing networks.
+    Rêgo, Araújo and Lima Neto (2010), Growing self-reconstruction maps: edges and faces from the two winners.
+    Differs: the third winner takes part, and all samples are witnesses at once.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from reconstruction._src.geometry.manifold import group_sides, is_in_sorted, make_manifold
+from reconstruction._src.geometry.orientation import find_components
+from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.networks.gsrm.hole_patching import close_tips, patch_holes
+from reconstruction._src.networks.gsrm.support import Support, find_sparse
+from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
+
+_EMPTINESS_SLACK = 1e-5
+"""Share of the squared radius by which float32 may misplace a neighbor on the ball."""
+_FLATNESS = 1e-10
+"""A face whose squared area is a smaller share of its squared sides has no circumscribed circle in float64."""
+
+
+def learn_faces(
+    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+) -> Int[np.ndarray, "F 3"]:
+    """Return the faces of an oriented two-manifold between the units.
+
+    Args:
+        units: positions, at least three.
+        winners: the three units nearest to each sample.
+        support: whether samples lie on a face; holes elsewhere stay open.
+    """
+    units = np.asarray(units, dtype=np.float64)
+    faces, margin = propose_faces(units, winners, support)
+    faces = finish_faces(units, faces, margin, support)
+    return join_components(units, faces, support) if support.is_uneven and len(faces) else faces
+
+
+def propose_faces(
+    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    """Return the faces that the samples witness, and how empty their balls are.
+
+    Arguments as of `learn_faces`. The faces are not a manifold yet.
+    """
+    triples = find_triples(winners, len(units))
+    sparse = find_sparse(winners[:, 0], len(units), support.config.few_samples)
+    num_neighbors = support.config.num_neighbors
+    if len(sparse):
+        triples = _witness_midpoints(units, triples, sparse, support, num_neighbors)
+    faces, margin = _propose(units, triples, support)
+    if support.is_uneven:
+        # Between scan lines farther apart than the units on them no sample sees both sides.
+        border = find_border(faces, len(units))
+        triples = _witness_midpoints(units, triples, border, support, num_neighbors)
+        faces, margin = _propose(units, triples, support)
+    return faces, margin
+
+
+def join_components(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], support: Support
+) -> Int[np.ndarray, "G 3"]:
+    """Return the faces and those that close gaps between their components, where samples lie in these.
+
+    Where scan lines are far apart, the units at a boundary are not the nearest to one another. Faces between two
+    boundaries of one component are left out: they make handles.
+
+    Args:
+        units: positions.
+        faces: unit indices of an oriented two-manifold.
+        support: whether samples lie on a face.
+    """
+    num_units = len(units)
+    part = np.arange(num_units)
+    part[faces] = num_units + find_components(faces, num_units)[:, None]
+    if part.max() == num_units:
+        return faces
+    border = find_border(faces, num_units)
+    known = _sorted_unique(_key(faces[np.isin(faces, border).any(axis=1)].astype(np.int64), num_units))
+    triples = _witness_midpoints(units, known, border, support, support.config.rim_neighbors)
+    proposed, margin = _propose(units, triples, support)
+    is_new = np.ptp(part[proposed], axis=1) > 0
+    is_new &= ~lies_on_full(proposed, faces, num_units)
+    is_new[is_new] = support.measure_void(units[proposed[is_new]]) <= support.config.max_void
+    if not is_new.any():
+        return faces
+    quality = np.concatenate([np.full(len(faces), np.inf), margin[is_new]])
+    return finish_faces(units, np.concatenate([faces, proposed[is_new]]), quality, support)
+
+
+def lies_on_full(
+    proposed: Int[np.ndarray, "P 3"], faces: Int[np.ndarray, "F 3"], num_units: int
+) -> Bool[np.ndarray, " P"]:
+    """Return which proposed faces have a side that lies between two faces already."""
+    sides = group_sides(faces, num_units)
+    others = np.roll(proposed, -1, axis=1)
+    wanted = np.minimum(proposed, others) * num_units + np.maximum(proposed, others)
+    return np.asarray(is_in_sorted(wanted.ravel(), sides.keys[sides.counts == 2]).reshape(-1, 3).any(axis=1))
+
+
+def _witness_midpoints(
+    units: Float[np.ndarray, "U 3"],
+    triples: Int[np.ndarray, " K"],
+    selected: Int[np.ndarray, " C"],
+    support: Support,
+    num_neighbors: int,
+) -> Int[np.ndarray, " L"]:
+    """Return the keys with those that places between the selected units and their neighbors witness as well."""
+    midpoints = find_midpoints(units, selected, num_neighbors)
+    added = cKDTree(units).query(midpoints[support.is_near(midpoints)], k=3)[1]
+    return _sorted_unique(np.concatenate([triples, find_triples(added, len(units))]))
+
+
+def _propose(
+    units: Float[np.ndarray, "U 3"], triples: Int[np.ndarray, " K"], support: Support
+) -> tuple[Int[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    """Return the faces of witnessed edges that are empty and lie on samples, and their margins."""
+    edges, cliques = find_cliques(triples, len(units))
+    empty, margin = find_empty(units, cliques, edges)
+    faces = cliques[empty]
+    is_doubtful = ~is_in_sorted(_key(faces, len(units)), triples)
+    is_kept = ~is_doubtful
+    is_kept[is_doubtful] = support.measure_void(units[faces[is_doubtful]]) <= support.config.max_void
+    return faces[is_kept], margin[is_kept]
+
+
+def find_border(faces: Int[np.ndarray, "F 3"], num_units: int) -> Int[np.ndarray, " B"]:
+    """Return the units at the end of an edge with one face, and those without a face."""
+    sides = group_sides(faces, num_units)
+    is_border = np.bincount(faces.ravel(), minlength=num_units) == 0
+    for ends in np.divmod(sides.keys[sides.counts == 1], num_units):
+        is_border[ends] = True
+    return np.flatnonzero(is_border)
+
+
+def finish_faces(
+    units: Float[np.ndarray, "U 3"],
+    faces: Int[np.ndarray, "F 3"],
+    quality: Float[np.ndarray, " F"],
+    support: Support,
+) -> Int[np.ndarray, "G 3"]:
+    """Return an oriented two-manifold: of conflicting faces the better stay, holes are patched.
+
+    Args:
+        units: positions.
+        faces: proposed ones.
+        quality: quality of each face, the larger the better.
+        support: whether samples lie on a patch.
+    """
+    faces = make_manifold(units, faces, quality)
+    for _ in range(support.config.max_repairs):
+        faces, obstacles = patch_holes(units, faces, support)
+        if len(obstacles) == 0:
+            break
+        faces = np.delete(faces, obstacles, axis=0)
+        faces = make_manifold(units, faces, rate_faces(units, faces))
+    return drop_debris(close_tips(units, faces, support), len(units), support.config)
+
+
+def drop_debris(
+    faces: Int[np.ndarray, "F 3"], num_units: int, config: TopologyConfig
+) -> Int[np.ndarray, "G 3"]:
+    """Return the faces without components of a few faces, where there are much larger ones."""
+    if len(faces) < config.debris_ratio:
+        return faces
+    part = find_components(faces, num_units)
+    sizes = np.bincount(part)
+    is_kept = (sizes >= config.min_component) | (sizes * config.debris_ratio > sizes.max())
+    return faces[is_kept[part]]
+
+
+def find_midpoints(
+    units: Float[np.ndarray, "U 3"], selected: Int[np.ndarray, " C"], num_neighbors: int
+) -> Float[np.ndarray, "P 3"]:
+    """Return the places halfway between each selected unit and its nearest ones."""
+    num_neighbors = min(num_neighbors, len(units) - 1)
+    _, neighbors = cKDTree(units).query(units[selected], k=num_neighbors + 1)
+    pairs = np.stack(np.broadcast_arrays(selected[:, None], neighbors[:, 1:]), axis=-1).reshape(-1, 2)
+    keys = _sorted_unique(pairs.min(axis=1) * len(units) + pairs.max(axis=1))
+    return (units[keys // len(units)] + units[keys % len(units)]) / 2
+
+
+def find_triples(winners: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " K"]:
+    """Return the keys of the witnessed triples, ascending: what three units win together."""
+    return _sorted_unique(_key(winners.astype(np.int64), num_units))
+
+
+def find_cliques(
+    triples: Int[np.ndarray, " K"], num_units: int
+) -> tuple[Int[np.ndarray, "E 2"], Int[np.ndarray, "F 3"]]:
+    """Return the witnessed edges and all triangles of them, both in ascending order."""
+    c = triples % num_units
+    a, b = np.divmod(triples // num_units, num_units)
+    keys = _sorted_unique(np.concatenate([a * num_units + b, a * num_units + c, b * num_units + c]))
+    edges = np.stack(np.divmod(keys, num_units), axis=1)
+    start = np.searchsorted(edges[:, 0], np.arange(num_units + 1))
+    # Edge (i, j) with every later edge (i, k): is (j, k) an edge as well?
+    place = np.arange(len(edges))
+    num_later = start[edges[:, 0] + 1] - place - 1
+    first = np.repeat(place, num_later)
+    later = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(num_later) - num_later, num_later)
+    wanted = edges[first, 1] * num_units + edges[later, 1]
+    found = is_in_sorted(wanted, keys)
+    first, later = first[found], later[found]
+    return edges, np.stack([edges[first, 0], edges[first, 1], edges[later, 1]], axis=1)
+
+
+def find_empty(
+    units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"], edges: Int[np.ndarray, "E 2"]
+) -> tuple[Int[np.ndarray, " G"], Float[np.ndarray, " G"]]:
+    """Find the faces whose circumscribed ball contains no neighbor of a corner.
+
+    Returns:
+        Which faces, and how empty each ball is: squared distance of the nearest neighbor to the center over the
+        squared radius, at least 1.
+    """
+    table = _tabulate_neighbors(edges, len(units))
+    neighbors = units[table].astype(np.float32)
+    centers, squared_radii = find_circumcenters(units[faces])
+    limits = (squared_radii * (1 - _EMPTINESS_SLACK)).astype(np.float32)
+    centers = centers.astype(np.float32)
+    left, margin = np.flatnonzero(np.isfinite(limits)), np.full(len(faces), np.inf, dtype=np.float32)
+    for corner in range(3):
+        offset = neighbors[faces[left, corner]] - centers[left, None]
+        squared = np.einsum("fnk,fnk->fn", offset, offset)
+        around = table[faces[left, corner]]
+        for own in range(3):
+            squared[around == faces[left, own, None]] = np.inf
+        margin[left] = np.minimum(margin[left], squared.min(axis=1))
+        left = left[margin[left] >= limits[left]]
+    return left, margin[left] / limits[left]
+
+
+def find_circumcenters(
+    corners: Float[np.ndarray, "F 3 3"],
+) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+    """Return centers and squared radii of the circles through three corners each.
+
+    The radius of a face without area is infinite.
+    """
+    side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    d00, d01, d11 = sum_rows(side * side), sum_rows(side * other), sum_rows(other * other)
+    determinant = 2 * (d00 * d11 - d01 * d01)
+    is_flat = determinant <= _FLATNESS * d00 * d11
+    determinant = np.where(is_flat, 1, determinant)
+    offset = (d11 * (d00 - d01) / determinant)[:, None] * side + (d00 * (d11 - d01) / determinant)[
+        :, None
+    ] * other
+    return corners[:, 0] + offset, np.where(is_flat, np.inf, sum_rows(offset * offset))
+
+
+def rate_faces(units: Float[np.ndarray, "U 3"], faces: Int[np.ndarray, "F 3"]) -> Float[np.ndarray, " F"]:
+    """Return how good each face is: short perimeter first, relative to the mean."""
+    corners = units[faces]
+    perimeter = find_lengths(corners - np.roll(corners, 1, axis=1)).sum(axis=1)
+    return perimeter.mean() / np.maximum(perimeter, 1e-300) if len(faces) else perimeter
+
+
+def _tabulate_neighbors(edges: Int[np.ndarray, "E 2"], num_units: int) -> Int[np.ndarray, "U D"]:
+    """Return the neighbors of every unit, filled up with the unit itself."""
+    ends = np.concatenate([edges, edges[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    degree = np.bincount(ends[:, 0], minlength=num_units)
+    table = np.repeat(np.arange(num_units)[:, None], max(degree.max(initial=1), 1), axis=1)
+    slot = np.arange(len(ends)) - np.repeat(np.cumsum(degree) - degree, degree)
+    table[ends[:, 0], slot] = ends[:, 1]
+    return table
+
+
+def _key(triples: Int[np.ndarray, "N 3"], num_units: int) -> Int[np.ndarray, " N"]:
+    """Return one number for every three units, whatever their order."""
+    a, b, c = triples.T
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    middle = np.maximum(low, np.minimum(high, c))
+    return (np.minimum(low, c) * num_units + middle) * num_units + np.maximum(high, c)
+
+
+def _sorted_unique(keys: Int[np.ndarray, " N"]) -> Int[np.ndarray, " K"]:
+    keys = np.sort(keys)
+    return keys[np.diff(keys, prepend=-1) != 0]

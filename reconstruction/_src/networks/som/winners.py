@@ -1,0 +1,203 @@
+"""The units nearest to every sample: tile search, the hot loop of both networks.
+
+About sixty neighboring samples form a tile; what they share is a short list of candidate units, found
+once a tile on the host by a k-d tree; the samples then look through that list only, vectorised over all
+tiles. Keys are squared distances with the candidate's place in the list written into the lowest mantissa
+bits, so that a running minimum of integers is the whole search.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.geometry.rows import find_lengths
+
+_PLACE_BITS = 7
+_PLACE_MASK = (1 << _PLACE_BITS) - 1
+MAX_CANDIDATES = 1 << _PLACE_BITS
+"""Units in a tile's list at most: a place in the list has to fit its bits."""
+TILE_SIZE = 64
+"""Samples in a tile at most: fewer need more lists, more need longer ones; the result does not depend on it."""
+_SLOT_STEP, _SMALL_SLOT_STEP = 4, 16
+"""The slots of one of many tiles, and of a single one, are a multiple of these, so that few programs are compiled."""
+_LIST_STEP = 16
+"""Likewise for the length of the lists."""
+_TIE = 1e-4
+"""Squared distances lose their last seven bits, so that distances agree within less than this share."""
+_FARTHEST = 0x7F7FFFFF  # bit pattern of the largest finite float32
+
+
+class Tiles(NamedTuple):
+    """Samples in groups of neighbors; there are few different shapes, so that few programs are compiled.
+
+    Attributes:
+        samples: float32 positions; padded slots repeat other samples.
+        order: int32 index of each slot's sample.
+        is_real: False in padded slots: they must not count.
+        centers: middle of each tile's bounding box.
+        tree: a k-d tree of the samples, each once, in the order they came in.
+    """
+
+    samples: Float[np.ndarray, "T S 3"]
+    order: Int[np.ndarray, "T S"]
+    is_real: Bool[np.ndarray, "T S"]
+    centers: Float[np.ndarray, "T 3"]
+    tree: cKDTree
+
+
+def make_tiles(samples: Float[np.ndarray, "N 3"], tile_size: int = TILE_SIZE) -> Tiles:
+    """Halve the samples across their longest extent until at most `tile_size` share a tile.
+
+    Args:
+        samples: positions, N >= 1.
+        tile_size: the most samples in a tile.
+    """
+    samples = np.ascontiguousarray(samples, dtype=np.float32)
+    num_samples, num_tiles = len(samples), 1
+    while num_samples > tile_size * num_tiles:
+        num_tiles *= 2
+    step = _SLOT_STEP if num_tiles > 1 else _SMALL_SLOT_STEP
+    num_slots = num_tiles * step * -(-num_samples // (num_tiles * step))
+    padding = num_slots - num_samples
+    repeated = np.linspace(0, num_samples - 1, padding).astype(np.int64)
+    slots = np.concatenate([np.arange(num_samples), repeated])
+    leaves = _halve(samples[slots], num_tiles)
+    order = slots[leaves]
+    inside = samples[order]
+    centers = (inside.max(axis=1) + inside.min(axis=1)) / 2
+    tree = cKDTree(samples, balanced_tree=False)
+    return Tiles(inside, order.astype(np.int32), leaves < num_samples, centers, tree)
+
+
+def _halve(positions: Float[np.ndarray, "N 3"], num_parts: int) -> Int[np.ndarray, "num_parts S"]:
+    """Return the indices of positions in parts of equal size; parts next to each other lie next to each other.
+
+    (A tree's leaves would not do: where several positions share the median, its halves differ in size.)
+    """
+    parts = np.arange(len(positions)).reshape(1, -1)
+    columns = [np.ascontiguousarray(column) for column in positions.T]
+    while len(parts) < num_parts:
+        inside = np.stack([column[parts] for column in columns])
+        longest = (inside.max(axis=2) - inside.min(axis=2)).argmax(axis=0)
+        along = inside[longest, np.arange(len(parts))]
+        half = parts.shape[1] // 2
+        parts = np.take_along_axis(parts, np.argpartition(along, half, axis=1), axis=1).reshape(-1, half)
+    return np.sort(parts, axis=1)  # how a partition leaves its halves differs between processors
+
+
+def choose_num_candidates(num_samples: int, num_units: int, k: int) -> int:
+    """Return how many candidate units a tile needs so that nearly every winner is among them.
+
+    A tile spans `TILE_SIZE * U / N` units. Its corners lie 0.8 times the root of that area, in unit spacings, from
+    its center; the list reaches a unit beyond, and half the root of k more, where the k-th winner may lie.
+    A list too short costs a search by a k-d tree, one too long time for each sample; results do not change.
+    """
+    spanned = TILE_SIZE * num_units / max(num_samples, 1)
+    wanted = int(np.pi * (0.8 * np.sqrt(spanned) + 1.0 + 0.5 * np.sqrt(k)) ** 2)
+    return min(_LIST_STEP * max(1, -(-wanted // _LIST_STEP)), MAX_CANDIDATES, num_units)
+
+
+def find_candidates(
+    tiles: Tiles, units: Float[np.ndarray, "U 3"], num_candidates: int
+) -> tuple[Int[np.ndarray, "T C"], Float[np.ndarray, " T"]]:
+    """Find the units nearest to each tile's center.
+
+    Returns:
+        Their int32 indices, nearest first, and how far the list reaches: every unit nearer to the center than that
+        is in it (infinite where all units are).
+    """
+    distances, candidates = cKDTree(units).query(tiles.centers, k=num_candidates)
+    candidates = candidates.reshape(len(tiles.centers), num_candidates).astype(np.int32)
+    reach = distances.reshape(len(tiles.centers), num_candidates)[:, -1]
+    return candidates, reach if num_candidates < len(units) else np.full(len(reach), np.inf)
+
+
+@partial(jax.jit, static_argnames="k")
+def search_tiles(
+    samples: Float[jax.Array, "T S 3"],
+    units: Float[jax.Array, "U 3"],
+    candidates: Int[jax.Array, "T C"],
+    k: int,
+) -> tuple[Int[jax.Array, "T S k"], Float[jax.Array, "T S k"]]:
+    """Find each sample's k nearest among its tile's candidates.
+
+    Args:
+        samples: float32 positions.
+        units: float32 positions; slots that no candidate names are never read.
+        candidates: int32 indices, C <= 128.
+        k: how many winners, at most C.
+
+    Returns:
+        int32 winners, nearest first (equal within 2e-5 of the squared distance: in the order of the list), and
+        their squared distances, cut off by as much.
+    """
+    near = units[candidates]
+    coordinates = jnp.moveaxis(samples, 2, 0)
+
+    def look_at(best: tuple[jax.Array, ...], place: jax.Array) -> tuple[tuple[jax.Array, ...], None]:
+        squared = sum(jnp.square(coordinates[axis] - near[:, place, axis][:, None]) for axis in range(3))
+        key = (jax.lax.bitcast_convert_type(jnp.asarray(squared), jnp.int32) & ~_PLACE_MASK) | place
+        kept = []
+        for rank in range(k):
+            kept.append(jnp.minimum(best[rank], key))
+            key = jnp.maximum(best[rank], key)
+        return tuple(kept), None
+
+    start = tuple(jnp.full(samples.shape[:2], _FARTHEST, jnp.int32) for _ in range(k))
+    places = jnp.arange(candidates.shape[1], dtype=jnp.int32)
+    best, _ = jax.lax.scan(look_at, start, places)
+    keys = jnp.stack(best, axis=-1)
+    flat = (keys & _PLACE_MASK).reshape(len(candidates), -1)
+    winners = jnp.take_along_axis(candidates, flat, axis=1).reshape(keys.shape)
+    return winners, jax.lax.bitcast_convert_type(keys & ~_PLACE_MASK, jnp.float32)
+
+
+def search_all(tiles: Tiles, units: Float[np.ndarray, "U 3"], k: int) -> Int[np.ndarray, "T S k"]:
+    """Find the k nearest units of every slot; by a k-d tree where a tile outgrows its list."""
+    units = np.ascontiguousarray(units, dtype=np.float32)
+    num_candidates = max(k, choose_num_candidates(tiles.order.size, len(units), k))
+    candidates, reach = find_candidates(tiles, units, num_candidates)
+    found, squared = search_tiles(jnp.asarray(tiles.samples), jnp.asarray(units), jnp.asarray(candidates), k)
+    winners = np.array(found)
+    offset = find_lengths(tiles.samples - tiles.centers[:, None])
+    is_doubtful = np.sqrt(np.asarray(squared)[..., -1]) * (1 + _TIE) + offset > reach[:, None]
+    if is_doubtful.any():
+        _, exact = cKDTree(units).query(tiles.samples[is_doubtful], k=k)
+        winners[is_doubtful] = exact.reshape(-1, k)
+    return winners
+
+
+def find_winners(samples: ArrayLike, units: ArrayLike, k: int = 1) -> Int[np.ndarray, "N k"]:
+    """Find the k units nearest to each sample.
+
+    Args:
+        samples: `[N, 3]` positions.
+        units: `[U, 3]` reference vectors, U >= k.
+        k: how many.
+
+    Returns:
+        int32 indices, nearest first. Units whose squared distances agree within 2e-5 may change places.
+
+    Raises:
+        ReconstructionError: fewer units than k, or arrays of other shapes.
+    """
+    samples, units = np.asarray(samples, dtype=np.float64), np.asarray(units, dtype=np.float64)
+    for name, array in (("samples", samples), ("units", units)):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise ReconstructionError(f"{name} must have the shape [n, 3], got {list(array.shape)}")
+    if not 1 <= k <= min(len(units), MAX_CANDIDATES):
+        raise ReconstructionError(f"k must lie between 1 and the number of units ({len(units)}), got {k}")
+    if len(samples) == 0:
+        return np.empty((0, k), dtype=np.int32)
+    origin = units.mean(axis=0)
+    tiles = make_tiles(samples - origin)
+    winners = np.empty((len(samples), k), dtype=np.int32)
+    winners[tiles.order.ravel()] = search_all(tiles, units - origin, k).reshape(-1, k)
+    return winners

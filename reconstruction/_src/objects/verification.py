@@ -1,0 +1,171 @@
+"""Whether a scan agrees with an object at a pose: beams end on it, and none passes through it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from reconstruction._src.objects.config import ObjectsConfig
+from reconstruction._src.objects.model import ObjectModel
+from reconstruction._src.objects.rays import Beams, cast
+
+MARGIN = 0.03
+"""Readings nearer to the object than this that it does not explain speak against it [m]: it would be a part of
+something larger."""
+_POSE_ERROR = 0.003
+"""What a fitted pose may be off along a normal [m]; at a grazing angle it shows the more in the range."""
+_MIN_COSINE = 0.25
+"""Beams that meet the surface at a smaller cosine are treated as if they met it at this one."""
+
+_PART = 0.25
+"""Deviations are averaged over parts of the object of this share of its radius."""
+
+
+class Verdict(NamedTuple):
+    """What the scan says about an object at a pose.
+
+    Attributes:
+        score: share of the beams that agree, of those that say something.
+        coverage: share of the beams at the object that end on it; what stands before it hides the others.
+        num_beams: beams that end on it.
+        error: standard deviation of their ranges from the object [m].
+    """
+
+    score: float
+    coverage: float
+    num_beams: int
+    error: float
+
+
+def find_reach(model: ObjectModel) -> float:
+    """Return the radius of the ball about an object in which readings matter [m]."""
+    return model.radius + MARGIN
+
+
+def verify_by_beams(
+    model: ObjectModel,
+    pose: Float[np.ndarray, "4 4"],
+    beams: Beams,
+    is_background: Bool[np.ndarray, " B"],
+    noise: float,
+    config: ObjectsConfig,
+) -> Verdict:
+    """Compare the beams that pass an object with the ranges that it would give.
+
+    Four kinds of beams count: those that end on it, that pass through it, that end shortly before it (it would lie
+    inside something), and that end beside it on something that is neither the object nor a large plane. What ends
+    farther before it hides it, and says nothing.
+
+    Args:
+        model: the object.
+        pose: of the object.
+        beams: those that pass near it.
+        is_background: which of them end on a large plane.
+        noise: of the ranges [m].
+        config: tolerance.
+    """
+    expected, cosine = cast(model, pose, beams)
+    hits = np.isfinite(expected)
+    off = np.where(hits, beams.ranges - np.where(hits, expected, 0.0), 0.0)
+    allowed = config.tolerance * noise + _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
+    slack = _POSE_ERROR / np.maximum(cosine, _MIN_COSINE)
+    mean, count = _average(model, pose, beams, expected, off, hits & (np.abs(off) <= allowed))
+    agrees = (
+        hits & (np.abs(off) <= allowed) & (np.abs(mean) <= config.tolerance * noise / np.sqrt(count) + slack)
+    )
+    through = hits & (off > allowed)
+    before = hits & (off < -allowed) & (off > -model.radius)
+    ends = beams.origins + beams.directions * beams.ranges[:, None]
+    beside = _find_beside(model, pose, ends, ~hits & ~is_background, config.tolerance * noise + _POSE_ERROR)
+    against = int(through.sum() + before.sum() + beside.sum())
+    against += int((hits & (np.abs(off) <= allowed) & ~agrees).sum())
+    num_beams = int(agrees.sum())
+    return Verdict(
+        num_beams / max(num_beams + against, 1),
+        num_beams / max(int(hits.sum()), 1),
+        num_beams,
+        float(np.std(off[agrees])) if num_beams else float("inf"),
+    )
+
+
+def verify_by_distance(
+    model: ObjectModel,
+    pose: Float[np.ndarray, "4 4"],
+    points: Float[np.ndarray, "M 3"],
+    is_background: Bool[np.ndarray, " M"],
+    noise: float,
+    spacing: float,
+    config: ObjectsConfig,
+) -> Verdict:
+    """Compare readings without viewpoints with an object: those on it agree, those within or beside it do not.
+
+    Args:
+        model: the object.
+        pose: of the object.
+        points: readings near it [m].
+        is_background: which of them are on a large plane.
+        noise: of the readings [m].
+        spacing: of the readings [m]: a sample of the object is covered by one that is twice as near.
+        config: tolerance.
+    """
+    from scipy.spatial import cKDTree
+
+    allowed = config.tolerance * noise + _POSE_ERROR
+    local = (points - pose[:3, 3]) @ pose[:3, :3]
+    away = _find_distances(model, local)
+    agrees = away <= allowed
+    against = int(((away > allowed) & (away <= MARGIN) & ~is_background).sum())
+    num_beams = int(agrees.sum())
+    covered = 0.0
+    if num_beams:
+        nearest, _ = cKDTree(local[agrees]).query(model.points)
+        covered = float(np.mean(nearest <= max(2 * spacing, allowed)))
+    error = float(np.sqrt(np.mean(away[agrees] ** 2))) if num_beams else float("inf")
+    return Verdict(num_beams / max(num_beams + against, 1), covered, num_beams, error)
+
+
+def _average(
+    model: ObjectModel,
+    pose: np.ndarray,
+    beams: Beams,
+    expected: np.ndarray,
+    off: np.ndarray,
+    used: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each beam the mean of the deviations of those that meet the same part of the object [m], and their
+    number: the noise of a mean is smaller, so that it shows another shape."""
+    mean, count = np.zeros(len(off)), np.ones(len(off))
+    rows = np.flatnonzero(used)
+    if len(rows):
+        ends = beams.origins[rows] + beams.directions[rows] * expected[rows, None]
+        local = (ends - pose[:3, 3]) @ pose[:3, :3] - model.center
+        cell = np.floor(local / (_PART * model.radius)).astype(np.int64)
+        cell -= cell.min(axis=0)
+        shape = cell.max(axis=0) + 1
+        key = (cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2]
+        _, part, size = np.unique(key, return_inverse=True, return_counts=True)
+        mean[rows] = (np.bincount(part, off[rows]) / size)[part]
+        count[rows] = size[part]
+    return mean, count
+
+
+def _find_beside(
+    model: ObjectModel, pose: np.ndarray, ends: np.ndarray, is_asked: np.ndarray, allowed: float
+) -> np.ndarray:
+    """Return which ends are near the object, and farther from it than is allowed [m]."""
+    local = (ends - pose[:3, 3]) @ pose[:3, :3]
+    rows = np.flatnonzero(is_asked & (np.linalg.norm(local - model.center, axis=1) < find_reach(model)))
+    beside = np.zeros(len(ends), dtype=bool)
+    if len(rows):
+        away = _find_distances(model, local[rows])
+        beside[rows] = (away > allowed) & (away <= MARGIN)
+    return beside
+
+
+def _find_distances(model: ObjectModel, points: np.ndarray) -> np.ndarray:
+    import igl
+
+    found = igl.point_mesh_squared_distance(np.ascontiguousarray(points), model.vertices, model.faces)
+    return np.sqrt(np.asarray(found[0]))

@@ -1,0 +1,385 @@
+"""A surface as a network that learns on: its mesh, its quality, its file."""
+
+from __future__ import annotations
+
+import logging
+import os
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.bounded_read import MAX_BYTES
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.input_cloud import join_clouds, make_cloud_of_rays
+from reconstruction._src.methods import find_learner
+from reconstruction._src.networks.change.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.networks.som.compilation import keep_compiled_programs
+from reconstruction._src.saved_file import Saved, read_saved, write_saved
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.point_check import check_points, check_seed
+from reconstruction._src.scans.scan import ScanLog
+from reconstruction._src.slip.joining import join_slip
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from reconstruction._src.methods import NetworkConfig, State
+    from reconstruction._src.scans.dropped import Dropped
+    from reconstruction._src.slip.drags import FrictionReadings
+    from reconstruction._src.slip.patches import FrictionEstimate
+    from reconstruction._src.slip.readings import SlipReadings
+    from reconstruction._src.surfaces.color_error import ColorError, Paint
+    from reconstruction._src.surfaces.far_faces import FarFaces
+    from reconstruction._src.surfaces.far_updates import Sheet
+    from reconstruction._src.surfaces.quality import Quality
+
+logger = logging.getLogger(__name__)
+
+_INSIDE_OUT = (
+    ": the lowest level surface looks down here, and of a room, which is inside out then, that is the floor"
+)
+"""What is added where a room may be inside out."""
+_MOST_VOTES = 8192
+"""Of the readings behind a refined surface, at most these vote for its sides where their viewpoints are guessed."""
+
+
+class Reconstruction:
+    """A network that has learned a surface: its mesh, its quality, and all that it needs to learn on.
+
+    Positions are in the frame of the points given minus `offset`.
+
+    Attributes:
+        method: "gsrm" or "gg".
+        config: the network's configuration.
+        state: the network itself, plain arrays.
+        cloud: the points that it was grown over, with their colors and viewpoints.
+        readings: all points of the scan, also those that pre-processing dropped; `cloud` where they were not given.
+        mesh: the surface; consistently wound, each component looks to where it was seen from; without viewpoints up,
+            or outwards where it is closed. Of colored points it has vertex colors.
+        notes: what a reader of the result should know, by subject; texts and numbers.
+        slip: friction by place, from the slip of robots, or None; `friction` groups it into patches.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        config: NetworkConfig,
+        state: State,
+        cloud: Cloud,
+        *,
+        readings: Cloud | None = None,
+        notes: dict[str, Any] | None = None,
+        slip: FrictionReadings | None = None,
+        far: FarFaces | None = None,
+        sheet: Sheet | None = None,
+    ):
+        """Wrap a network; `reconstruct` and `load` are the ways to get one; `far`, `sheet` are known after `refine`."""
+        self.method = method
+        self.config = config
+        self.state = state
+        self.cloud = cloud
+        self.readings = cloud if readings is None else readings
+        self.notes = dict(notes or {})
+        self.slip = slip
+        if sheet is not None:
+            self._sheet = sheet
+        self._far = self._measure_far() if far is None else far
+        self._is_updated = far is not None
+        self.mesh = self._make_mesh()
+        if cloud.offset.any():
+            self.notes["offset"] = (
+                f"{', '.join(f'{value:.15g}' for value in cloud.offset)} m were subtracted from the coordinates"
+            )
+
+    def __repr__(self) -> str:
+        """Return method, size of the mesh and number of readings in one line."""
+        vertices = self.mesh.vertices
+        size = " x ".join(f"{side:.3g}" for side in np.ptp(vertices, axis=0)) if len(vertices) else "empty"
+        return (
+            f"Reconstruction({self.method}: {len(vertices)} vertices, {len(self.mesh.faces)} faces, {size} m, "
+            f"of {self.readings.num_points} readings)"
+        )
+
+    @cached_property
+    def dropped(self) -> Dropped | None:
+        """The readings that pre-processing left no point for; None where the readings are the points."""
+        from reconstruction._src.scans.dropped import measure_dropped
+
+        return None if self.readings is self.cloud else measure_dropped(self.readings, self.points)
+
+    @property
+    def points(self) -> Float[np.ndarray, "N 3"]:
+        """The points that it was grown over [m]."""
+        return self.cloud.points
+
+    @property
+    def viewpoints(self) -> Float[np.ndarray, "K 3"] | None:
+        """Positions of the sensor [m], or None."""
+        return self.cloud.viewpoints
+
+    @property
+    def seen_from(self) -> Int[np.ndarray, " N"] | None:
+        """Index of the viewpoint of every point, or None."""
+        return self.cloud.seen_from
+
+    @property
+    def colors(self) -> UInt8[np.ndarray, "N 3"] | None:
+        """Red, green and blue of every point, or None."""
+        return self.cloud.colors
+
+    @property
+    def vertex_colors(self) -> UInt8[np.ndarray, "V 3"] | None:
+        """Red, green and blue of every vertex of the mesh, or None where the points have no colors."""
+        from reconstruction._src.surfaces.color import find_vertex_colors
+
+        return find_vertex_colors(self.mesh)
+
+    @property
+    def colored_readings(self) -> Cloud | None:
+        """All readings with colors, else the points that it was grown over with theirs; None where neither has any."""
+        return next((cloud for cloud in (self.readings, self.cloud) if cloud.colors is not None), None)
+
+    @property
+    def offset(self) -> Float[np.ndarray, " 3"]:
+        """What was subtracted from the coordinates given [m]."""
+        return self.cloud.offset
+
+    @property
+    def viewpoint(self) -> Float[np.ndarray, "*K 3"] | None:
+        """Deprecated: `viewpoints`, of which a single one is `[3]`."""
+        viewpoints = self.viewpoints
+        return viewpoints[0] if viewpoints is not None and len(viewpoints) == 1 else viewpoints
+
+    def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
+        """Measure the mesh against all readings, and against the true surface where it is known.
+
+        Args:
+            truth: the true surface, in the frame of the points given: `offset` is subtracted.
+        """
+        from reconstruction._src.surfaces.quality import measure_quality
+
+        if truth is not None and self.offset.any():
+            truth = truth.copy().apply_translation(-self.offset)
+        return measure_quality(self.mesh, self.readings.points, truth)
+
+    def color_error(self, truth: Paint | trimesh.Trimesh, edge: float = 0.05, seed: int = 0) -> ColorError:
+        """Compare the vertex colors with the true ones, at samples of the mesh.
+
+        Args:
+            truth: returns the true colors (0 to 1) of positions `[N, 3]` in the frame of the points given [m]; or a
+                mesh there with vertex colors.
+            edge: samples nearer than this to a change of the true colors are told apart [m].
+            seed: of the samples.
+
+        Raises:
+            ReconstructionError: the points or the truth have no colors.
+        """
+        from reconstruction._src.surfaces.color_error import measure_color_error
+
+        mesh = self.mesh.copy().apply_translation(self.offset) if self.offset.any() else self.mesh
+        return measure_color_error(mesh, truth, edge, seed=seed)
+
+    def refine(
+        self,
+        new_points: ArrayLike | ScanLog | Cloud | None = None,
+        seed: int = 0,
+        progress: Progress = silent,
+        *,
+        origins: ArrayLike | None = None,
+        free_rays: ArrayLike | None = None,
+        slip: SlipReadings | None = None,
+    ) -> Reconstruction:
+        """Return the same network after it has learned from new readings; this one stays as it is.
+
+        Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays. New readings
+        without colors take those of the colored readings around them (`match_colors`, a note).
+
+        Args:
+            new_points: `[N, 3]` readings made since [m], in the frame and unit of those given first: `offset` is
+                subtracted; or a cloud; or a scan log, which is levelled, filtered and smoothed. Clouds and logs
+                know their origins themselves.
+            seed: seed of the order of the signals.
+            progress: called with each step and the fraction done.
+            origins: `[N, 3]` sensor position of each reading, or `[3]` one for all, in the same frame [m]: surface
+                that their rays pass through is removed. Without them a part is removed where it is not read again
+                but all around it is.
+            free_rays: `[K, 2, 3]` rays that met nothing: where they began, and how far they surely went, in the same
+                frame [m]: surface that they pass through is removed.
+            slip: what a robot read that dragged its tracks over the ground, in the same frame; None for that of a scan
+                log, where it holds some. Alone, without points, it leaves the surface as it is.
+
+        Raises:
+            ReconstructionError: the points or origins are no points, or in another unit; or there is nothing new.
+        """
+        if isinstance(new_points, ScanLog) and slip is None:
+            slip = new_points.slip
+        felt = join_slip(self.slip, slip, self.offset)
+        if new_points is None:
+            return self._with_slip(felt, slip, origins)
+        if isinstance(new_points, ScanLog | Cloud) and origins is not None:
+            raise ReconstructionError("a scan log or cloud holds its own origins; leave out origins")
+        colors = None
+        if isinstance(new_points, ScanLog):
+            from reconstruction._src.scans.rays import read_colored_rays
+
+            new_points, origins, colors = read_colored_rays(new_points)
+        elif isinstance(new_points, Cloud):
+            colors = new_points.colors
+            origins = None if new_points.origins is None else new_points.origins + new_points.offset
+            new_points = new_points.points + new_points.offset
+        new = check_points(new_points) - self.offset
+        check_scale(new, self.points)
+        free = None if free_rays is None else check_free_rays(free_rays) - self.offset
+        seen_from = None if origins is None else check_origins(origins, len(new)) - self.offset
+        seed = check_seed(seed)
+        keep_compiled_programs()
+        from reconstruction._src.networks.change.refinement import learn_changes
+
+        learner = find_learner(self.method)(self.state, self.config)
+        state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from, free)
+        valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
+        notes: dict[str, Any] = {}
+        if colors is not None or self.colors is not None:
+            from reconstruction._src.surfaces.color import match_colors
+
+            added, note = match_colors(valid, added.replace(colors=colors))
+            notes = {"colors": note} if note else {}
+        cloud = join_clouds(valid, added)
+        far, sheet = self._update_far(state, self.points[~is_valid], cloud)
+        return Reconstruction(
+            self.method, self.config, state, cloud, notes=notes, slip=felt, far=far, sheet=sheet
+        )
+
+    def _with_slip(
+        self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None
+    ) -> Reconstruction:
+        """Return the same surface with other friction."""
+        if slip is None or origins is not None:
+            raise ReconstructionError("there is nothing new to learn from: give new_points, slip, or both")
+        readings = None if self.readings is self.cloud else self.readings
+        return Reconstruction(
+            self.method,
+            self.config,
+            self.state,
+            self.cloud,
+            readings=readings,
+            notes=self.notes,
+            slip=felt,
+            far=self._far if self._is_updated else None,
+        )
+
+    @cached_property
+    def friction(self) -> FrictionEstimate | None:
+        """Friction of the ground in patches; None where no robot felt it, or too little of it."""
+        from reconstruction._src.slip.patches import find_friction_patches
+
+        return None if self.slip is None else find_friction_patches(self.slip)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network as plain arrays (.npz, no pickle), atomically.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        readings = None if self.readings is self.cloud else self.readings
+        far = self._far if self._is_updated else None
+        saved = Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip, far)
+        write_saved(Path(path), saved)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> Reconstruction:
+        """Read a file that `save` wrote.
+
+        Args:
+            path: .npz.
+            max_bytes: the most that the file may hold once unpacked.
+
+        Raises:
+            ReconstructionError: missing, damaged, not such a file, or of a newer version.
+        """
+        saved = read_saved(path, max_bytes)
+        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip, far=saved.far)
+
+    @cached_property
+    def _sheet(self) -> Sheet:
+        """The network's faces, before any is cut off."""
+        from reconstruction._src.surfaces.far_updates import Sheet
+
+        return Sheet(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))
+
+    def _measure_far(self) -> FarFaces:
+        """Return which faces are far from every reading."""
+        from reconstruction._src.surfaces.far_faces import SeenPoints, measure_far_faces
+
+        return measure_far_faces(*self._sheet, SeenPoints(self.points, self.viewpoints, self.seen_from))
+
+    def _update_far(
+        self, state: State, removed: Float[np.ndarray, "D 3"], cloud: Cloud
+    ) -> tuple[FarFaces, Sheet]:
+        """Return which faces of the network that has learned on are far from every reading, and its faces."""
+        from reconstruction._src.surfaces.far_faces import SeenPoints
+        from reconstruction._src.surfaces.far_updates import Sheet, update_far_faces
+
+        if state is self.state and not len(removed) and not self._far.is_far.any():
+            return self._far, self._sheet
+        sheet = Sheet(state.units.reshape(-1, 3), state.faces.astype(np.int64))
+        seen = SeenPoints(cloud.points, cloud.viewpoints, cloud.seen_from)
+        return update_far_faces(self._far, self._sheet, sheet, removed, seen), sheet
+
+    def _make_mesh(self) -> trimesh.Trimesh:
+        """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
+        import trimesh
+
+        from reconstruction._src.geometry.orientation import (
+            looks_down_below,
+            orient_outwards,
+            orient_to_viewpoints,
+        )
+        from reconstruction._src.networks.change.absence import thin
+
+        vertices, faces = self._cut_far_faces()
+        if self.viewpoints is None:
+            faces = orient_outwards(vertices, faces)
+            note = (
+                "no viewpoint: open surfaces look up, closed ones outwards; give the position of the sensor"
+                + _INSIDE_OUT * looks_down_below(vertices, faces)
+            )
+        else:
+            points = self.points
+            if self._is_updated and self.seen_from is None:
+                points = thin(points, _MOST_VOTES)  # the old faces are wound already
+            (vertices, faces), share = orient_to_viewpoints(
+                vertices, faces, points, self.viewpoints, self.seen_from
+            )
+            note = f"{100 * share:.1f} % of the area looks to where it was seen from"
+        self.notes["orientation"] = note
+        logger.info("orientation: %s", note)
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        colored = self.colored_readings
+        if colored is not None and colored.num_points and len(vertices):
+            from reconstruction._src.surfaces.color import paint_mesh
+
+            paint_mesh(mesh, colored)
+        return mesh
+
+    def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
+        """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
+        from reconstruction._src.surfaces.far_faces import cut_faces
+
+        used, flat = np.unique(self._sheet.faces, return_inverse=True)
+        cut = cut_faces(self._sheet.vertices[used], flat.reshape(-1, 3), self._far.is_far)
+        if cut.num_faces:
+            note = (
+                f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "
+                "every reading and were cut off"
+            )
+            self.notes["cut"] = note
+            logger.info("cut: %s", note)
+        else:
+            self.notes.pop("cut", None)
+        return cut.vertices, cut.faces

@@ -1,0 +1,168 @@
+"""The file of a reconstruction: plain arrays and a header in JSON, no pickle."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from reconstruction._src.base.atomic_write import write_atomically
+from reconstruction._src.base.bounded_read import read_npz
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.methods import find_method, make_config
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.slip.joining import read_slip_arrays
+
+if TYPE_CHECKING:
+    from reconstruction._src.methods import NetworkConfig, State
+    from reconstruction._src.slip.drags import FrictionReadings
+    from reconstruction._src.surfaces.far_faces import FarFaces
+
+FORMAT = "symbrion reconstruction"
+VERSION = 1
+
+
+class Saved(NamedTuple):
+    """What a file holds; see `Reconstruction`."""
+
+    method: str
+    config: NetworkConfig
+    state: State
+    cloud: Cloud
+    readings: Cloud | None
+    notes: dict[str, Any]
+    slip: FrictionReadings | None = None
+    far: FarFaces | None = None
+
+
+def write_saved(path: Path, saved: Saved) -> None:
+    """Write a reconstruction, atomically.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "method": saved.method,
+        "config": dataclasses.asdict(saved.config),
+        "notes": saved.notes,
+    }
+    arrays = {f"state_{name}": np.asarray(value) for name, value in saved.state._asdict().items()}
+    arrays |= _list_arrays(saved.cloud)
+    if saved.readings is not None:
+        arrays |= {f"readings_{name}": array for name, array in _list_arrays(saved.readings).items()}
+    if saved.slip is not None:
+        arrays |= {f"slip_{name}": array for name, array in saved.slip._asdict().items()}
+    if saved.far is not None:
+        arrays |= {f"far_{name}": np.asarray(value) for name, value in saved.far._asdict().items()}
+    with write_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
+
+
+def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
+    """Read what `write_saved` wrote, also by older versions.
+
+    Args:
+        path: .npz.
+        max_bytes: the most that the file may hold once unpacked.
+
+    Raises:
+        ReconstructionError: missing, damaged, not such a file, or of a newer version.
+    """
+    try:
+        arrays = read_npz(path, max_bytes=max_bytes)
+        header = json.loads(str(arrays.pop("header")))
+        is_known = header["format"] == FORMAT and header["version"] <= VERSION
+    except Exception as error:  # a file from outside can be wrong in any way
+        raise ReconstructionError(f"{path} is not a saved reconstruction: {error}") from error
+    if not is_known:
+        raise ReconstructionError(
+            f"{path} is {header['format']!r} of version {header['version']}; "
+            f"this program reads {FORMAT!r} up to version {VERSION}"
+        )
+    try:
+        network, config_type = find_method(header["method"])
+        config = make_config(config_type, header["config"])
+        state = network.State(**{name: arrays[f"state_{name}"] for name in network.State._fields})
+        _check_state(state)
+        cloud, readings = _make_cloud(arrays, ""), None
+        if "readings_points" in arrays:
+            readings = _make_cloud(arrays, "readings_")
+        far = _make_far(arrays, len(state.faces)) if "far_is_far" in arrays else None
+        notes = dict(header.get("notes", {}))
+        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays), far)
+    except ReconstructionError as error:
+        raise ReconstructionError(f"{path}: {error}") from error
+    except Exception as error:
+        raise ReconstructionError(
+            f"{path} is no complete reconstruction ({error!r}); was it written by another version?"
+        ) from error
+
+
+def _list_arrays(cloud: Cloud) -> dict[str, np.ndarray]:
+    """Return the arrays of a cloud by name, without those that say nothing."""
+    named = {
+        "points": cloud.points,
+        "colors": cloud.colors,
+        "viewpoints": cloud.viewpoints,
+        "seen_from": cloud.seen_from,
+        "offset": cloud.offset if cloud.offset.any() else None,
+    }
+    return {name: array for name, array in named.items() if array is not None}
+
+
+def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
+    """Return a cloud from its arrays; `viewpoint` is what files of 0.1 before 2027 call viewpoints.
+
+    Raises:
+        ReconstructionError: naming the array that no cloud can have.
+    """
+    _check_positions("points", arrays[f"{prefix}points"])
+    viewpoints = arrays.get(f"{prefix}viewpoints", arrays.get(f"{prefix}viewpoint"))
+    return Cloud(
+        arrays[f"{prefix}points"],
+        colors=arrays.get(f"{prefix}colors"),
+        viewpoints=viewpoints,
+        seen_from=arrays.get(f"{prefix}seen_from"),
+        offset=arrays.get(f"{prefix}offset", np.zeros(3)),
+    )
+
+
+def _make_far(arrays: dict[str, np.ndarray], num_faces: int) -> FarFaces:
+    """Return which faces are far from every reading.
+
+    Raises:
+        ReconstructionError: this is not told of every face.
+    """
+    from reconstruction._src.surfaces.far_faces import FarFaces
+
+    is_far, spacing = arrays["far_is_far"], arrays["far_spacing"]
+    if is_far.dtype != bool or is_far.shape != (num_faces,) or not (spacing.shape == () and spacing >= 0):
+        raise ReconstructionError(
+            f"far_is_far must be a truth value of each of {num_faces} faces, far_spacing 0 or more; restore the file "
+            "from a copy"
+        )
+    return FarFaces(is_far, float(spacing))
+
+
+def _check_state(state: State) -> None:
+    """Refuse arrays of a file that no network leaves behind.
+
+    Raises:
+        ReconstructionError: naming the array.
+    """
+    _check_positions("units", state.units)
+    faces, count = np.asarray(state.faces), state.units.size // 3
+    if not len(faces) or faces.dtype.kind not in "iu" or faces.min() < 0 or faces.max() >= count:
+        raise ReconstructionError(f"faces must name units, 0 to {count - 1}; restore the file from a copy")
+
+
+def _check_positions(name: str, array: np.ndarray) -> None:
+    is_right = array.dtype.kind == "f" and array.ndim > 1 and array.shape[-1] == 3
+    if not is_right or not np.isfinite(array).all():
+        raise ReconstructionError(f"{name} must be finite numbers [..., 3]; restore the file from a copy")

@@ -1,0 +1,196 @@
+"""Depth images (RGB-D cameras, rendered depth) as clouds: every pixel a reading from one viewpoint, the camera."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Shaped, UInt8
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.bounded_read import (
+    MAX_BYTES,
+    UnreadableFileError,
+    check_size,
+    open_bounded,
+    read_array,
+)
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import MissingExtraError, require_extras
+from reconstruction._src.scans.cloud import Cloud
+from reconstruction._src.scans.cloud_file import recenter
+
+DEPTH_ENDINGS = (".png", ".tif", ".tiff", ".npy")
+"""Files that may hold a depth image."""
+_POINT_BYTES = 24
+_AXES = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rows: ahead, left and up in the frame of a camera (x right, y down, z ahead)."""
+_MILLIMETER = 0.001
+_MIN_PIXELS = 3
+_RIGID_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Intrinsics:
+    """A pinhole camera without distortion: pixel u, v sees along ((u - cx) / fx, (v - cy) / fy, 1).
+
+    Attributes:
+        fx, fy: focal lengths [pixels].
+        cx, cy: where the optical axis meets the image [pixels], the middle of the first pixel being 0, 0.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, (self.fx, self.fy, self.cx, self.cy))):
+            raise ScanError(f"intrinsics must be finite, got {self}")
+        if not (self.fx > 0 and self.fy > 0):
+            raise ScanError(f"focal lengths must be above 0, got fx {self.fx} and fy {self.fy}")
+
+
+def load_depth_image(
+    path: str | os.PathLike[str],
+    intrinsics: Intrinsics,
+    depth_scale: float | None = None,
+    color: str | os.PathLike[str] | None = None,
+    pose: ArrayLike | None = None,
+    max_depth: float = math.inf,
+    max_bytes: float = MAX_BYTES,
+) -> Cloud:
+    """Read a depth image as a cloud seen from its camera.
+
+    Depth is measured along the optical axis, as depth cameras store it, not along the ray. Pixels of depth 0 or of
+    no finite depth did not return.
+
+    Args:
+        path: .png or .tif of one channel with 16 bits or more, or .npy.
+        intrinsics: of the depth camera.
+        depth_scale: meters in a unit of the image; None: 0.001 for whole numbers, 1 for floating point numbers.
+        color: a picture aligned with the depth image, of the same size.
+        pose: `[4, 4]` camera -> world, the camera's axes being right, down and ahead; the world has z up. None: a
+            level camera at the origin that looks along x, y being left.
+        max_depth: greater depths are left out [m]; noise of depth cameras grows with the square of depth.
+        max_bytes: most bytes of the file, and of the points (24 bytes a pixel).
+
+    Raises:
+        ScanError: a file is absent, broken, too large, of another kind, or shows nothing; sizes that differ; or a
+            pose that is none.
+        MissingExtraError: Pillow is not installed.
+    """
+    path = Path(path)
+    depth = _read_image(path, max_bytes)
+    if depth.ndim != 2 or depth.dtype.kind not in "fiu" or depth.dtype.itemsize < 2:
+        raise ScanError(
+            f"{path}: holds {depth.dtype} of shape {depth.shape}; a depth image has one channel of 16 bits or more"
+        )
+    factor = depth_scale if depth_scale is not None else 1.0 if depth.dtype.kind == "f" else _MILLIMETER
+    if not 0 < factor < math.inf:
+        raise ScanError(f"{path}: depth_scale must be above 0, got {depth_scale}")
+    colors = None if color is None else _read_colors(Path(color), depth.shape, max_bytes)
+    to_world, position = _find_pose(path, pose)
+    meters = depth.astype(np.float64) * factor
+    is_seen = np.isfinite(meters) & (meters > 0) & (meters <= max_depth)
+    if is_seen.sum() < _MIN_PIXELS:
+        raise ScanError(
+            f"{path}: {int(is_seen.sum())} of {depth.size} pixels have a depth; is the scale right?"
+        )
+    v, u = np.nonzero(is_seen)
+    ahead = meters[is_seen]
+    rays = np.stack(
+        [(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, np.ones(len(u))], axis=1
+    )
+    points = (rays * ahead[:, None]) @ to_world.T + position
+    return recenter(Cloud(points, None if colors is None else colors[is_seen], position[None]))
+
+
+def _find_pose(
+    path: Path, pose: ArrayLike | None
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+    """Return rotation and position of the camera in the world.
+
+    Raises:
+        ScanError: no rigid pose.
+    """
+    if pose is None:
+        return _AXES, np.zeros(3)
+    try:
+        matrix = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ScanError(f"{path}: pose must be numbers: {error}") from error
+    if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+        raise ScanError(f"{path}: pose must be 4 x 4 finite numbers, not of shape {matrix.shape}")
+    rotation = matrix[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > _RIGID_TOLERANCE or np.linalg.det(rotation) < 0:
+        raise ScanError(f"{path}: pose must be rigid (orthonormal rotation, camera -> world)")
+    return rotation, matrix[:3, 3]
+
+
+def _read_image(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
+    """Return the pixels of an image.
+
+    Raises:
+        ScanError: not readable, or larger than the limit.
+        MissingExtraError: Pillow is not installed.
+    """
+    kind = path.suffix.lower()
+    if kind not in DEPTH_ENDINGS:
+        raise ScanError(
+            f"{path}: {kind or 'a file without ending'} is no depth image; use {', '.join(DEPTH_ENDINGS)}"
+        )
+    try:
+        with open_bounded(path, max_bytes) as file:
+            if kind == ".npy":
+                array = read_array(file.stream, file.size)
+                check_size(array.size * _POINT_BYTES, max_bytes)
+                return array
+        return _read_picture(path, max_bytes)
+    except MissingExtraError:
+        raise
+    except (ScanError, UnreadableFileError) as error:
+        raise ScanError(f"{path}: {error}") from error
+    except Exception as error:  # damaged bytes make the libraries raise every kind of error
+        raise ScanError(f"{path}: not a readable {kind} file: {error}") from error
+
+
+def _read_picture(path: Path, max_bytes: float) -> Shaped[np.ndarray, "*axes"]:
+    """Return the pixels of a picture whose size is within the limit.
+
+    Raises:
+        UnreadableFileError: it is not.
+        MissingExtraError: Pillow is not installed.
+    """
+    require_extras("a picture", "formats")
+    from PIL import Image
+
+    with Image.open(path) as image:
+        check_size(image.width * image.height * _POINT_BYTES, max_bytes)
+        return np.asarray(image)
+
+
+def _read_colors(path: Path, shape: tuple[int, ...], max_bytes: float) -> UInt8[np.ndarray, "H W 3"]:
+    """Return red, green and blue of a picture of this height and width.
+
+    Raises:
+        ScanError: not readable, too large, or of another size.
+        MissingExtraError: Pillow is not installed.
+    """
+    require_extras("a picture", "formats")
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            check_size(image.width * image.height * _POINT_BYTES, max_bytes)
+            if (image.height, image.width) != shape:
+                raise ScanError(
+                    f"has {image.width} x {image.height} pixels, the depth image {shape[1]} x {shape[0]}; "
+                    "align them first"
+                )
+            return np.asarray(image.convert("RGB"))
+    except Exception as error:  # damaged bytes make the library raise every kind of error
+        raise ScanError(f"{path}: cannot be used as a picture: {error}") from error

@@ -1,0 +1,251 @@
+"""Leveling: the robot tilts as it drives, the floor stays level (paper, section II-A)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.pose import rotate_about
+from reconstruction._src.scans.noise_priors import LEAST_SCANS, NoisePriors, estimate_shake
+from reconstruction._src.scans.scan import ScanLog
+
+_NEIGHBOR_VOTE = 0.5
+"""Weight of the bins on both sides in the votes for a declination: a floor between two bins is found as well."""
+_REFINEMENTS = (2.0, 1.0, 1.0, 1.0)
+"""Widths of Tukey's weights in the refinement, in tolerances: wide first, as the vote is uncertain by a bin."""
+_MIN_WEIGHT = 1e-3
+"""Least sum of squared distances [m^2] that a declination is refined by: one reading at 3 cm."""
+_TINY = 1e-12
+_SHAKES = 5.5
+"""Tilts up to this many standard deviations of the sway are looked for."""
+_TILTS = (float(np.radians(2.0)), float(np.radians(8.0)))
+"""Smallest and largest limit of the tilt [rad]: a standing robot may lean on its floor; ramps are steeper."""
+_UNKNOWN_TILT = float(np.radians(4.0))
+"""Limit of the tilt in logs of few scans [rad]."""
+_SAMPLE = 400
+"""About as many scans tell how much a robot sways."""
+_NOISES, _LEAST_TOLERANCE = 3.0, 0.01
+"""Readings off the line of the floor by this many standard deviations of the noise count, and by 1 cm [m]."""
+
+
+@dataclass(frozen=True)
+class LevelingConfig:
+    """How the floor is found in a scan (`find_declination`).
+
+    Attributes:
+        max_tilt: largest declination looked for [rad]; less than a ramp. None: several times the sway of the robot,
+            which is estimated from the log; 4 degrees where it has too few scans.
+        tolerance: largest distance of a reading from the line of the floor [m]: three times the noise of a common
+            scanner beyond 3 m.
+        max_slope: a scan plane is vertical where the vertical component of its normal is less than this.
+        num_bins: bins of declination between -max_tilt and max_tilt that readings vote for: 0.2 degrees each.
+        min_distance: readings nearer than this to the robot's foot do not vote [m]: their direction is uncertain.
+        full_weight_distance: a vote's weight grows with the distance from the foot up to this one [m].
+        height_bin: bins of height [m] that the floor is found in, where a log has no `mount`.
+        height_share: the floor is the lowest bin that holds at least this share of the readings in the fullest
+            bin.
+        height_window: bins above that one, itself included, of which the fullest is taken.
+    """
+
+    max_tilt: float | None = None
+    tolerance: float = 0.03
+    max_slope: float = 0.3
+    num_bins: int = 40
+    min_distance: float = 0.2
+    full_weight_distance: float = 1.0
+    height_bin: float = 0.02
+    height_share: float = 0.5
+    height_window: int = 5
+
+    def __post_init__(self) -> None:
+        if self.max_tilt is not None and not 0 < self.max_tilt < np.pi / 2:
+            raise ScanError(f"max_tilt must be above 0 and below pi / 2, got {self.max_tilt}")
+        for name in ("tolerance", "max_slope", "full_weight_distance", "height_bin", "height_share"):
+            if not getattr(self, name) > 0:
+                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
+        if not self.min_distance >= 0:
+            raise ScanError(f"min_distance must not be negative, got {self.min_distance}")
+        for name in ("num_bins", "height_window"):
+            if getattr(self, name) < 1:
+                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
+
+
+def level_floor(
+    log: ScanLog,
+    max_tilt: float | None = None,
+    tolerance: float | None = None,
+    *,
+    config: LevelingConfig | None = None,
+    priors: NoisePriors | None = None,
+) -> ScanLog:
+    """Turn every vertical scan so that its floor is level: ``T <- T_robot R(n, -delta) T_mount``.
+
+    delta is the declination of the floor's line in the scan (`find_declination`), n the normal of the scan plane.
+    The rotation is about the robot's foot, where it touches the ground, so a sensor on a mast moves sideways as
+    it did; a log without `mount` is rotated about the sensor.
+
+    This finds the tilt within the scan plane, and on a level floor nothing else: tilted across the plane by p, the
+    scan meets the same floor in the same line, at the same ranges. What is h above the floor, it shows h sin(p)
+    off its position across the plane. Where a horizontal scanner localizes the robot, its sway gives p
+    approximately (`reconstruction._src.scans.localization.find_pitch`); the rest stays.
+
+    Args:
+        log: scans; those that are not vertical, or show no floor, are left as they are.
+        max_tilt: replaces `config.max_tilt` [rad].
+        tolerance: replaces `config.tolerance` [m].
+        config: how the floor is found.
+        priors: what is known of the robot's sway and of the scanner's noise; replaces `max_tilt` and `tolerance` of
+            the configuration by several times these.
+
+    Raises:
+        ScanError: `max_tilt` or `tolerance` is out of its range.
+    """
+    config = use_priors(config or LevelingConfig(), priors)
+    if max_tilt is not None:
+        config = replace(config, max_tilt=max_tilt)
+    if tolerance is not None:
+        config = replace(config, tolerance=tolerance)
+    turn = find_tilt(log, config)
+    return log.replace(poses=log.poses @ np.linalg.inv(log.mount) @ turn @ log.mount)
+
+
+def use_priors(config: LevelingConfig, priors: NoisePriors | None) -> LevelingConfig:
+    """Return the configuration with the limits that follow from what is known of robot and scanner."""
+    if priors is not None and priors.shake is not None:
+        config = replace(config, max_tilt=_find_max_tilt(priors.shake))
+    if priors is not None and priors.range_noise is not None:
+        config = replace(config, tolerance=max(_NOISES * priors.range_noise, _LEAST_TOLERANCE))
+    return config
+
+
+def _find_max_tilt(shake: float) -> float:
+    return float(np.clip(_SHAKES * shake, *_TILTS))
+
+
+def find_tilt(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, "S 4 4"]:
+    """Find the robot's tilt in the plane of every scan: ``R(n, -delta)`` of `level_floor`."""
+    angle = find_declination(log, config)
+    turn = np.tile(np.eye(4), (len(angle), 1, 1))
+    if angle.any():
+        turn[:, :3, :3] = rotate_about(np.cross(*_plane_axes(log.mount)), -angle)
+    return turn
+
+
+def find_declination(log: ScanLog, config: LevelingConfig | None = None) -> Float[np.ndarray, " S"]:
+    """Find the declination of the floor's line in every scan [rad]; 0 where no floor is seen.
+
+    With (u, v) the position of a reading to the side of the robot's foot and above it, the floor is the line
+    ``v = u tan(delta)``. Readings vote for v/u with weight min(|u|, 1 m); from the best bin, tan(delta) is
+    refined as ``sum(w u v) / sum(w u^2)`` with Tukey's weights ``w = (1 - (residual / tolerance)^2)^2``.
+
+    A log without `mount` has its foot found first: under the sensor, at the height of most readings.
+    """
+    config = config or LevelingConfig()
+    if len(log.ranges) == 0 or not _is_vertical(log, config.max_slope):
+        return np.zeros(len(log.ranges))
+    u, v = _plane_coordinates(log, config)
+    if config.max_tilt is not None:
+        return _find_angles(u, v, config.max_tilt, config)
+    if len(u) < LEAST_SCANS:
+        return _find_angles(u, v, _UNKNOWN_TILT, config)
+    some = slice(None, None, max(1, len(u) // _SAMPLE))
+    shake = estimate_shake(_find_angles(u[some], v[some], _TILTS[1], config))
+    return _find_angles(u, v, _find_max_tilt(shake), config)
+
+
+def _find_angles(
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], max_tilt: float, config: LevelingConfig
+) -> Float[np.ndarray, " S"]:
+    """Return the declination in every scan, looked for up to a largest one [rad]."""
+    limit = float(np.tan(max_tilt))
+    tangent = _vote(u, v, limit, config)
+    tangent = _refine(u, v, tangent, limit, config.tolerance)
+    return np.arctan(np.clip(tangent, -limit, limit))
+
+
+def _vote(
+    u: Float[np.ndarray, "S B"], v: Float[np.ndarray, "S B"], limit: float, config: LevelingConfig
+) -> Float[np.ndarray, " S"]:
+    """Return the tangent of the declination with most votes in every scan; 0 where there are none."""
+    num_scans, num_bins = len(u), config.num_bins
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = (v / u / limit + 1) * (num_bins / 2)
+    is_vote = np.abs(u) > config.min_distance
+    is_vote &= (place > 0) & (place < num_bins)
+    scan, _ = np.nonzero(is_vote)
+    bins = place[is_vote].astype(np.int64) + num_bins * scan
+    weight = np.minimum(np.abs(u[is_vote]), config.full_weight_distance)
+    table = np.bincount(bins, weight, minlength=num_bins * num_scans).reshape(num_scans, num_bins)
+    votes = table.astype(float)
+    votes[:, 1:] += _NEIGHBOR_VOTE * table[:, :-1]
+    votes[:, :-1] += _NEIGHBOR_VOTE * table[:, 1:]
+    tangent = ((votes.argmax(axis=1) + 0.5) / num_bins * 2 - 1) * limit
+    tangent[votes.max(axis=1) == 0] = 0.0
+    return tangent
+
+
+def _refine(
+    u: Float[np.ndarray, "S B"],
+    v: Float[np.ndarray, "S B"],
+    tangent: Float[np.ndarray, " S"],
+    limit: float,
+    tolerance: float,
+) -> Float[np.ndarray, " S"]:
+    """Return the tangent of the declination by least squares with Tukey's weights."""
+    is_near = np.abs(v) < 2 * limit * np.abs(u) + tolerance
+    scan, _ = np.nonzero(is_near)
+    u_near, v_near = u[is_near], v[is_near]
+    for width in _REFINEMENTS:
+        residual = (v_near - tangent[scan] * u_near) / (width * tolerance)
+        w = np.maximum(1.0 - residual * residual, 0.0)
+        w *= w * u_near
+        total = np.bincount(scan, w * u_near, minlength=len(tangent))
+        moment = np.bincount(scan, w * v_near, minlength=len(tangent))
+        tangent = np.where(total > _MIN_WEIGHT, moment / np.maximum(total, _TINY), tangent)
+    return tangent
+
+
+def _plane_coordinates(
+    log: ScanLog, config: LevelingConfig
+) -> tuple[Float[np.ndarray, "S B"], Float[np.ndarray, "S B"]]:
+    """Return the positions to the side of the foot and above it, in the plane of the scan."""
+    axes = np.stack(_plane_axes(log.mount))
+    rows = axes @ log.mount[:3, :2] @ np.stack([np.cos(log.angles), np.sin(log.angles)])
+    offset = axes @ log.mount[:3, 3]
+    u, v = log.ranges * rows[0] + offset[0], log.ranges * rows[1] + offset[1]
+    if not np.any(log.mount[:3, 3]):
+        v = v - _find_floor_height(v, config)
+    return u, v
+
+
+def _find_floor_height(heights: Float[np.ndarray, "S B"], config: LevelingConfig) -> float:
+    """Return the height of most readings below the sensor, or the lowest one with nearly as many."""
+    bin_width = config.height_bin
+    low = heights[heights < 0]
+    if not low.size:
+        return 0.0
+    counts = np.bincount(((low - low.min()) / bin_width).astype(np.int64))
+    counts = np.convolve(counts, [1, 1, 1], "same")
+    first = int(np.argmax(counts >= config.height_share * counts.max()))
+    first += int(np.argmax(counts[first : first + config.height_window]))
+    peak = low.min() + (first + 0.5) * bin_width
+    return float(low[np.abs(low - peak) < 2 * bin_width].mean())
+
+
+def _is_vertical(log: ScanLog, max_slope: float) -> bool:
+    """Return whether the scan plane is vertical, in the robot and in the world."""
+    world = np.abs(log.poses[:, 2, 2])
+    return bool(np.abs(log.mount[2, 2]) < max_slope and np.median(world) < max_slope)
+
+
+def _plane_axes(
+    mount: Float[np.ndarray, "4 4"],
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Return the horizontal and the rising direction of the scan plane, in the robot."""
+    normal = mount[:3, 2]
+    side = np.cross([0.0, 0.0, 1.0], normal)
+    side /= np.linalg.norm(side)
+    return side, np.cross(normal, side)

@@ -1,0 +1,207 @@
+"""Meshes, with their faces: .ply .obj .stl .off .glb .gltf .dae, read by trimesh."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, check_size, open_bounded
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.scans.converters import CONVERTERS
+from reconstruction._src.scans.frames import FrameConfig, find_offset, make_frame
+from reconstruction._src.scans.ply import find_num_faces
+from reconstruction._src.scans.raw_points import RawPoints
+from reconstruction._src.scans.text_points import has_obj_faces
+
+if TYPE_CHECKING:
+    import trimesh
+
+MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf", ".dae")
+"""Files that hold meshes; .ply and .obj also points alone."""
+_ALWAYS_MESHES = MESH_ENDINGS[2:]
+_ONE_SIZE = (".stl",)
+"""Files that repeat the vertices in every triangle."""
+_GLTF = (".glb", ".gltf")
+_GLB_MAGIC, _GLB_HEADER = b"glTF", 20
+"""A .glb begins with magic, version, length, and the length and kind of the JSON chunk: five numbers of 4 bytes."""
+_VALUE_BYTES = 64
+"""Most bytes of an element of a glTF accessor: a matrix of 16 floats."""
+_COLLADA_HEAD = 1 << 16
+"""Bytes at the beginning of a .dae that hold its unit and axes."""
+_COLLADA_UP = re.compile(rb"<up_axis>\s*([XYZ])_UP")
+_COLLADA_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([0-9.eE+-]+)")
+
+
+def load_mesh(
+    path: str | os.PathLike[str],
+    unit: str | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+    max_bytes: float = MAX_BYTES,
+    config: FrameConfig | None = None,
+) -> trimesh.Trimesh:
+    """Read a mesh with its faces, in meters and with z up; all parts of a scene become one mesh.
+
+    The faces keep the order of their vertices. What was subtracted from large coordinates, `[3]` [m], is
+    ``mesh.metadata["offset"]``: see `load_cloud`.
+
+    Args:
+        path: .ply .obj .stl .off .glb .gltf .dae; not compressed.
+        unit: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what the file says (.gltf and .glb: meters; .dae its
+            unit), meters where it does not.
+        up: axis that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what the format says (.gltf, .glb, .dae:
+            mostly "y"), "z" where it does not.
+        scale: a further factor, for files whose unit has no name.
+        max_bytes: most bytes that the file may hold.
+        config: when coordinates count as large.
+
+    Raises:
+        ScanError: the file is absent, broken, too large, of another kind, or holds no triangles.
+        MissingExtraError: a .dae is read and pycollada is not installed.
+    """
+    path = Path(path)
+    try:
+        mesh, raw = _read(path, max_bytes)
+        frame = make_frame(raw, unit, up, scale)
+    except (ScanError, UnreadableFileError) as error:
+        raise ScanError(f"{path}: {error}") from error
+    vertices = frame.place(raw.points)
+    offset = find_offset(vertices, config or FrameConfig())
+    mesh.vertices = vertices - offset
+    mesh.metadata = {"offset": offset}
+    return mesh
+
+
+def is_mesh(path: str | os.PathLike[str], max_bytes: float = MAX_BYTES) -> bool:
+    """Return whether a file holds a mesh with faces, rather than points.
+
+    Raises:
+        ScanError: a .ply or .obj that cannot be read.
+    """
+    path = Path(path)
+    suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() not in (".gz", ".bz2")]
+    kind = suffixes[-1] if suffixes else ""
+    if kind not in (".ply", ".obj"):
+        return kind in _ALWAYS_MESHES
+    try:
+        with open_bounded(path, max_bytes) as file:
+            return bool(find_num_faces(file)) if kind == ".ply" else has_obj_faces(file)
+    except (ScanError, UnreadableFileError) as error:
+        raise ScanError(f"{path}: {error}") from error
+
+
+def read_mesh_points(path: Path, max_bytes: float) -> RawPoints:
+    """Return the vertices of a mesh as points, in the frame of the file.
+
+    Raises:
+        ScanError: not readable, or no triangles.
+        UnreadableFileError: larger than the limit.
+        MissingExtraError: a .dae is read and pycollada is not installed.
+    """
+    return _read(path, max_bytes)[1]
+
+
+def _read(path: Path, max_bytes: float) -> tuple[trimesh.Trimesh, RawPoints]:
+    """Return the mesh, and its vertices with what the file says about its frame.
+
+    Raises:
+        ScanError: not readable, or no triangles.
+        UnreadableFileError: larger than the limit.
+        MissingExtraError: a .dae is read and pycollada is not installed.
+    """
+    import trimesh
+
+    kind = path.suffix.lower()
+    _check_file(path, kind, max_bytes)
+    try:
+        mesh = trimesh.load_mesh(path, process=False)
+    except Exception as error:  # trimesh raises whatever its many readers raise
+        raise ScanError(f"cannot be read as a mesh: {error or type(error).__name__}") from error
+    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+        raise ScanError("holds no triangles; points are read by load_cloud")
+    if not np.isfinite(mesh.vertices).all():
+        raise ScanError("has vertices that are not finite; repair it first")
+    faces = np.asarray(mesh.faces)
+    if faces.min() < 0 or faces.max() >= len(mesh.vertices):
+        raise ScanError(
+            f"has faces of the vertices {faces.min()} to {faces.max()}, and {len(mesh.vertices)} vertices"
+        )
+    if kind in _ONE_SIZE:
+        mesh.merge_vertices()
+    meters, up = _find_frame(path, kind)
+    return mesh, RawPoints(np.array(mesh.vertices, np.float64), _find_colors(mesh), meters=meters, up=up)
+
+
+def _check_file(path: Path, kind: str, max_bytes: float) -> None:
+    """Refuse what cannot be read within the limit, before it is read.
+
+    Raises:
+        ScanError: no mesh file, or one that makes its reader allocate more than it holds.
+        UnreadableFileError: larger than the limit.
+        MissingExtraError: a .dae is read and pycollada is not installed.
+    """
+    if not path.is_file():
+        raise ScanError("is a folder, not a file" if path.is_dir() else "there is no such file")
+    if kind in (".gz", ".bz2"):
+        raise ScanError("a packed mesh is not read; unpack it first")
+    if kind not in MESH_ENDINGS:
+        remedy = f"; {CONVERTERS[kind]}" if kind in CONVERTERS else ""
+        raise ScanError(
+            f"{kind or 'a file without ending'} is no mesh; there are: {' '.join(MESH_ENDINGS)}{remedy}"
+        )
+    check_size(path.stat().st_size, max_bytes)
+    if kind == ".dae":
+        require_extras("a .dae file", "formats")
+    if kind in _GLTF:
+        _check_accessors(path, kind, max_bytes)
+
+
+def _check_accessors(path: Path, kind: str, max_bytes: float) -> None:
+    """Refuse a glTF file that promises more values than the limit allows: without data they are zeros.
+
+    Raises:
+        ScanError: no glTF.
+        UnreadableFileError: more than the limit.
+    """
+    data = path.read_bytes()
+    try:
+        if kind == ".glb":
+            if data[:4] != _GLB_MAGIC:
+                raise ValueError("it does not begin with 'glTF'")
+            length = int.from_bytes(data[12:16], "little")
+            data = data[_GLB_HEADER : _GLB_HEADER + length]
+        counts = [accessor["count"] for accessor in json.loads(data).get("accessors", ())]
+        total = sum(int(count) for count in counts)
+    except (AttributeError, KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        raise ScanError(f"no readable {kind} file: {error}") from error
+    check_size(total * _VALUE_BYTES, max_bytes)
+
+
+def _find_frame(path: Path, kind: str) -> tuple[float | None, str | None]:
+    """Return the meters of a unit and the axis that points up, as far as the file says."""
+    if kind in _GLTF:
+        return 1.0, "y"  # glTF 2.0, 3.4: right-handed, y up, meters
+    if kind != ".dae":
+        return None, None
+    with path.open("rb") as file:
+        head = file.read(_COLLADA_HEAD)
+    up, unit = _COLLADA_UP.search(head), _COLLADA_UNIT.search(head)
+    try:
+        meters = float(unit[1]) if unit else 1.0
+    except ValueError:
+        meters = 1.0
+    return meters if 0 < meters < np.inf else 1.0, up[1].decode().lower() if up else "y"
+
+
+def _find_colors(mesh: trimesh.Trimesh) -> Any:
+    """Return the colors of the vertices, where the file has them."""
+    if mesh.visual is None or mesh.visual.kind != "vertex":
+        return None
+    colors = np.asarray(mesh.visual.vertex_colors)  # type: ignore[union-attr]
+    return np.ascontiguousarray(colors[:, :3], np.uint8) if len(colors) == len(mesh.vertices) else None

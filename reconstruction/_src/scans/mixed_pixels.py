@@ -1,0 +1,270 @@
+"""Mixed pixels: readings of beams that met an edge, and lie between two surfaces or near one of them.
+
+References:
+    Ye and Borenstein (2002), Characterization of a 2-D laser scanner for mobile robot obstacle negotiation: mixed
+    pixels of the SICK LMS 200.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial import cKDTree
+
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.geometry.rows import find_lengths, sum_rows
+from reconstruction._src.scans.flat_neighbors import find_flat
+from reconstruction._src.scans.scan import ScanLog
+
+_MEDIAN_OF_NORMAL = 0.6745
+"""Median of |x| for x from the standard normal distribution."""
+_BEND_VARIANCE = 6
+"""Variance of q_(i+1) - 2 q_i + q_(i-1) over that of q: 1 + 4 + 1."""
+_SAME_SPACING = 1.01
+"""Spacings that differ by less are the same: angles come with rounding errors."""
+
+
+@dataclass(frozen=True)
+class MixedPixelsConfig:
+    """Which readings count as mixed (`find_mixed_beams`).
+
+    Attributes:
+        step: two steps of more than this [m], of the same sign, make a veil point. 10 cm is nine times the largest
+            noise of the scanner (10.7 mm at 3 to 6 m).
+        step_spacing: beams at most this far apart [rad] have steps of `step`; for coarser scanners the step grows
+            in proportion, as a surface at an angle does (`find_step`). Half a degree is the SICK LMS 200.
+        jump: height of the lowest edge, at range 0 [m]: several times the noise of a step.
+        jump_per_meter: growth of that height with the range. 0.003 finds a ledge of 4 cm at 3 m.
+        max_share: largest share of the valid readings that may go because of jumps and clutter; veil points go in
+            any case. 0 leaves the veil points alone.
+        max_edge_noise: noise of the readings [m] up to which `jump` and `jump_per_meter` apply; they grow in
+            proportion with noise beyond it.
+        max_noise_factor: the most that they grow.
+        noise_stride: the noise is estimated from every n-th scan: a sample is enough, and n times as fast.
+        clutter_window: beams of the window in which mixed readings are counted.
+        clutter_count: a window with this many mixed readings is clutter, its middle counts as mixed: two jumps
+            (four readings) within nine beams are an edge along the scan plane.
+        clutter_height: what a reading in clutter counts [m], compared with the heights of jumps, where `max_share`
+            leaves room for some only: less than any jump.
+        max_gap: a mixed reading stays where no other is left within this [m], and it lies with its neighbors on a
+            surface (`find_needed_beams`): walls far away, or at a low angle, step as edges do. As `step`: what is
+            read less densely has such steps on any slanted surface.
+        flat_neighbors: neighbors that show whether it lies on one.
+        flatness: their least variance over the largest, below which they do; noise of 2 cm at gaps of 10 cm gives 0.05.
+        min_cosine: least cosine between the beam and the normal of that plane. A veil along a straight edge lies in
+            the beams: 0. 0.05 are 3 degrees, a floor 1 m below the sensor 20 m away.
+        max_loneliness: and they are as far from one another as it is from them, up to this factor.
+    """
+
+    step: float = 0.10
+    step_spacing: float = float(np.radians(0.5))
+    jump: float = 0.03
+    jump_per_meter: float = 0.003
+    max_share: float = 0.02
+    max_edge_noise: float = 0.008
+    max_noise_factor: float = 3.0
+    noise_stride: int = 8
+    clutter_window: int = 9
+    clutter_count: int = 4
+    clutter_height: float = 1e-3
+    max_gap: float = 0.10
+    flat_neighbors: int = 10
+    flatness: float = 0.1
+    min_cosine: float = 0.05
+    max_loneliness: float = 1.5
+
+    def __post_init__(self) -> None:
+        for name in (
+            "step",
+            "step_spacing",
+            "max_edge_noise",
+            "clutter_height",
+            "max_gap",
+            "flatness",
+            "min_cosine",
+            "max_loneliness",
+        ):
+            if not getattr(self, name) > 0:
+                raise ScanError(f"{name} must be above 0, got {getattr(self, name)}")
+        for name in ("jump", "jump_per_meter"):
+            if not getattr(self, name) >= 0:
+                raise ScanError(f"{name} must not be negative, got {getattr(self, name)}")
+        if not 0 <= self.max_share <= 1:
+            raise ScanError(f"max_share must be from 0 to 1, got {self.max_share}")
+        if not self.max_noise_factor >= 1:
+            raise ScanError(f"max_noise_factor must be 1 or more, got {self.max_noise_factor}")
+        for name in ("noise_stride", "clutter_window", "clutter_count", "flat_neighbors"):
+            if getattr(self, name) < 1:
+                raise ScanError(f"{name} must be 1 or more, got {getattr(self, name)}")
+
+
+def find_mixed_beams(
+    ranges: Float[np.ndarray, "S B"],
+    angles: Float[np.ndarray, " B"] | None = None,
+    config: MixedPixelsConfig | None = None,
+) -> Bool[np.ndarray, "S B"]:
+    """Find the beams that may have met an edge.
+
+    1. *Veil points*: ``|r_i - r_(i-1)| > step`` and ``|r_(i+1) - r_i| > step`` with the same sign. The reading lies
+       between two surfaces, or on one at such an angle that its position is uncertain.
+    2. *Jumps*: a beam on either side of a jump (`find_jumps`). A mixture of much of one surface and little of the
+       other cannot be distinguished by its range from the better of the two: each counts with the height of its
+       jumps [m].
+    3. *Clutter*: every beam with four of 1 and 2 among the nine around it; an edge along the scan plane.
+
+    The jumps of 2 grow with the noise of the readings (`find_noise`) where that is above 8 mm.
+
+    In a cluttered scene 2 and 3 would cost a tenth of the beams: those with the highest jumps go, at most
+    `max_share` of all valid beams.
+
+    Args:
+        ranges: [m], nan: no return.
+        angles: angles of the beams [rad]; where they are far apart, `step` grows (`find_step`).
+        config: the thresholds.
+    """
+    config = config or MixedPixelsConfig()
+    step = config.step if angles is None else find_step(angles, config)
+    bridged = _bridge_gaps(ranges)
+    difference = np.diff(bridged, axis=1)
+    is_valid = np.isfinite(ranges)
+    is_veil = np.zeros(ranges.shape, bool)
+    rising, falling = difference > step, difference < -step
+    is_veil[:, 1:-1] = (rising[:, 1:] & rising[:, :-1]) | (falling[:, 1:] & falling[:, :-1])
+    height = _find_jump_heights(ranges, bridged, difference, config)
+    around = uniform_filter1d(
+        (is_veil | (height > 0)).astype(np.float32), config.clutter_window, axis=1, mode="constant"
+    )
+    is_cluttered = around > (config.clutter_count - 0.5) / config.clutter_window
+    height[is_cluttered & (height == 0)] = config.clutter_height
+    height[is_veil | ~is_valid] = 0.0
+    max_count = int(config.max_share * np.count_nonzero(is_valid))
+    if np.count_nonzero(height) > max_count:
+        place = height.size - max_count - 1
+        height[height <= np.partition(height, place, axis=None)[place]] = 0.0
+    return (is_veil | (height > 0)) & is_valid
+
+
+def find_needed_beams(
+    log: ScanLog, is_mixed: Bool[np.ndarray, "S B"], config: MixedPixelsConfig | None = None
+) -> Bool[np.ndarray, "S B"]:
+    """Return which mixed readings stay: without them a sparsely read surface would have a hole.
+
+    A far wall, or one at a low angle, has steps between neighboring beams that look like veil points in a single
+    scan. In space its readings lie on a plane, among others as far apart; those of a veil do not, or the plane
+    contains the beam.
+
+    Args:
+        log: the scans.
+        is_mixed: result of `find_mixed_beams`.
+        config: the gap that is left open, and what counts as a surface.
+    """
+    config = config or MixedPixelsConfig()
+    is_needed = np.zeros(is_mixed.shape, bool)
+    points, place = log.points(), np.flatnonzero(log.is_valid)
+    is_dropped = is_mixed[log.is_valid]
+    chosen = np.flatnonzero(is_dropped)
+    if not len(chosen) or is_dropped.all():
+        return is_needed
+    gap, _ = cKDTree(points[~is_dropped]).query(points[chosen])
+    chosen = chosen[gap > config.max_gap]
+    found = find_flat(points, chosen, config.flat_neighbors, config.flatness, config.max_loneliness)
+    ray = points[chosen] - log.poses[place[chosen] // is_mixed.shape[1], :3, 3]
+    cosine = np.abs(sum_rows(found.normals * ray)) / np.maximum(find_lengths(ray), 1e-300)
+    is_needed.ravel()[place[chosen[found.is_flat & (cosine > config.min_cosine)]]] = True
+    return is_needed
+
+
+def _find_jump_heights(
+    ranges: Float[np.ndarray, "S B"],
+    bridged: Float[np.ndarray, "S B"],
+    difference: Float[np.ndarray, "S B-1"],
+    config: MixedPixelsConfig,
+) -> Float[np.ndarray, "S B"]:
+    """Sum the heights of the jumps on both sides of every beam [m]; 0: none."""
+    noise = find_noise(ranges, config.noise_stride)
+    factor = float(np.clip(noise / config.max_edge_noise, 1.0, config.max_noise_factor))
+    is_jump = find_jumps(bridged, factor * config.jump, factor * config.jump_per_meter)
+    step_height = np.where(is_jump, np.abs(difference), 0.0)
+    height = np.zeros(ranges.shape)
+    height[:, 1:] += step_height
+    height[:, :-1] += step_height
+    return height
+
+
+def find_step(angles: Float[np.ndarray, " B"], config: MixedPixelsConfig | None = None) -> float:
+    """Return the step that makes a veil point [m]: it grows where beams are farther apart than `step_spacing`.
+
+    Args:
+        angles: angles of the beams [rad].
+        config: the step and its spacing; 10 cm for half a degree unless given.
+    """
+    config = config or MixedPixelsConfig()
+    spacing = float(np.median(np.abs(np.diff(angles)))) if len(angles) > 1 else config.step_spacing
+    is_coarse = spacing > _SAME_SPACING * config.step_spacing
+    return config.step * spacing / config.step_spacing if is_coarse else config.step
+
+
+def find_noise(ranges: Float[np.ndarray, "S B"], stride: int = 8) -> float:
+    """Estimate the standard deviation of the noise [m]; 0 where no three neighboring beams returned.
+
+    On a plane 1/r hardly bends from beam to beam: ``r^2 (q_(i+1) - 2 q_i + q_(i-1))`` has sqrt(6) times the noise.
+
+    Args:
+        ranges: [m], nan: no return.
+        stride: every n-th scan is used.
+    """
+    inverse = 1.0 / ranges[::stride]
+    bend = np.abs(inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2])
+    bend /= inverse[:, 1:-1] ** 2
+    bend = bend[np.isfinite(bend)]
+    return float(np.median(bend)) / (_MEDIAN_OF_NORMAL * np.sqrt(_BEND_VARIANCE)) if bend.size else 0.0
+
+
+def find_jumps(
+    ranges: Float[np.ndarray, "S B"], jump: float = 0.03, jump_per_meter: float = 0.004
+) -> Bool[np.ndarray, "S B-1"]:
+    """Find where two neighboring beams are on no common surface.
+
+    On a plane 1/r goes as cos(a - a0), so steps of 1/r change little from beam to beam at any angle of incidence:
+    beams i and i+1 are separated by a jump where both ``|r_(i+1) - r_i|`` and ``r_i r_(i+1) |s_i - s_j|``,
+    ``s_i = 1/r_(i+1) - 1/r_i``, for all but one of the four neighboring steps j (two on either side), exceed
+    ``jump + jump_per_meter sqrt(r_i r_(i+1))``.
+
+    Args:
+        ranges: [m], nan: no return.
+        jump: several times the noise of a step [m].
+        jump_per_meter: its growth with the range.
+    """
+    step = np.diff(1.0 / ranges, axis=1)
+    num_steps = step.shape[1]
+    padded = np.pad(step, ((0, 0), (2, 2)), constant_values=np.nan)
+    a, b, c, d = (_find_distance(step, padded[:, k : k + num_steps]) for k in (0, 1, 3, 4))
+    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    np.minimum(second, np.maximum(a, b), out=second)
+    np.minimum(second, np.maximum(c, d), out=second)
+    product = ranges[:, 1:] * ranges[:, :-1]
+    threshold = jump + jump_per_meter * np.sqrt(product)
+    with np.errstate(invalid="ignore"):
+        return (second * product > threshold) & (np.abs(np.diff(ranges, axis=1)) > threshold)
+
+
+def _bridge_gaps(ranges: Float[np.ndarray, "S B"]) -> Float[np.ndarray, "S B"]:
+    """Fill single beams without return by the mean of 1/r on both sides: planes stay planes, jumps stay jumps."""
+    inverse = 1.0 / ranges
+    gap = np.isnan(inverse[:, 1:-1]) & np.isfinite(inverse[:, 2:]) & np.isfinite(inverse[:, :-2])
+    bridged = ranges.copy()
+    scan, beam = np.nonzero(gap)
+    bridged[scan, beam + 1] = 2.0 / (inverse[scan, beam] + inverse[scan, beam + 2])
+    return bridged
+
+
+def _find_distance(
+    step: Float[np.ndarray, "S D"], other: Float[np.ndarray, "S D"]
+) -> Float[np.ndarray, "S D"]:
+    """Return the distance between two steps; infinite where there is none."""
+    distance = np.abs(step - other)
+    distance[np.isnan(distance)] = np.inf
+    return distance

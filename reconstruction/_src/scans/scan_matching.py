@@ -1,0 +1,282 @@
+"""Scan matching: horizontal scans against a map of walls that is made of them (point to plane, small_gicp)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import KDTree
+
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.geometry.pose import (
+    compose_planar,
+    find_planar_step,
+    make_pose,
+    rotate_planar,
+    to_planar,
+    transform_planar,
+)
+from reconstruction._src.scans.mixed_pixels import find_jumps, find_noise
+from reconstruction._src.scans.scan import HorizontalScans
+
+if TYPE_CHECKING:
+    from small_gicp import KdTree, PointCloud
+
+_PLANAR = [3, 4, 2]
+"""x, y and the turn about z among the six parameters of a match (turns first)."""
+_FIRST_PASS, _SETTLING = 0.4, 0.3
+"""Shares of the time, for the progress."""
+_PROGRESS_INTERVAL = 50
+"""Scans between two reports of progress."""
+
+
+@dataclass(frozen=True)
+class ScanMatchingConfig:
+    """How scans are matched to a map of themselves (`match_to_map`).
+
+    Attributes:
+        num_rounds: times that the map is made again from the matched scans; its loop closes in 8.
+        key_distance: a scan becomes part of the map where the robot has gone on by this [m], or
+        key_angle: has turned by this [rad].
+        max_keys: scans that the final map is made of, about: more take longer and change little.
+        first_reach: largest distance of a reading from its wall in the first pass [m]: the error of the odometry
+            between two scans and of the map so far.
+        reach: the same in later passes, where poses are good to centimeters [m].
+        map_cell: edge of the cells in which the readings of the map are averaged [m].
+        line_reach: points of the map within this distance [m] make a line.
+        line_points: points that make a line, where the noise is at most `line_noise`.
+        line_noise: noise of the readings [m] up to which walls are lines of `line_points`; noisier ones take more in
+            proportion.
+        max_flatness: points are on a line where their variance across it is less than this share of that along it.
+        min_line_readings: readings that a line has at least.
+        min_map_points: a map of fewer points is not used.
+        layer_height: the map has three layers, this far apart [m], so that a wall is a plane in 3-D as well.
+        normal_points: points that the normal of the map's planes is found from.
+        jump: see `find_jumps` [m]: readings on both sides of an edge are not used.
+        jump_per_meter: see `find_jumps`.
+        reading_noise: standard deviation of a reading in a match [m]: more than its noise, as the errors of
+            neighbors are correlated.
+        guess_distance: standard deviation of the position a match starts from [m]; it holds where walls in view
+            leave a direction open.
+        guess_angle: the same of its yaw [rad].
+        max_iterations: largest number of iterations of a match.
+        translation_tolerance: a match has converged where it moves by less [m] and
+        rotation_tolerance: turns by less [rad].
+    """
+
+    num_rounds: int = 8
+    key_distance: float = 0.4
+    key_angle: float = 0.35
+    max_keys: int = 400
+    first_reach: float = 0.15
+    reach: float = 0.06
+    map_cell: float = 0.03
+    line_reach: float = 0.15
+    line_points: int = 12
+    line_noise: float = 0.012
+    max_flatness: float = 0.05
+    min_line_readings: int = 3
+    min_map_points: int = 20
+    layer_height: float = 0.04
+    normal_points: int = 15
+    jump: float = 0.03
+    jump_per_meter: float = 0.004
+    reading_noise: float = 0.05
+    guess_distance: float = 0.01
+    guess_angle: float = 0.02
+    max_iterations: int = 15
+    translation_tolerance: float = 1e-4
+    rotation_tolerance: float = 1e-5
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not value > 0 and name not in ("num_rounds", "jump", "jump_per_meter"):
+                raise ScanError(f"{name} must be above 0, got {value}")
+            if not value >= 0:
+                raise ScanError(f"{name} must not be negative, got {value}")
+
+    @cached_property
+    def guess_information(self) -> Float[np.ndarray, "3 3"]:
+        """Inverse covariance of the pose a match starts from."""
+        distance, angle = 1 / self.guess_distance**2, 1 / self.guess_angle**2
+        return np.diag([distance, distance, angle])
+
+
+class _Map(NamedTuple):
+    """Points of the walls in three layers, with normals, and the search tree over them."""
+
+    cloud: PointCloud
+    tree: KdTree
+
+
+def match_to_map(
+    scans: HorizontalScans,
+    sway: Float[np.ndarray, "S 2"] | None = None,
+    config: ScanMatchingConfig | None = None,
+    progress: Progress = silent,
+) -> Float[np.ndarray, "S 3"]:
+    """Match horizontal scans to a map that is made of them, and return x, y, yaw.
+
+    1. A scan starts where the odometry leads from the one before, is matched to the map of the key scans so far,
+       and becomes one where the robot has gone on by 0.4 m or 0.35 rad.
+    2. Some 400 scans are matched to the map of them all, 8 times over: the map settles, its loop closes.
+    3. Every scan is matched to the final map.
+
+    Args:
+        scans: the horizontal scans.
+        sway: displacement of the scanner in the robot that leveling found [m].
+        config: configuration of the map and of a match.
+        progress: called with the current step.
+
+    Raises:
+        MissingExtraError: the extra `scan` is not installed.
+    """
+    require_extras("localizing a robot", "scan")
+    config = config or ScanMatchingConfig()
+    num_scans = len(scans.ranges)
+    if not num_scans:
+        return np.empty((0, 3))
+    points = _find_wall_points(scans, config)
+    noise_factor = max(1.0, find_noise(scans.ranges) / config.line_noise)
+    planar = _follow(scans, points, noise_factor, config, progress)
+    keys = list(range(0, num_scans, max(1, num_scans // config.max_keys)))
+    for k in range(config.num_rounds):
+        target = _make_map(points, planar, keys, noise_factor, config)
+        planar[keys] = [_align(target, points[i], planar[i], config.reach, config) for i in keys]
+        progress("localizing: settling the map", _FIRST_PASS + _SETTLING * k / config.num_rounds)
+    target = _make_map(points, planar, keys, noise_factor, config)
+    planar = np.stack(
+        [_align(target, p, guess, config.reach, config) for p, guess in zip(points, planar, strict=True)]
+    )
+    if sway is not None:
+        planar[:, :2] -= rotate_planar(sway, planar[:, 2])
+    return planar
+
+
+def _follow(
+    scans: HorizontalScans,
+    points: list[np.ndarray],
+    noise_factor: float,
+    config: ScanMatchingConfig,
+    progress: Progress,
+) -> Float[np.ndarray, "S 3"]:
+    """Match every scan to the map of the key scans before it."""
+    num_scans = len(points)
+    planar, keys = np.tile(scans.start, (num_scans, 1)), [0]
+    target = _make_map(points, planar, keys, noise_factor, config)
+    for i in range(1, num_scans):
+        step = find_planar_step(scans.odometry[i - 1], scans.odometry[i])
+        guess = compose_planar(planar[i - 1], step)
+        planar[i] = _align(target, points[i], guess, config.first_reach, config)
+        gone = planar[i] - planar[keys[-1]]
+        if np.hypot(*gone[:2]) > config.key_distance or abs(gone[2]) > config.key_angle:
+            keys.append(i)
+            target = _make_map(points, planar, keys, noise_factor, config)
+        if i % _PROGRESS_INTERVAL == 0:
+            progress("localizing: first pass", _FIRST_PASS * i / num_scans)
+    return planar
+
+
+def _find_wall_points(scans: HorizontalScans, config: ScanMatchingConfig) -> list[np.ndarray]:
+    """Return end points `[N, 2]` in the robot's plane, scan by scan, without those at edges."""
+    is_jump = find_jumps(scans.ranges, config.jump, config.jump_per_meter)
+    jumps = np.pad(is_jump, ((0, 0), (1, 1)), constant_values=True)
+    good = np.isfinite(scans.ranges) & ~jumps[:, 1:] & ~jumps[:, :-1]
+    beams = np.stack([np.cos(scans.angles), np.sin(scans.angles)], axis=1)
+    found = []
+    for ranges, is_good in zip(scans.ranges, good, strict=True):
+        ends = ranges[is_good, None] * beams[is_good]
+        found.append(ends @ scans.mount[:2, :2].T + scans.mount[:2, 3])
+    return found
+
+
+def _make_map(
+    points: list[np.ndarray],
+    planar: Float[np.ndarray, "S 3"],
+    keys: Sequence[int],
+    noise_factor: float,
+    config: ScanMatchingConfig,
+) -> _Map | None:
+    """Average the readings of the key scans in cells, project them onto lines, find normals; None: nothing seen."""
+    import small_gicp
+
+    cloud = np.concatenate([transform_planar(points[k], planar[k]) for k in keys])
+    if len(cloud) < config.min_map_points:
+        return None
+    grid = np.floor(cloud / config.map_cell).astype(np.int64)
+    grid -= grid.min(axis=0)
+    _, index, counts = np.unique(
+        grid[:, 0] * (grid[:, 1].max() + 1) + grid[:, 1], return_inverse=True, return_counts=True
+    )
+    means = np.stack([np.bincount(index, cloud[:, k]) / counts for k in range(2)], axis=1)
+    num_neighbors = round(config.line_points * noise_factor)
+    walls = _project_onto_lines(means, counts.astype(float), num_neighbors, config)
+    layers = (-config.layer_height, 0.0, config.layer_height)
+    raised = small_gicp.PointCloud(np.concatenate([np.c_[walls, np.full(len(walls), z)] for z in layers]))
+    tree = small_gicp.KdTree(raised)
+    small_gicp.estimate_normals_covariances(raised, tree, num_neighbors=config.normal_points)
+    return _Map(raised, tree)
+
+
+def _project_onto_lines(
+    points: Float[np.ndarray, "N 2"],
+    weights: Float[np.ndarray, " N"],
+    num_neighbors: int,
+    config: ScanMatchingConfig,
+) -> Float[np.ndarray, "M 2"]:
+    """Project points onto the line through their neighbors, and drop those at corners.
+
+    A map as thick as the noise holds scans where they are: a point finds its own error in it.
+    """
+    num_neighbors = min(num_neighbors, len(points))
+    distance, near = KDTree(points).query(points, num_neighbors)
+    weight = weights[near] * (distance < config.line_reach)
+    total = weight.sum(axis=1)
+    center = np.einsum("nk,nki->ni", weight, points[near]) / total[:, None]
+    offset = points[near] - center[:, None]
+    covariance = np.einsum("nk,nki,nkj->nij", weight, offset, offset) / total[:, None, None]
+    values, vectors = np.linalg.eigh(covariance)
+    normal = vectors[:, :, 0]
+    projected = points - ((points - center) * normal).sum(axis=1, keepdims=True) * normal
+    is_line = (values[:, 0] < config.max_flatness * values[:, 1]) & (total >= config.min_line_readings)
+    return projected[is_line] if is_line.sum() >= config.min_map_points else projected
+
+
+def _align(
+    target: _Map | None,
+    points: Float[np.ndarray, "N 2"],
+    guess: Float[np.ndarray, " 3"],
+    reach: float,
+    config: ScanMatchingConfig,
+) -> Float[np.ndarray, " 3"]:
+    """Match points to the map from a guess, which is kept where the walls in view leave a direction open.
+
+    With d the step from guess to match and H the match's information (per variance of a reading), the pose is
+    ``guess + (H / s^2 + P)^-1 (H / s^2) d``, P the guess's information.
+    """
+    import small_gicp
+
+    if target is None or not len(points):
+        return guess
+    result = small_gicp.align(
+        target.cloud,
+        small_gicp.PointCloud(np.c_[points, np.zeros(len(points))]),
+        target.tree,
+        make_pose(*guess),
+        registration_type="PLANE_ICP",
+        max_correspondence_distance=reach,
+        rotation_epsilon=config.rotation_tolerance,
+        translation_epsilon=config.translation_tolerance,
+        max_iterations=config.max_iterations,
+    )
+    step = find_planar_step(guess, to_planar(result.T_target_source[None])[0])
+    step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
+    information = result.H[np.ix_(_PLANAR, _PLANAR)] / config.reading_noise**2
+    step = np.linalg.solve(information + config.guess_information, information @ step)
+    return compose_planar(guess, step)

@@ -1,0 +1,154 @@
+"""Read the points of text files: columns, Wavefront .obj, legacy .vtk."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Float
+
+from reconstruction._src.base.bounded_read import BoundedFile
+from reconstruction._src.base.errors import ScanError
+from reconstruction._src.scans import point_rows
+from reconstruction._src.scans.raw_points import RawPoints, as_colors
+
+_COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"))
+"""Titles of the columns of a color."""
+_COLOR_COLUMNS = {6: (3, 4, 5), 7: (4, 5, 6)}
+"""Where colors stand in rows without titles: x y z r g b, and x y z intensity r g b as in .pts."""
+_VTK_TYPES = {
+    "float": ">f4",
+    "double": ">f8",
+    "int": ">i4",
+    "long": ">i8",
+    "short": ">i2",
+    "unsigned_char": ">u1",
+}
+_COLORED_VERTEX = 7
+"""Words of a line `v x y z r g b`."""
+_MIN_POINT_BYTES = 6
+"""Three digits and three blanks."""
+
+
+def read_text(file: BoundedFile) -> RawPoints:
+    """Read columns separated by blanks, commas or semicolons; `#` begins a comment, the first row may hold names.
+
+    Columns are colors where their names say so (r, g, b or red, green, blue), and without names where there are 6
+    or 7 columns whose last three hold only whole numbers from 0 to 255. A first line of one number, the count of
+    the rows as in .pts, is skipped.
+
+    Raises:
+        ScanError: no numbers, or fewer than three columns of them.
+        UnreadableFileError: the file exceeds its limit.
+    """
+    point_rows.check_num_points(file, file.num_lines)
+    lines = point_rows.read_lines(file)
+    numbered = enumerate(lines, start=1)
+    number, first = _find_content(numbered)
+    if file.suffix == ".pts" and len(first.split()) == 1:
+        number, first = _find_content(numbered)
+    if not number:
+        raise ScanError("holds no line with numbers")
+    head = first.split("#")[0].strip()
+    delimiter = "," if "," in head else ";" if ";" in head else None
+    words = [word.strip().strip('"').lower() for word in head.split(delimiter)]
+    if len(words) < 3:
+        raise ScanError(f"line {number} has {len(words)} columns, x y z are needed: {head[:60]!r}")
+    columns, has_names = _find_columns(words)
+    if not has_names:
+        lines = itertools.chain([first], lines)
+    values = point_rows.read_text_rows(file, lines, columns, delimiter)
+    if len(columns) == 3:
+        return RawPoints(values)
+    points, last = np.ascontiguousarray(values[:, :3]), values[:, 3:]
+    if not has_names and not ((last >= 0) & (last <= 255) & (last == np.floor(last))).all():
+        return RawPoints(points)
+    return RawPoints(points, as_colors(last))
+
+
+def _find_content(numbered: Iterator[tuple[int, str]]) -> tuple[int, str]:
+    """Return number and text of the next line that is not blank or a comment, or 0."""
+    return next(((i, line) for i, line in numbered if line.split("#")[0].strip()), (0, ""))
+
+
+def _find_columns(words: list[str]) -> tuple[list[int], bool]:
+    """Return the columns of x, y, z and the color, where there is one, and whether these words are titles."""
+    if any(_is_number(word) for word in words):
+        colors = _COLOR_COLUMNS.get(len(words), ())
+        is_color = all(words[column].isdigit() for column in colors)
+        return [0, 1, 2, *(colors if is_color else ())], False
+    if not {"x", "y", "z"} <= set(words):
+        return [0, 1, 2], True
+    names = next((names for names in _COLOR_NAMES if {*names} <= set(words)), ())
+    return [words.index(name) for name in ("x", "y", "z", *names)], True
+
+
+def read_obj(file: BoundedFile) -> RawPoints:
+    """Read the vertices (lines `v x y z`, or `v x y z r g b`) of a Wavefront file.
+
+    Raises:
+        ScanError: no vertices, or damaged ones.
+        UnreadableFileError: the file exceeds its limit.
+    """
+    vertices = (line for line in point_rows.read_lines(file) if line.startswith(("v ", "v\t")))
+    first = next(vertices, "")
+    columns = range(1, 7 if len(first.split()) == _COLORED_VERTEX else 4)
+    values = point_rows.read_text_rows(file, itertools.chain([first], vertices), columns)
+    if not len(values):
+        raise ScanError("the .obj file has no vertices")
+    colors = as_colors(values[:, 3:]) if len(columns) > 3 else None
+    return RawPoints(np.ascontiguousarray(values[:, :3]), colors)
+
+
+def has_obj_faces(file: BoundedFile) -> bool:
+    """Return whether a Wavefront file has a face (a line `f ...`)."""
+    return any(line.startswith(("f ", "f\t")) for line in point_rows.read_lines(file))
+
+
+def read_vtk(file: BoundedFile) -> RawPoints:
+    """Read the POINTS of a legacy .vtk file, ASCII or binary, of any kind of data set.
+
+    Raises:
+        ScanError: the header is incomplete or contradicts the data.
+        UnreadableFileError: the file ends before its data, or exceeds its limit.
+    """
+    head = [point_rows.read_header_line(file) for _ in range(3)]
+    if not head[0].startswith("# vtk DataFile"):
+        raise ScanError("no legacy .vtk file: it does not begin with '# vtk DataFile'")
+    form = head[2].upper()
+    if form not in ("ASCII", "BINARY"):
+        raise ScanError(f"the third line of the .vtk file is {head[2][:40]!r}, not ASCII or BINARY")
+    words = ["", "", ""]
+    while words[0] != "POINTS":
+        words = [*point_rows.read_header_line(file).split(), "", "", ""]
+    count, kind = point_rows.parse_count(words[1]), words[2].lower()
+    if kind not in _VTK_TYPES:
+        raise ScanError(f"the .vtk file has POINTS of type {kind!r}; known are {', '.join(_VTK_TYPES)}")
+    if form == "BINARY":
+        value = _VTK_TYPES[kind]
+        return point_rows.read_records(file, np.dtype([("x", value), ("y", value), ("z", value)]), count)
+    if _MIN_POINT_BYTES * count > file.num_left + 1:
+        raise ScanError(f"the .vtk file promises {count} points in {file.num_left} bytes")
+    return RawPoints(_read_numbers(file, count))
+
+
+def _read_numbers(file: BoundedFile, count: int) -> Float[np.ndarray, "N 3"]:
+    """Read points whose numbers are in lines of any length."""
+    points, num_read, lines = point_rows.allocate_points(file, count), 0, point_rows.read_lines(file)
+    flat = points.reshape(-1)
+    while num_read < len(flat):
+        words = " ".join(point_rows.next_block(lines)).split()[: len(flat) - num_read]
+        if not words:
+            raise ScanError(f"the .vtk file promises {count} points, but ends after {num_read} numbers")
+        flat[num_read : num_read + len(words)] = np.array(words, dtype=np.float64)
+        num_read += len(words)
+    return points
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

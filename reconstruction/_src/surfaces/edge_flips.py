@@ -1,0 +1,200 @@
+"""Flip edges that run across a crease, so that the faces next to it lie on its two sides.
+
+Where a fitted mesh has a vertex on a tread joined to one on the riser below, the two faces at that edge bridge the
+crease, like a tooth. The other diagonal of the same two faces runs along the crease. A flip is accepted by the
+total absolute curvature around both faces: the sum of every edge's length times the angle between its faces.
+
+References:
+    van Damme and Alboul (1995), "Tight triangulations": the criterion.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from reconstruction._src.geometry.manifold import (
+    Hinges,
+    Sides,
+    find_hinges,
+    find_normals,
+    group_sides,
+    is_in_sorted,
+)
+from reconstruction._src.geometry.rows import all_corners, any_corner, cross_rows, find_lengths, sum_rows
+
+_SHORTEST = 1e-300
+"""Divided by instead of 0: the normal of a face without area is 0."""
+
+
+@dataclass(frozen=True)
+class FlipConfig:
+    """Which edges `flip_edges` flips.
+
+    Attributes:
+        min_angle: only edges whose faces differ by more are checked [rad]: a smooth surface between units has less, a
+            tooth across a crease more.
+        min_gain: share of the curvature around an edge that a flip must save: above the rounding of floats, so that no
+            edge flips to and fro.
+        min_corner_sine: new faces have no corner sharper than this, about 6 degrees.
+        max_rounds: the search ends after this many, also where edges still wait for each other.
+    """
+
+    min_angle: float = np.deg2rad(30)
+    min_gain: float = 1e-3
+    min_corner_sine: float = 0.1
+    max_rounds: int = 8
+
+
+def flip_edges(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], config: FlipConfig | None = None
+) -> Int[np.ndarray, "F 3"]:
+    """Return the faces with edges flipped where that lowers the curvature.
+
+    After the first round only what lies around a flipped edge, or around one that had to wait, is checked again.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold; the result is one too, of the same topology.
+        config: which edges are flipped.
+    """
+    config = config or FlipConfig()
+    faces = faces.copy()
+    is_active = np.ones(len(vertices), dtype=bool)
+    for _ in range(config.max_rounds):
+        is_open = any_corner(is_active, faces)
+        is_near = np.zeros(len(vertices), dtype=bool)
+        is_near[faces[is_open]] = True
+        part = np.flatnonzero(any_corner(is_near, faces))
+        changed, flipped, corners = _flip_once(vertices, faces[part], is_open[part], config)
+        if len(changed) == 0:
+            break
+        faces[part[changed]] = flipped
+        is_active[:] = False
+        is_active[corners] = True
+    return faces
+
+
+def _flip_once(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_open: Bool[np.ndarray, " F"],
+    config: FlipConfig,
+) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, "C 3"], Int[np.ndarray, "R 4"]]:
+    """Flip edges of which no two touch the same face, those first that gain most.
+
+    Args:
+        vertices: [m].
+        faces: with all those that share an edge with an open one.
+        is_open: edges between two such faces may flip.
+        config: which edges are flipped.
+
+    Returns:
+        Which faces change, into what, and the corners of all edges worth flipping.
+    """
+    sides = group_sides(faces, len(vertices))
+    hinges = find_hinges(faces, sides)
+    normals = find_normals(vertices, faces)
+    steep = np.flatnonzero(all_corners(is_open, hinges.faces))
+    steep = steep[_angle(*(normals[hinges.faces[steep, k]] for k in range(2))) > config.min_angle]
+    candidates = Hinges(*(column[steep] for column in hinges))
+    across = np.full((len(faces), 3), -1)
+    across[hinges.faces[:, 0], hinges.sides[:, 0]] = hinges.faces[:, 1]
+    across[hinges.faces[:, 1], hinges.sides[:, 1]] = hinges.faces[:, 0]
+    gain, corners, outer = _rate_flips(vertices, faces, normals, across, candidates, config)
+    worth = np.flatnonzero(gain)
+    touched = np.concatenate([candidates.faces, outer], axis=1)[worth]
+    gain = np.where(_are_joined(corners[worth, 2:], sides, len(vertices)), 0, gain[worth])
+    selected = worth[_select_apart(gain, touched, len(faces))]
+    a, b, c, d = corners[selected].T
+    flipped = np.concatenate([np.stack([a, d, c], axis=1), np.stack([d, b, c], axis=1)])
+    return candidates.faces[selected].T.ravel(), flipped, corners[worth]
+
+
+def _rate_flips(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    normals: Float[np.ndarray, "F 3"],
+    across: Int[np.ndarray, "F 3"],
+    candidates: Hinges,
+    config: FlipConfig,
+) -> tuple[Float[np.ndarray, " P"], Int[np.ndarray, "P 4"], Int[np.ndarray, "P 4"]]:
+    """Return what flipping each edge saves, 0 where it saves nothing; its corners and outer faces.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold.
+        normals: normals of the faces.
+        across: the face behind every side, -1 where none.
+        candidates: the edges, P of them.
+        config: how much must be saved.
+    """
+    pair, side = candidates.faces, candidates.sides
+    first, second = pair.T
+    a, b = faces[first, side[:, 0]], faces[first, (side[:, 0] + 1) % 3]
+    c, d = faces[first, (side[:, 0] + 2) % 3], faces[second, (side[:, 1] + 2) % 3]
+    corners = np.stack([a, b, c, d], axis=1)
+    outer = np.stack([across[pair[:, k // 2], (side[:, k // 2] + 1 + k % 2) % 3] for k in range(4)], axis=1)
+    outer_edges = [(b, c), (c, a), (a, d), (d, b)]
+    left, is_sound = _make_normals(vertices, a, d, c, config.min_corner_sine)
+    right, is_sound_too = _make_normals(vertices, d, b, c, config.min_corner_sine)
+    before = _length(vertices, a, b) * _angle(normals[first], normals[second])
+    after = _length(vertices, c, d) * _angle(left, right)
+    inner_before = (normals[first], normals[first], normals[second], normals[second])
+    for k, (ends, old, new) in enumerate(
+        zip(outer_edges, inner_before, (right, left, left, right), strict=True)
+    ):
+        length = np.where(outer[:, k] >= 0, _length(vertices, *ends), 0)
+        before = before + length * _angle(old, normals[outer[:, k]])
+        after = after + length * _angle(new, normals[outer[:, k]])
+    gain = np.where(is_sound & is_sound_too & (after < (1 - config.min_gain) * before), before - after, 0)
+    return gain, corners, outer
+
+
+def _make_normals(
+    vertices: Float[np.ndarray, "V 3"],
+    i: Int[np.ndarray, " P"],
+    j: Int[np.ndarray, " P"],
+    k: Int[np.ndarray, " P"],
+    min_corner_sine: float,
+) -> tuple[Float[np.ndarray, "P 3"], Bool[np.ndarray, " P"]]:
+    """Return the unit normals of the faces (i, j, k) and which of these have no sharp corner."""
+    p, q, r = vertices[i], vertices[j], vertices[k]
+    cross = cross_rows(q - p, r - p)
+    double = find_lengths(cross)
+    squared = np.sort(
+        np.stack([sum_rows((q - p) ** 2), sum_rows((r - q) ** 2), sum_rows((p - r) ** 2)]), axis=0
+    )
+    is_sound = double > min_corner_sine * np.sqrt(squared[1] * squared[2])
+    return cross / np.maximum(double, _SHORTEST)[:, None], is_sound
+
+
+def _length(
+    vertices: Float[np.ndarray, "V 3"], i: Int[np.ndarray, " P"], j: Int[np.ndarray, " P"]
+) -> Float[np.ndarray, " P"]:
+    return find_lengths(vertices[i] - vertices[j])
+
+
+def _angle(first: Float[np.ndarray, "P 3"], second: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
+    """Return the angles between unit vectors [rad]."""
+    return np.arccos(np.clip(sum_rows(first * second), -1, 1))
+
+
+def _are_joined(pairs: Int[np.ndarray, "P 2"], sides: Sides, num_vertices: int) -> Bool[np.ndarray, " P"]:
+    """Return which pairs of vertices have an edge."""
+    wanted = pairs.min(axis=1).astype(np.int64) * num_vertices + pairs.max(axis=1)
+    return is_in_sorted(wanted, sides.keys)
+
+
+def _select_apart(
+    gain: Float[np.ndarray, " P"], touched: Int[np.ndarray, "P k"], num_faces: int
+) -> Int[np.ndarray, " C"]:
+    """Return the places of the largest gains, of which no two touch the same face."""
+    is_taken = np.zeros(num_faces + 1, dtype=bool)
+    selected = []
+    for place in np.argsort(-gain, kind="stable")[: (gain > 0).sum()].tolist():
+        around = touched[place]
+        if not is_taken[around].any():
+            is_taken[around[around >= 0]] = True
+            selected.append(place)
+    return np.array(selected, dtype=np.int64)

@@ -1,0 +1,324 @@
+"""Faces far from every reading: a network bridges the shadows of a scan, and nothing tells that there is a surface.
+
+A place is far where its distance from the nearest reading is many times the spacing of the readings there. Three cases
+differ: where the surface goes on in the plane of the readings around, as a sparse floor does, it may go farther; where
+the scanner looked through it, it is wrong, and need not be as far; anything between stands for what nobody saw.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
+
+from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.geometry.manifold import find_normals
+from reconstruction._src.geometry.reversals import split_fans
+from reconstruction._src.geometry.rows import find_areas, find_lengths
+from reconstruction._src.geometry.visibility import choose_viewpoints
+
+
+@dataclass(frozen=True)
+class FarConfig:
+    """When a face is far from every reading.
+
+    Attributes:
+        neighbors: the spacing at a reading is its distance from this neighbor: nearer ones are all of one scan line.
+        reach: a place is far at this many spacings from the nearest reading ...
+        plane_reach: ... or this many where the surface goes on in the plane of the readings around ...
+        seen_reach: ... or this many where the scanner looked through it.
+        slope: the surface goes on in a plane where it leaves it by no more than this share of the distance.
+        around: so many readings around tell the plane, and so many beams whether the scanner looked through.
+        margin: beams that end farther than the place by more than this share of its range looked through it.
+        share: a face is far where this share of its samples is.
+        probes: places whose spacings give the least spacing of the cloud: their median.
+        most_viewpoints: beams from these viewpoints are looked at: those with most readings.
+    """
+
+    neighbors: int = 16
+    reach: float = 2.0
+    plane_reach: float = 4.0
+    seen_reach: float = 1.0
+    slope: float = 0.1
+    around: int = 8
+    margin: float = 0.1
+    share: float = 0.5
+    probes: int = 500
+    most_viewpoints: int = 16
+
+    def __post_init__(self) -> None:
+        check_all_positive(self)
+
+
+FAR_DEFAULTS = FarConfig()
+_CORNERS = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
+"""Samples of a face: its middle, and half the way from there to each corner."""
+
+
+class SeenPoints(NamedTuple):
+    """Readings of a surface.
+
+    Attributes:
+        points: [m].
+        viewpoints: positions of the sensor [m]; None: unknown.
+        seen_from: viewpoint of every point; None: unknown.
+    """
+
+    points: Float[np.ndarray, "N 3"]
+    viewpoints: Float[np.ndarray, "K 3"] | None = None
+    seen_from: Int[np.ndarray, " N"] | None = None
+
+
+class FarFaces(NamedTuple):
+    """Which faces lie far from every reading.
+
+    Attributes:
+        is_far: of every face.
+        spacing: least spacing of the readings that this was found with [m]; 0 where there were too few.
+    """
+
+    is_far: Bool[np.ndarray, " F"]
+    spacing: float
+
+
+class CutMesh(NamedTuple):
+    """A mesh without the faces that were far from every reading.
+
+    Attributes:
+        vertices: those with a face [m].
+        faces: in their old order.
+        num_faces: so many were cut off ...
+        area: ... with this area [m²] ...
+        share: ... and this share of all area.
+    """
+
+    vertices: Float[np.ndarray, "V 3"]
+    faces: Int[np.ndarray, "F 3"]
+    num_faces: int = 0
+    area: float = 0.0
+    share: float = 0.0
+
+
+def cut_far_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"] | None = None,
+    seen_from: Int[np.ndarray, " N"] | None = None,
+    config: FarConfig = FAR_DEFAULTS,
+) -> CutMesh:
+    """Return a mesh without its far faces (`find_far_faces`); as it is where there are none, or nothing else.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold; so is the rest.
+        points: readings of the surface [m].
+        viewpoints: positions of the sensor [m]; None: unknown.
+        seen_from: viewpoint of every point; None: unknown.
+        config: what is far.
+    """
+    return cut_faces(vertices, faces, find_far_faces(vertices, faces, points, viewpoints, seen_from, config))
+
+
+def cut_faces(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_far: Bool[np.ndarray, " F"]
+) -> CutMesh:
+    """Return a mesh without its far faces; as it is where there are none, or nothing else.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold; so is the rest.
+        is_far: result of `find_far_faces`.
+    """
+    if not is_far.any() or is_far.all():
+        return CutMesh(vertices, faces)
+    areas = find_areas(vertices, faces)
+    used, flat = np.unique(faces[~is_far], return_inverse=True)
+    rest = split_fans(vertices[used], flat.reshape(-1, 3))
+    area = float(areas[is_far].sum())
+    return CutMesh(rest.vertices, rest.faces, int(is_far.sum()), area, area / float(areas.sum()))
+
+
+def find_far_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"] | None = None,
+    seen_from: Int[np.ndarray, " N"] | None = None,
+    config: FarConfig = FAR_DEFAULTS,
+) -> Bool[np.ndarray, " F"]:
+    """Return which faces lie far from every reading.
+
+    Readings count where they lie on the surface, so that coarse faces beside dense readings are near them.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold.
+        points: readings of the surface [m].
+        viewpoints: positions of the sensor [m]; None: unknown.
+        seen_from: viewpoint of every point; None: unknown.
+        config: what is far.
+    """
+    return measure_far_faces(vertices, faces, SeenPoints(points, viewpoints, seen_from), config).is_far
+
+
+def measure_far_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    cloud: SeenPoints,
+    config: FarConfig = FAR_DEFAULTS,
+) -> FarFaces:
+    """Return which faces lie far from every reading, with the spacing that tells.
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold.
+        cloud: readings of the surface.
+        config: what is far.
+    """
+    if len(faces) == 0 or len(cloud.points) <= config.neighbors:
+        return FarFaces(np.zeros(len(faces), dtype=bool), 0.0)
+    tree = cKDTree(cloud.points)
+    least = _find_least_spacing(find_samples(vertices, faces)[:, 0], tree, config)
+    is_far, _ = find_far_among(vertices, faces, np.arange(len(faces)), tree, least, cloud, config)
+    return FarFaces(is_far, least)
+
+
+def find_far_among(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    tested: Int[np.ndarray, " T"],
+    tree: cKDTree,
+    least: float,
+    cloud: SeenPoints,
+    config: FarConfig = FAR_DEFAULTS,
+) -> tuple[Bool[np.ndarray, " T"], float]:
+    """Return which of some faces lie far from every reading, and how far off the readings are that tell [m].
+
+    Args:
+        vertices: [m].
+        faces: an oriented two-manifold.
+        tested: indices of the faces in question; the others are taken to be near.
+        tree: of the readings that are looked at: all around these faces.
+        least: least spacing of the readings [m].
+        cloud: all readings; only the beams are taken from here.
+        config: what is far.
+    """
+    is_far = np.zeros(len(tested), dtype=bool)
+    samples, is_open = find_open(vertices, faces[tested], tree, least, config)
+    if not is_open.any():
+        return is_far, 0.0
+    owner, places = _project(tree.data, vertices, faces)
+    rows, columns = np.nonzero(is_open)
+    distance, nearest = cKDTree(places).query(samples[rows, columns])
+    spacing = np.maximum(_measure_spacing(tree, nearest, config.neighbors), least)
+    needed = float((distance + spacing).max())
+    ratio = distance / np.maximum(spacing, np.finfo(float).tiny)
+    rows, columns, ratio, spacing = (
+        part[ratio > config.seen_reach] for part in (rows, columns, ratio, spacing)
+    )
+    if not len(rows):
+        return is_far, needed
+    tried = samples[rows, columns]
+    is_open = np.isin(np.arange(len(faces)), tested[rows])
+    limit = np.full(len(rows), config.reach)
+    is_known = ~is_open[owner]
+    if is_known.sum() >= config.around:
+        normals = find_normals(vertices, faces)[owner[is_known]]
+        limit[_goes_on(tried, places[is_known], normals, config)] = config.plane_reach
+    if cloud.viewpoints is not None:
+        seen = _is_seen_through(tried, spacing, cloud.points, cloud.viewpoints, cloud.seen_from, config)
+        limit[seen] = config.seen_reach
+    counts = np.bincount(rows[ratio > limit], minlength=len(tested))
+    return counts >= config.share * len(_CORNERS), needed
+
+
+def find_samples(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "F S 3"]:
+    """Return the places of faces that are tested [m]."""
+    return np.einsum("sc,fci->fsi", _CORNERS, vertices[faces])
+
+
+def find_open(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    tree: cKDTree,
+    least: float,
+    config: FarConfig = FAR_DEFAULTS,
+) -> tuple[Float[np.ndarray, "F S 3"], Bool[np.ndarray, "F S"]]:
+    """Return samples of faces [m], and which of them may be far: no reading is as near as the least spacing tells."""
+    samples = find_samples(vertices, faces)
+    limit = config.seen_reach * least
+    distance, _ = tree.query(samples.reshape(-1, 3), distance_upper_bound=2 * limit)
+    return samples, (distance > limit).reshape(len(faces), -1)
+
+
+def _find_least_spacing(middles: Float[np.ndarray, "F 3"], tree: cKDTree, config: FarConfig) -> float:
+    """Return the median spacing of the readings at faces all over the surface [m]."""
+    chosen = middles[:: max(1, len(middles) // config.probes)]
+    return float(np.median(_measure_spacing(tree, tree.query(chosen)[1], config.neighbors)))
+
+
+def _measure_spacing(tree: cKDTree, rows: Int[np.ndarray, " M"], neighbors: int) -> Float[np.ndarray, " M"]:
+    """Return the distance of some readings from their neighbor of that number [m]."""
+    unique, place = np.unique(rows, return_inverse=True)
+    return tree.query(tree.data[unique], k=[neighbors + 1])[0][:, 0][place.ravel()]
+
+
+def _project(
+    points: Float[np.ndarray, "N 3"], vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, "N 3"]]:
+    """Return the nearest face of every point, and the nearest place on it [m]."""
+    import igl
+
+    arrays = (
+        np.ascontiguousarray(points),
+        np.ascontiguousarray(vertices),
+        np.ascontiguousarray(faces, np.int64),
+    )
+    _, face, place = igl.point_mesh_squared_distance(*arrays)
+    return np.asarray(face, dtype=np.int64), np.asarray(place)
+
+
+def _goes_on(
+    samples: Float[np.ndarray, "S 3"],
+    places: Float[np.ndarray, "N 3"],
+    normals: Float[np.ndarray, "N 3"],
+    config: FarConfig,
+) -> Bool[np.ndarray, " S"]:
+    """Return which samples lie in the planes of the surface at most of the places around."""
+    distance, nearest = cKDTree(places).query(samples, k=list(range(1, config.around + 1)))
+    offset = samples[:, None] - places[nearest]
+    height = np.abs(np.einsum("ski,ski->sk", offset, normals[nearest]))
+    return (height <= config.slope * distance).mean(axis=1) > 0.5
+
+
+def _is_seen_through(
+    samples: Float[np.ndarray, "S 3"],
+    spacing: Float[np.ndarray, " S"],
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"],
+    seen_from: Int[np.ndarray, " N"] | None,
+    config: FarConfig,
+) -> Bool[np.ndarray, " S"]:
+    """Return which samples have beams all around that end farther away."""
+    seen_from = choose_viewpoints(points, viewpoints) if seen_from is None else seen_from
+    found = np.zeros(len(samples), dtype=bool)
+    counts = np.bincount(seen_from, minlength=len(viewpoints))
+    for row in np.argsort(-counts, kind="stable")[: config.most_viewpoints]:
+        if counts[row] <= config.around:
+            break
+        beams = points[seen_from == row] - viewpoints[row]
+        ranges = find_lengths(beams)
+        tree = cKDTree(beams / np.maximum(ranges, np.finfo(float).tiny)[:, None])
+        ways = samples - viewpoints[row]
+        lengths = np.maximum(find_lengths(ways), np.finfo(float).tiny)
+        angle, nearest = tree.query(ways / lengths[:, None], k=list(range(1, config.around + 1)))
+        is_among = angle[:, 0] <= _measure_spacing(tree, nearest[:, 0], config.around)
+        is_farther = (ranges[nearest] > ((1 + config.margin) * lengths + spacing)[:, None]).all(axis=1)
+        found |= is_among & is_farther
+    return found

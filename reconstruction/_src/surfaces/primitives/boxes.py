@@ -1,0 +1,107 @@
+"""Boxes whose sides are planes that were found."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import cKDTree
+
+from reconstruction._src.surfaces.primitives.primitive import Primitive
+
+_RIGHT = 0.07
+"""Sine of the angle by which two sides may be off a right angle, or a side off its axis."""
+_NEAR = 4.0
+"""Sides are neighbors whose faces come nearer than so many typical edges."""
+_TRIMMED = 1.0
+"""Percentile of corners at which a box ends where no side was found."""
+
+
+class Side(NamedTuple):
+    """A plane that was found.
+
+    Attributes:
+        normal: unit normal, into free space.
+        corners: `[F, 3, 3]` of its faces [m].
+        area: of its faces [m²].
+    """
+
+    normal: Float[np.ndarray, " 3"]
+    corners: Float[np.ndarray, "F 3 3"]
+    area: float
+
+
+def propose_boxes(sides: list[Side], edge: float) -> list[tuple[Primitive, list[int]]]:
+    """Return the boxes that pairs of sides at right angles propose, the largest area first, with their sides.
+
+    Args:
+        sides: planes.
+        edge: typical edge of a face [m].
+    """
+    trees = [cKDTree(side.corners.reshape(-1, 3)) for side in sides]
+    near = {
+        (i, j)
+        for i, j in combinations(range(len(sides)), 2)
+        if np.isfinite(
+            trees[i].query(sides[j].corners.reshape(-1, 3), distance_upper_bound=_NEAR * edge)[0]
+        ).any()
+    }
+    near |= {(j, i) for i, j in near}
+    found: dict[tuple[int, ...], tuple[float, Primitive]] = {}
+    for i, j in sorted(pair for pair in near if pair[0] < pair[1]):
+        if abs(sides[i].normal @ sides[j].normal) > _RIGHT or not _is_convex(sides[i], sides[j]):
+            continue
+        axes = _make_axes(sides[i].normal, sides[j].normal)
+        members = [i, j]
+        for k in range(len(sides)):
+            is_aligned = np.abs(sides[k].normal @ axes).max() > 1.0 - _RIGHT**2
+            touches = any((k, member) in near for member in (i, j))
+            if (
+                k not in members
+                and is_aligned
+                and touches
+                and all(_agrees(sides[k], sides[m]) for m in members)
+            ):
+                members.append(k)
+        key = tuple(sorted(members))
+        area = sum(sides[k].area for k in key)
+        if key not in found:
+            found[key] = area, _enclose([sides[k] for k in key], axes)
+    ranked = sorted(found.items(), key=lambda item: (-item[1][0], item[0]))
+    return [(box, list(key)) for key, (_, box) in ranked]
+
+
+def _is_convex(one: Side, other: Side) -> bool:
+    """Return whether each of two sides lies behind the other."""
+    a, b = one.corners.mean(axis=(0, 1)), other.corners.mean(axis=(0, 1))
+    return bool((b - a) @ one.normal < 0 and (a - b) @ other.normal < 0)
+
+
+def _agrees(one: Side, other: Side) -> bool:
+    """Return whether two planes may be sides of one box: opposite, or convex."""
+    cosine = one.normal @ other.normal
+    return bool(cosine < 0.5) and _is_convex(one, other)
+
+
+def _make_axes(x: Float[np.ndarray, " 3"], y: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    y = y - (x @ y) * x
+    y = y / np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+def _enclose(sides: list[Side], axes: Float[np.ndarray, "3 3"]) -> Primitive:
+    """Return the box between sides; where there is none, it ends with the others."""
+    local = np.concatenate([side.corners.reshape(-1, 3) for side in sides]) @ axes
+    low, high = np.percentile(local, [_TRIMMED, 100.0 - _TRIMMED], axis=0)
+    for side in sides:
+        toward = side.normal @ axes
+        axis = int(np.argmax(np.abs(toward)))
+        place = float((side.corners.reshape(-1, 3) @ axes[:, axis]).mean())
+        if toward[axis] > 0:
+            high[axis] = place
+        else:
+            low[axis] = place
+    half = np.maximum((high - low) / 2, 1e-6)
+    return Primitive("box", axes @ ((low + high) / 2), axes, half)

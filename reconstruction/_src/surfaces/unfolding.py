@@ -1,0 +1,315 @@
+"""Take folds and self-intersections out of a fitted mesh, by moving vertices between their neighbors."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from reconstruction._src.geometry.boxes import find_near_box
+from reconstruction._src.geometry.manifold import Hinges, find_ends, find_hinges, group_sides
+from reconstruction._src.geometry.rows import all_rows, any_corner, cross_rows, find_lengths, sum_rows
+from reconstruction._src.surfaces.intersections import FOLD_ANGLE, find_intersections, measure_bends
+
+_SHORTEST = 1e-300
+"""Divided by instead of 0: the direction of an edge without length is 0."""
+
+
+@dataclass(frozen=True)
+class UnfoldConfig:
+    """How `unfold_faces` moves vertices.
+
+    Attributes:
+        step: share of the way to the center of its neighbors that a tangled face's vertex moves in a round; above 1 it
+            would overshoot.
+        stages: what moves, one stage after another: this many rings around the tangled faces, without or with the
+            vertices on the boundary. A boundary that stays keeps the ears of the mesh; where its teeth lie across one
+            another, it must move.
+        rounds: a stage ends after this many without success; the next begins with the best result.
+        boundary_angle: where the boundary turns by more, its faces may lie across one another without any fold [rad]:
+            the teeth of a closing slit.
+        sharp_angle: where the normals at an edge differ by more, its faces may intersect others without any fold [rad]:
+            lips over a narrow groove.
+        part_rings: where only a part may move, this many rings around the tangled faces take part; fewer are faster and
+            leave less room.
+    """
+
+    step: float = 0.5
+    stages: tuple[tuple[int, bool], ...] = (
+        (0, False),
+        (0, True),
+        (1, False),
+        (1, True),
+        (2, True),
+        (3, True),
+    )
+    rounds: int = 8
+    boundary_angle: float = np.deg2rad(60)
+    sharp_angle: float = np.deg2rad(75)
+    part_rings: int = 6
+
+
+def find_folded(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Bool[np.ndarray, " F"]:
+    """Return which faces lie against the mean normal, by area, of those around their corners."""
+    a = vertices[faces[:, 0]]
+    cross = cross_rows(vertices[faces[:, 1]] - a, vertices[faces[:, 2]] - a)
+    flat = faces.ravel()
+    at_vertex = np.stack(
+        [np.bincount(flat, np.repeat(cross[:, k], 3), minlength=len(vertices)) for k in range(3)], axis=1
+    )
+    return sum_rows(at_vertex[faces].sum(axis=1) * cross) < 0
+
+
+class Tangles(NamedTuple):
+    """Which faces of a surface are tangled.
+
+    Attributes:
+        is_tangled: faces that are folded, or intersect another.
+        is_searched: faces whose intersections have all been looked for.
+        pairs: faces that intersect, with at least one that was looked at.
+    """
+
+    is_tangled: Bool[np.ndarray, " F"]
+    is_searched: Bool[np.ndarray, " F"]
+    pairs: Int[np.ndarray, "P 2"]
+
+    def select(self, rows: Int[np.ndarray, " G"]) -> "Tangles":
+        """Return what is known of some of the faces; pairs with others are left out."""
+        place = np.full(len(self.is_tangled), -1)
+        place[rows] = np.arange(len(rows))
+        pairs = place[self.pairs]
+        return Tangles(self.is_tangled[rows], self.is_searched[rows], pairs[all_rows(pairs >= 0)])
+
+
+def find_tangled(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    hinges: Hinges,
+    is_suspect: Bool[np.ndarray, " F"],
+    sharp_angle: float = UnfoldConfig.sharp_angle,
+    is_tested: Bool[np.ndarray, " F"] | None = None,
+    before: tuple[Tangles, Bool[np.ndarray, " F"]] | None = None,
+) -> Tangles:
+    """Return which faces are folded, or intersect another.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold.
+        hinges: their hinges.
+        is_suspect: these, and those at sharp edges, are tested for intersections with others.
+        sharp_angle: an edge is sharp where the normals of its faces differ by more [rad].
+        is_tested: only these are looked for; all if absent.
+        before: what was found before some vertices moved, and which faces have moved since: two faces of which neither
+            has moved meet as before.
+    """
+    is_tangled = find_folded(vertices, faces)
+    cosine = measure_bends(vertices, faces, hinges)
+    is_tangled[hinges.faces[cosine < np.cos(FOLD_ANGLE)]] = True
+    is_suspect = is_suspect | is_tangled
+    is_suspect[hinges.faces[cosine < np.cos(sharp_angle)]] = True
+    if is_tested is not None:
+        is_suspect &= is_tested
+    pairs, is_open = np.empty((0, 2), dtype=np.int64), is_suspect
+    if before is not None:
+        (_, was_searched, known), has_moved = before
+        is_open = is_suspect & (has_moved | ~was_searched)
+        pairs = known[~any_corner(has_moved, known) & any_corner(is_suspect, known)]
+    if is_open.any():
+        pairs = np.unique(np.concatenate([pairs, find_intersections(vertices, faces, is_open)]), axis=0)
+    is_tangled[pairs] = True
+    if is_tested is not None:
+        is_tangled &= is_tested
+    return Tangles(is_tangled, is_suspect, pairs)
+
+
+def unfold_part(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_movable: Bool[np.ndarray, " V"],
+    config: UnfoldConfig | None = None,
+) -> Float[np.ndarray, "V 3"]:
+    """Do what `unfold_faces` does where only a part may move: the cost is that of the part.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold.
+        is_movable: the other vertices stay where they are, to the bit.
+        config: how vertices are moved.
+    """
+    config = config or UnfoldConfig()
+    part = _cut_out(vertices, faces, is_movable)
+    if part is None:
+        return vertices
+    used, faces, _ = part
+    is_movable, moved = is_movable[used], vertices[used]
+    found: Tangles | None = _find_first(moved, faces, any_corner(is_movable, faces), config)
+    is_tangled = found.is_tangled
+    if not is_tangled.any():
+        return vertices
+    for stage in config.stages:
+        is_about = is_movable & _widen(is_tangled, faces, len(used), config.part_rings)
+        part = _cut_out(moved, faces, is_about) if is_tangled.any() else None
+        if part is None:
+            break
+        inner, part_faces, rows = part
+        found = None if found is None else found.select(rows)
+        moved[inner], is_tangled[rows] = _unfold(
+            moved[inner], part_faces, replace(config, stages=(stage,)), is_about[inner], found
+        )
+        found = None
+    mended = vertices.copy()
+    mended[used] = moved
+    return mended
+
+
+def _cut_out(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], is_movable: Bool[np.ndarray, " V"]
+) -> tuple[Int[np.ndarray, " U"], Int[np.ndarray, "G 3"], Int[np.ndarray, " G"]] | None:
+    """Return the vertices of the faces that movable ones may meet, these faces, their rows; None where nothing moves.
+
+    Faces farther away than the longest side of the movable ones cannot meet these while they move between their
+    neighbors.
+    """
+    own = faces[any_corner(is_movable, faces)]
+    if len(own) == 0:
+        return None
+    longest = max(float(find_lengths(vertices[own[:, k]] - vertices[own[:, k - 1]]).max()) for k in range(3))
+    is_own = np.zeros(len(vertices), dtype=bool)
+    is_own[own] = True
+    near = find_near_box(vertices, vertices[is_own], longest)
+    near = near[~is_own[near]]
+    distance, _ = cKDTree(vertices[is_own]).query(vertices[near], distance_upper_bound=longest)
+    is_own[near[np.isfinite(distance)]] = True
+    rows = np.flatnonzero(any_corner(is_own, faces))
+    used, flat = np.unique(faces[rows], return_inverse=True)
+    return used, flat.reshape(-1, 3), rows
+
+
+def _find_first(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    is_tested: Bool[np.ndarray, " F"],
+    config: UnfoldConfig,
+) -> Tangles:
+    """Return which of some faces are tangled, before anything has moved."""
+    sides = group_sides(faces, len(vertices))
+    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
+    is_boundary_edge = sides.counts == 1
+    is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+    return find_tangled(vertices, faces, hinges, any_corner(is_turn, faces), config.sharp_angle, is_tested)
+
+
+def unfold_faces(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: UnfoldConfig | None = None,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
+) -> Float[np.ndarray, "V 3"]:
+    """Return the vertices with those of tangled faces moved between their neighbors, while that helps.
+
+    A vertex on the boundary moves between its neighbors on the boundary. Only where this does not suffice, the
+    vertices around them move, too.
+
+    Args:
+        vertices: [m].
+        faces: faces of an oriented two-manifold.
+        config: how vertices are moved.
+        is_movable: the other vertices stay; all may move if absent.
+    """
+    return _unfold(vertices, faces, config or UnfoldConfig(), is_movable)[0]
+
+
+def _unfold(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    config: UnfoldConfig,
+    is_movable: Bool[np.ndarray, " V"] | None = None,
+    found: Tangles | None = None,
+) -> tuple[Float[np.ndarray, "V 3"], Bool[np.ndarray, " F"]]:
+    """Do what `unfold_faces` does, from what is found already; return the faces that are still tangled, too."""
+    is_tested = None if is_movable is None else any_corner(is_movable, faces)
+    sides = group_sides(faces, len(vertices))
+    hinges, (tail, head) = find_hinges(faces, sides), find_ends(faces, sides.slots[sides.starts])
+    is_boundary_edge = sides.counts == 1
+    if found is None:
+        is_turn = _find_turns(vertices, tail[is_boundary_edge], head[is_boundary_edge], config.boundary_angle)
+        is_suspect = any_corner(is_turn, faces)
+        found = find_tangled(vertices, faces, hinges, is_suspect, config.sharp_angle, is_tested)
+    best = found
+    if not best.is_tangled.any():
+        return vertices, best.is_tangled
+    neighbors, is_boundary = _join_neighbors(tail, head, is_boundary_edge, len(vertices))
+    is_fixed = np.zeros(len(vertices), dtype=bool) if is_movable is None else ~is_movable
+    for rings, moves_boundary in config.stages:
+        current, tangles, left = vertices, best, config.rounds
+        while left > 0 and best.is_tangled.any():
+            is_moved = _widen(tangles.is_tangled, faces, len(vertices), rings)
+            is_moved &= (~is_boundary | moves_boundary) & ~is_fixed
+            moved = np.flatnonzero(is_moved)
+            around = neighbors[moved]
+            share = np.asarray(around.sum(axis=1)).reshape(-1, 1)
+            current = current.copy()
+            current[moved] += config.step * (around @ current / share - current[moved])
+            has_moved = any_corner(is_moved, faces)
+            tangles = find_tangled(
+                current,
+                faces,
+                hinges,
+                tangles.is_tangled | has_moved,
+                config.sharp_angle,
+                is_tested,
+                (tangles, has_moved),
+            )
+            left -= 1
+            if tangles.is_tangled.sum() < best.is_tangled.sum():
+                vertices, best, left = current, tangles, config.rounds
+    return vertices, best.is_tangled
+
+
+def _widen(
+    is_selected: Bool[np.ndarray, " F"], faces: Int[np.ndarray, "F 3"], num_vertices: int, rings: int
+) -> Bool[np.ndarray, " {num_vertices}"]:
+    """Return which vertices are those of the selected faces, or of `rings` rings around them."""
+    is_inside = np.zeros(num_vertices, dtype=bool)
+    is_inside[faces[is_selected]] = True
+    for _ in range(rings):
+        is_inside[faces[any_corner(is_inside, faces)]] = True
+    return is_inside
+
+
+def _find_turns(
+    vertices: Float[np.ndarray, "V 3"],
+    tail: Int[np.ndarray, " B"],
+    head: Int[np.ndarray, " B"],
+    boundary_angle: float,
+) -> Bool[np.ndarray, " V"]:
+    """Return at which vertices the boundary, edges from tail to head, turns by more than an angle [rad]."""
+    along = vertices[head] - vertices[tail]
+    along /= np.maximum(find_lengths(along)[:, None], _SHORTEST)
+    arriving, leaving = np.zeros((2, len(vertices), 3))
+    arriving[head], leaving[tail] = along, along
+    is_turn = np.zeros(len(vertices), dtype=bool)
+    is_turn[tail] = sum_rows(arriving[tail] * leaving[tail]) < np.cos(boundary_angle)
+    return is_turn
+
+
+def _join_neighbors(
+    tail: Int[np.ndarray, " E"],
+    head: Int[np.ndarray, " E"],
+    is_boundary_edge: Bool[np.ndarray, " E"],
+    num_vertices: int,
+) -> tuple[csr_array, Bool[np.ndarray, " {num_vertices}"]]:
+    """Return a matrix `[V, V]`, 1 where two vertices share an edge, and which vertices are on the boundary.
+
+    Vertices on the boundary are joined by boundary edges only.
+    """
+    is_boundary_edge = np.tile(is_boundary_edge, 2)
+    owner, other = np.concatenate([tail, head]), np.concatenate([head, tail])
+    is_boundary = np.zeros(num_vertices, dtype=bool)
+    is_boundary[owner[is_boundary_edge]] = True
+    is_kept = ~is_boundary[owner] | is_boundary_edge
+    owner, other = owner[is_kept], other[is_kept]
+    shape = (num_vertices, num_vertices)
+    return csr_array((np.ones(len(owner)), (owner, other)), shape=shape), is_boundary

@@ -1,0 +1,158 @@
+"""The folder of a tiled surface: one file a tile, and `tiles.json` with what belongs together."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.atomic_write import find_leftovers, write_atomically
+from reconstruction._src.base.errors import ReconstructionError
+from reconstruction._src.base.typed_json import JsonError, read_json
+from reconstruction._src.surfaces.color import add_alpha
+from reconstruction._src.tiles.buckets import Place
+from reconstruction._src.tiles.tile import read_colors, read_surface
+
+INDEX = "tiles.json"
+FORMAT = 1
+_OWN = re.compile(r"tile_-?\d+_-?\d+\.npz")
+
+
+@dataclass(frozen=True)
+class TiledSurface:
+    """A surface in tiles, of which only those are read that are wanted.
+
+    Attributes:
+        folder: where it lies.
+        tile: edge of a tile [m].
+        offset: `[3]` what was subtracted from the coordinates of the scan [m].
+        places: columns and rows of the tiles that have a surface.
+    """
+
+    folder: Path
+    tile: float
+    offset: tuple[float, float, float]
+    places: tuple[Place, ...]
+
+    @classmethod
+    def load(cls, folder: str | Path) -> TiledSurface:
+        """Read the index of a folder that `reconstruct_tiles` wrote.
+
+        Raises:
+            ReconstructionError: there is none, it is damaged, or the writing did not end.
+        """
+        folder = Path(folder)
+        try:
+            index = read_json(folder / INDEX)
+            if index["format"] > FORMAT:
+                raise ReconstructionError(f"{folder / INDEX}: written by a newer version")
+            if index["complete"] is not True:
+                raise ReconstructionError(f"{folder}: the reconstruction did not end; start it again")
+            places = tuple(
+                (int(column), int(row)) for column, row in (entry["place"] for entry in index["tiles"])
+            )
+            x, y, z = (float(value) for value in index["offset"])
+            return cls(folder, float(index["tile"]), (x, y, z), places)
+        except ReconstructionError:
+            raise
+        except (JsonError, KeyError, TypeError, ValueError) as error:
+            raise ReconstructionError(
+                f"{folder / INDEX}: no index of tiles ({error}); reconstruct again"
+            ) from error
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 2"]:
+        """Lower and upper (x, y) of all tiles [m]."""
+        places = np.array(self.places).reshape(-1, 2)
+        return np.stack([places.min(axis=0), places.max(axis=0) + 1]) * self.tile
+
+    def find_places(self, center: ArrayLike, radius: float) -> list[Place]:
+        """Return the tiles that a circle in plan touches.
+
+        Args:
+            center: (x, y), in the frame of the tiles [m]; further coordinates are left alone.
+            radius: [m].
+        """
+        low = np.array(self.places).reshape(-1, 2) * self.tile
+        middle = np.asarray(center, dtype=np.float64)[:2]
+        nearest = np.clip(middle, low, low + self.tile)
+        is_near = np.linalg.norm(nearest - middle, axis=1) <= radius
+        return [place for place, chosen in zip(self.places, is_near, strict=True) if chosen]
+
+    def mesh(self, center: ArrayLike | None = None, radius: float = np.inf) -> trimesh.Trimesh:
+        """Return the tiles around a place as one mesh; all of them by default.
+
+        Args:
+            center: (x, y) [m]; None: the middle of all tiles.
+            radius: tiles farther away are left out [m].
+
+        Raises:
+            ReconstructionError: no tile is near, or one is missing or damaged.
+        """
+        middle = self.bounds.mean(axis=0) if center is None else np.asarray(center, dtype=np.float64)[:2]
+        places = self.find_places(middle, radius)
+        if not places:
+            low, high = self.bounds
+            raise ReconstructionError(
+                f"no tile within {radius:g} m of {middle.tolist()}; "
+                f"there are tiles from {low.tolist()} to {high.tolist()} m"
+            )
+        surfaces = [read_surface(self.folder / name_tile(place)) for place in places]
+        counts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+        vertices = np.concatenate([vertices for vertices, _ in surfaces])
+        faces = np.concatenate(
+            [faces + count for (_, faces), count in zip(surfaces, counts[:-1], strict=True)]
+        )
+        # Both sides of a seam have the same vertices.
+        different, first, numbers = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+        mesh = trimesh.Trimesh(different, numbers.reshape(-1)[faces], process=False)
+        parts = [read_colors(self.folder / name_tile(place)) for place in places]
+        colors = [part for part in parts if part is not None]
+        if len(colors) == len(parts):
+            together = add_alpha(np.concatenate(colors)[first])
+            mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=together)
+        return mesh
+
+
+def name_tile(place: Place) -> str:
+    """Return the name of a tile's file."""
+    return f"tile_{place[0]}_{place[1]}.npz"
+
+
+def claim_folder(folder: Path) -> None:
+    """Make a folder ready for tiles: what a former reconstruction left is removed, other files stay.
+
+    Raises:
+        ReconstructionError: it holds something else.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ReconstructionError(f"{folder} is a file; choose another folder")
+    index = folder / INDEX
+    if not index.exists():
+        if folder.exists() and set(folder.iterdir()) - find_leftovers(folder).keys():
+            raise ReconstructionError(f"{folder} is not empty and holds no tiles; choose another folder")
+    else:
+        try:
+            is_own = isinstance(read_json(index)["tiles"], list)
+        except (JsonError, KeyError, TypeError):
+            is_own = False
+        if not is_own:
+            raise ReconstructionError(f"{index} is damaged or of another program; choose another folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_index(folder, {"complete": False, "tiles": []})
+    for path in folder.iterdir():
+        if _OWN.fullmatch(path.name) and path.is_file():
+            path.unlink()
+
+
+def write_index(folder: Path, content: dict[str, Any]) -> None:
+    """Write `tiles.json`."""
+    with write_atomically(folder / INDEX) as temporary:
+        temporary.write_text(json.dumps({"format": FORMAT, **content}, indent=1, allow_nan=False) + "\n")

@@ -1,0 +1,1 @@
+"""Private: what binds us is what the package itself names."""

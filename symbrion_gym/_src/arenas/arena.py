@@ -1,0 +1,295 @@
+"""What an arena is: convex pieces for contact, an exact surface for rays, and what is known about both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.quantities import format_distance
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.surfaces.primitives.find import Primitives
+from symbrion_gym._src.arenas.checks import check_friction, check_friction_source, check_name
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.folder import load_arena_folder
+from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.friction_pieces import split_pieces
+from symbrion_gym._src.arenas.geometry import ArenaGeometry
+from symbrion_gym._src.arenas.placed_objects import PlacedObject, add_objects, check_objects
+from symbrion_gym._src.arenas.primitives import primitives_to_dict
+from symbrion_gym._src.arenas.saving import save_arena
+from symbrion_gym._src.arenas.seen_places import SeenPlaces
+from symbrion_gym._src.arenas.spec import make_arena_spec
+from symbrion_gym._src.arenas.surface_colors import find_surface_colors, paint_course
+from symbrion_gym._src.arenas.texture import SurfaceTexture, check_texture
+from symbrion_gym._src.contact.kinds import CONTACT_KINDS, HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.errors import ArenaError
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.traversability.drivable import TraversabilityMap, find_traversability
+from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
+from symbrion_gym._src.traversability.routes import DrivingRoute, Place, RouteConfig, find_driving_route
+
+
+@dataclass(frozen=True, repr=False)
+class Arena:
+    """A world without a robot.
+
+    Attributes:
+        name: what it is called in files and messages.
+        pieces: convex solids, for contact.
+        surface: the exact surface, for rays and pictures.
+        quality: distances of the pieces from the surface.
+        friction: sliding friction of the ground.
+        course: the exact course that the arena is, as the truth is made of one; None for everything that was scanned:
+            start, edges and finish are then found on the surface (`symbrion_gym._src.tasks.features`).
+        kind: the kind of contact geometry.
+        height_field: in place of pieces, for the kind "hfield".
+        provenance: what it was made of, with which options and versions.
+        offset: what was subtracted from the coordinates of the scan [m].
+        texture: colors of the surface as a picture, as MuJoCo draws them; None where they are unknown.
+            `surface.visual.vertex_colors` are then those of its vertices.
+        friction_source: "exact", "given" by the user, "estimated" by robots from their slip, or "assumed": a scan does
+            not show it, so randomize it.
+        friction_map: patches with another friction; None where there is one friction for all. Pieces are cut where it
+            changes.
+        primitives: boxes, spheres, cylinders and rectangles in place of triangles, for the kind "mixed"; rays see them
+            and the rest of the surface, and the solid ones are the last of the pieces.
+        objects: known objects in it; `symbrion_gym.place_objects` adds those that were found.
+
+    Raises:
+        ArenaError: name, friction or kind is out of range, the kind does not go with the height field, or the height
+            field with a friction map.
+    """
+
+    name: str
+    pieces: list[trimesh.Trimesh]
+    surface: trimesh.Trimesh
+    quality: ArenaQuality
+    friction: float = 0.7
+    course: Course | StairsCourse | None = None
+    kind: str = "convex"
+    height_field: HeightField | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction_source: str = "given"
+    texture: SurfaceTexture | None = None
+    friction_map: FrictionMap | None = None
+    primitives: Primitives | None = None
+    objects: tuple[PlacedObject, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_name(self.name)
+        check_friction(self.friction)
+        check_friction_source(self.friction_source)
+        object.__setattr__(self, "objects", check_objects(self.objects))
+        if self.kind not in CONTACT_KINDS:
+            raise ArenaError(f"kind is {self.kind!r}; there are: {', '.join(CONTACT_KINDS)}")
+        if (self.kind == "mixed") != (self.primitives is not None):
+            raise ArenaError(f"kind is {self.kind!r}; 'mixed' has primitives, and no other kind has some")
+        if (self.kind == "hfield") != (self.height_field is not None):
+            raise ArenaError(f"kind is {self.kind!r}; 'hfield' has a height field, and no other kind has one")
+        if self.texture is not None:
+            check_texture(self.texture, self.surface, self.name)
+        if self.friction_map is not None:
+            if self.kind in ("hfield", "mixed") and self.friction_map.patches:
+                raise ArenaError(
+                    f"the kind {self.kind!r} has one friction for all; build the arena with kind='convex' for patches"
+                )
+            object.__setattr__(self, "pieces", split_pieces(self.pieces, self.friction_map))
+
+    def __repr__(self) -> str:
+        """Return name, contact, size and quality in one line."""
+        size = (
+            " x ".join(f"{side:.3g}" for side in self.surface.extents) if len(self.surface.faces) else "empty"
+        )
+        contact = (
+            "a height field" if self.height_field is not None else f"{len(self.pieces)} {self.kind} pieces"
+        )
+        off = f"{format_distance(self.quality.mean)} off in the mean"
+        return f"Arena({self.name!r}: {contact}, {len(self.surface.faces)} faces, {size} m, {off})"
+
+    @classmethod
+    def from_course(cls, course: Course | StairsCourse, name: str = "truth") -> Arena:
+        """Make the exact arena of a course: contact and surface agree to the last digit."""
+        pieces, surface = course.pieces(), course.surface()
+        return cls(
+            name=name,
+            pieces=pieces,
+            surface=surface,
+            quality=ArenaQuality(mean=0.0, p95=0.0, max=0.0, num_pieces=len(pieces)),
+            friction=course.friction,
+            course=course,
+            provenance={"course": course.as_dict()},
+            friction_source="exact",
+            texture=paint_course(surface, course.color_pattern) if course.color_pattern else None,
+            friction_map=course.friction_map,
+        )
+
+    @cached_property
+    def elevation(self) -> Elevation:
+        """Heights of the exact surface."""
+        return Elevation(self.surface)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Float[np.ndarray, " ..."]:
+        """Return the height of the exact surface at each (x, y) [m]; NaN outside of it."""
+        return self.elevation.height(x, y)
+
+    def find_colors(self, positions: ArrayLike) -> Float[np.ndarray, "N 3"]:
+        """Return red, green and blue (0 to 1) of the surface at the places nearest to positions `[N, 3]` [m].
+
+        Raises:
+            ArenaError: the arena has no colors.
+        """
+        return find_surface_colors(
+            self.surface, self.texture, self.course, np.asarray(positions, dtype=np.float64)
+        )
+
+    def find_friction(self, positions: Float[np.ndarray, "N D"]) -> Float[np.ndarray, " N"]:
+        """Return the sliding friction of the ground at positions (x, y, ...) [m]."""
+        if self.friction_map is None:
+            return np.full(len(positions), self.friction)
+        return self.friction_map.find_friction(positions, self.friction)
+
+    @property
+    def geometry(self) -> ArenaGeometry:
+        """What has a shape: contact and surface."""
+        return ArenaGeometry(self.surface, self.pieces, self.height_field, self.texture, self.primitives)
+
+    @cached_property
+    def _maps(self) -> dict[tuple[Footprint, TraversabilityConfig], TraversabilityMap]:
+        return {}
+
+    def traversability(
+        self, body: Organism | Footprint | None = None, config: TraversabilityConfig | None = None
+    ) -> TraversabilityMap:
+        """Map where a body can drive: on the contact geometry, under ceilings, never on top of them.
+
+        The map is made once for each footprint.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            config: how ground is found; None for the defaults.
+
+        Raises:
+            ArenaError: the arena has no contact geometry.
+            OptionError: the body is of another kind.
+        """
+        key = Footprint.of(body, self.friction), config or TraversabilityConfig()
+        if key not in self._maps:
+            self._maps[key] = find_traversability(self.surface, self.pieces, self.height_field, *key)
+        return self._maps[key]
+
+    def find_route(
+        self,
+        body: Organism | Footprint | None = None,
+        start: Place | None = None,
+        goal: Place | None = None,
+        config: RouteConfig | None = None,
+    ) -> DrivingRoute:
+        """Find a way over ground that a body can drive on; start and goal are chosen unless they are given.
+
+        Ways go around slippery patches of the `friction_map` where that costs less (`RouteConfig.slip_cost`). Where the
+        positions of the scanner are known, they are chosen where it saw the ground.
+
+        Args:
+            body: an organism, or what a body of any kind needs; None for one Scout.
+            start: (x, y) or (x, y, z) [m]; z selects one of several storeys.
+            goal: likewise.
+            config: how the route is chosen; None for the defaults.
+
+        Raises:
+            ArenaError: there is no drivable ground, a given place is not drivable, or there is no way from start to
+                goal; the message names the nearest place that is possible.
+            OptionError: the body is of another kind.
+        """
+        viewpoints = self.provenance.get("viewpoints")
+        find_seen = SeenPlaces(self.surface, np.array(viewpoints)) if viewpoints else None
+        ground = self.traversability(body)
+        friction = self.find_friction(ground.positions)
+        return find_driving_route(ground, start, goal, self.name, config, find_seen, friction)
+
+    def spec(self) -> mujoco.MjSpec:
+        """Return a new spec: contact pieces in group 3, the surface in group 2, lights; angles in radians.
+
+        Known objects are sites and, in group 1, geoms that touch nothing, each named `object_<name>_<i>`.
+        """
+        spec = make_arena_spec(self.name, self.geometry, self.friction, friction_map=self.friction_map)
+        add_objects(spec, self.objects)
+        return spec
+
+    def save(self, folder: str | Path) -> None:
+        """Write the arena as a folder that MuJoCo's viewer opens (`arena.xml`).
+
+        Raises:
+            ArenaError: the folder contains something else.
+        """
+        about = {
+            "name": self.name,
+            "kind": self.kind,
+            "friction": self.friction,
+            "friction_source": self.friction_source,
+            "num_pieces": len(self.pieces),
+            "quality": self.quality.as_dict(),
+            "provenance": self.provenance,
+            "offset": list(self.offset),
+        }
+        if self.texture is not None:
+            about["has_texture"] = True
+        if self.course is not None:
+            about["course"] = self.course.as_dict()
+        if self.friction_map is not None:
+            about["friction_map"] = self.friction_map.as_dict()
+        if self.primitives is not None:
+            about["primitives"] = primitives_to_dict(self.primitives)
+        if self.objects:
+            about["objects"] = [each.as_dict() for each in self.objects]
+        save_arena(folder, self.name, self.geometry, self.friction, about, self.friction_map, self.objects)
+
+    def export(self, folder: str | Path, to: str, max_vertices: int | None = 64) -> dict[str, Any]:
+        """Write the arena as a folder that other simulators load without this package.
+
+        Args:
+            folder: new, empty, or that of a former export, whose files are replaced.
+            to: "mjcf", "urdf", "usd" (needs the extra `usd`) or "obj".
+            max_vertices: the most vertices of a convex solid; pieces with more are cut. None for no limit.
+
+        Returns:
+            What was written, as in `export.json`.
+
+        Raises:
+            ArenaError: there is no such format, it cannot hold the arena, the limit is too low, or the folder
+                contains something else.
+            MissingExtraError: the format needs an extra that is not installed.
+        """
+        from symbrion_gym._src.arenas.export.export import export_arena
+
+        return export_arena(
+            folder,
+            self.geometry,
+            to,
+            max_vertices,
+            name=self.name,
+            friction=self.friction,
+            offset=getattr(self, "offset", (0.0, 0.0, 0.0)),
+            quality=self.quality.as_dict(),
+            provenance=self.provenance,
+            friction_map=self.friction_map,
+            objects=self.objects,
+        )
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Arena:
+        """Read what `save` wrote.
+
+        Raises:
+            ArenaError: there is no arena in the folder, or a damaged one.
+        """
+        return cls(**load_arena_folder(folder))

@@ -1,0 +1,178 @@
+"""`arena.json`, the description of an arena's folder, checked by type and range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from reconstruction._src.base.typed_json import JsonError, as_type, read_json
+from symbrion_gym._src.arenas.checks import check_friction, check_friction_source, check_name
+from symbrion_gym._src.arenas.course import make_course
+from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.placed_objects import read_objects
+from symbrion_gym._src.arenas.primitives import primitives_from_dict
+from symbrion_gym._src.arenas.texture import TEXTURE_FILE
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.errors import ArenaError
+
+FORMAT = 1
+PLAIN, SPARE = "", ".arena/"
+"""Where the meshes of an arena may lie in its folder; spare only while it takes the place of another."""
+_MOST_PIECES = 100_000
+
+
+class ArenaFiles(NamedTuple):
+    """The files of geometry in an arena's folder.
+
+    Attributes:
+        surface: the exact surface.
+        pieces: contact pieces, in order.
+        height_field: in place of pieces, for the kind "hfield".
+        texture: the picture of the surface's colors.
+    """
+
+    surface: Path
+    pieces: list[Path]
+    height_field: Path | None
+    texture: Path | None = None
+
+
+@dataclass(frozen=True)
+class ArenaDescription:
+    """The content of `arena.json`.
+
+    Attributes:
+        format: format of the folder.
+        name: name of the arena.
+        kind: kind of contact geometry.
+        friction: sliding friction of the ground.
+        num_pieces: number of contact pieces in the folder.
+        quality: as `ArenaQuality.as_dict` returned it.
+        provenance: what the arena was made of.
+        course: as `Course.as_dict` returned it, for arenas made in code; None for scanned ones.
+        place: where the meshes lie, relative to the folder.
+        files: the arena's own files, where the folder lists them.
+        offset: what was subtracted from the coordinates of the scan [m].
+        friction_source: see `Arena`.
+        has_texture: whether the surface has colors.
+        friction_map: as `FrictionMap.as_dict` returned it; None for one friction for all.
+        primitives: as `primitives_to_dict` returned them, for the kind "mixed".
+        objects: known objects, as `PlacedObject.as_dict` returned them.
+
+    Raises:
+        ArenaError: a field is out of range.
+    """
+
+    format: int
+    name: str
+    kind: Literal["convex", "primitives", "hfield", "prisms", "mixed"]
+    friction: float
+    num_pieces: int
+    quality: dict[str, Any]
+    provenance: dict[str, Any]
+    course: dict[str, Any] | None = None
+    place: Literal["", ".arena/"] = PLAIN
+    files: tuple[str, ...] | None = None
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction_source: str = "given"
+    has_texture: bool = False
+    friction_map: dict[str, Any] | None = None
+    primitives: dict[str, Any] | None = None
+    objects: tuple[dict[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.format < 1:
+            raise ArenaError(f"format is {self.format}; formats count from 1")
+        check_name(self.name)
+        check_friction(self.friction)
+        check_friction_source(self.friction_source)
+        if not 0 <= self.num_pieces <= _MOST_PIECES:
+            raise ArenaError(f"num_pieces is {self.num_pieces}; 0 to {_MOST_PIECES} are possible")
+        if (self.kind == "hfield") != (self.num_pieces == 0):
+            raise ArenaError(
+                f"num_pieces is {self.num_pieces} and kind {self.kind!r}; "
+                "a height field has no pieces, every other kind has some"
+            )
+
+    def as_arena_fields(self) -> dict[str, Any]:
+        """Return the fields of an `Arena` that are not geometry.
+
+        Raises:
+            ArenaError: a field of quality or course is missing, unknown, of another type or out of range.
+        """
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "friction": self.friction,
+            "course": None if self.course is None else make_course(self.course),
+            "quality": ArenaQuality.from_dict(self.quality),
+            "provenance": self.provenance,
+            "offset": self.offset,
+            "friction_source": self.friction_source,
+            "friction_map": None if self.friction_map is None else FrictionMap.from_dict(self.friction_map),
+            "primitives": None if self.primitives is None else primitives_from_dict(self.primitives),
+            "objects": read_objects(self.objects),
+        }
+
+    def find_files(self, folder: Path) -> ArenaFiles:
+        """Return the files of geometry that the arena in a folder consists of.
+
+        Raises:
+            ArenaError: there are more pieces in the folder, or in its list of files, or fewer than `num_pieces`.
+        """
+        meshes = folder / self.place
+        pieces = [f"pieces/{index:03d}.obj" for index in range(self.num_pieces)]
+        if self.place == PLAIN:  # elsewhere the files of two arenas are listed
+            self._check_pieces(meshes)
+        height_field = meshes / "height_field.npz"
+        has_height_field = self.kind == "hfield"
+        is_there = height_field.is_file() if self.files is None else height_field.name in self.files
+        if has_height_field != is_there and self.place == PLAIN:
+            raise ArenaError(
+                f"kind is {self.kind!r} and {height_field} {'missing' if has_height_field else 'there'}"
+            )
+        return ArenaFiles(
+            surface=meshes / "surface.obj",
+            pieces=[meshes / name for name in pieces],
+            height_field=height_field if has_height_field else None,
+            texture=meshes / TEXTURE_FILE if self.has_texture else None,
+        )
+
+    def _check_pieces(self, meshes: Path) -> None:
+        """Refuse another number of pieces than is listed, or lies there in a row where none is listed."""
+        listed = set(self.files or ())
+        for index in range(self.num_pieces + 1):
+            name, is_wanted = f"pieces/{index:03d}.obj", index < self.num_pieces
+            is_there = (meshes / name).is_file() if self.files is None else name in listed
+            if is_there != is_wanted:
+                how = "" if is_there else "not "
+                what = f"is {how}there" if self.files is None else f"is {how}listed in files"
+                raise ArenaError(f"num_pieces is {self.num_pieces}, but {meshes / name} {what}")
+
+
+def load_description(path: Path) -> tuple[dict[str, Any], ArenaFiles]:
+    """Read `arena.json`; entries that it does not know are left alone.
+
+    Returns:
+        The fields of an `Arena` that are not geometry, and the files of those that are.
+
+    Raises:
+        ArenaError: missing, damaged, of a newer format, or a field is wrong; the message names file and field.
+    """
+    if not path.is_file():
+        raise ArenaError(f"{path.parent} holds no {path.name}")
+    try:
+        content = read_json(path)
+        _refuse_newer(content)
+        description = as_type(content, ArenaDescription, others_allowed=True)
+        return description.as_arena_fields(), description.find_files(path.parent)
+    except (JsonError, ArenaError, OSError) as error:
+        raise ArenaError(f"{path}: {error}; build the arena again with make_arena") from error
+
+
+def _refuse_newer(content: Any) -> None:
+    """Refuse a folder of a later release, whose other fields may be anything."""
+    version = content.get("format") if isinstance(content, dict) else None
+    if isinstance(version, int) and version > FORMAT:
+        raise ArenaError(f"format is {version}, of a newer release; this one reads up to {FORMAT}")

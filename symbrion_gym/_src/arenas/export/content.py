@@ -1,0 +1,137 @@
+"""What an export consists of, before any format: solids, surface, heights, and what is known about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.rectangles import Box, find_box
+from symbrion_gym._src.arenas.export.vertex_limit import FEWEST_VERTICES, limit_vertices
+from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.geometry import ArenaGeometry
+from symbrion_gym._src.arenas.placed_objects import PlacedObject
+from symbrion_gym._src.arenas.spec import find_patch_frictions
+from symbrion_gym._src.arenas.texture import SurfaceTexture
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.errors import ArenaError
+
+_HEIGHT_SPACING = 0.02
+"""Spacing of the grid of heights [m]: about that of a scan indoors; half of it takes four times the memory."""
+_MOST_HEIGHTS = 400_000
+"""Cells of that grid; it is wider where it would have more."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A convex solid for contact.
+
+    Attributes:
+        name: unique, a valid name in all formats.
+        mesh: its corners and triangles.
+        box: the box that it is, where it is one: engines collide boxes faster.
+        friction: sliding friction of the patch that it lies in; None outside of all.
+    """
+
+    name: str
+    mesh: trimesh.Trimesh
+    box: Box | None
+    friction: float | None = None
+
+
+@dataclass(frozen=True)
+class Content:
+    """An arena as the writers of the formats see it.
+
+    Attributes:
+        name: name of the arena.
+        solids: convex solids, for contact.
+        surface: the exact surface, for rays and pictures.
+        height_field: in place of solids, for the kind "hfield".
+        friction: sliding friction of the ground.
+        offset: what was subtracted from the coordinates of the scan [m].
+        max_vertices: the limit of the vertices of a solid; None without.
+        deviation: how far an original piece sticks out of the solids, at most [m].
+        num_pieces: contact pieces of the arena, before any was cut.
+        quality: accuracy of the contact geometry, as `ArenaQuality.as_dict` returned it.
+        provenance: what the arena was made of.
+        friction_map: patches with another friction; None for one friction for all.
+        texture: colors of the surface; None where they are unknown.
+        objects: known objects in it.
+    """
+
+    name: str
+    solids: list[Solid]
+    surface: trimesh.Trimesh
+    height_field: HeightField | None
+    friction: float
+    offset: tuple[float, float, float]
+    max_vertices: int | None
+    deviation: float
+    num_pieces: int
+    quality: dict[str, Any]
+    provenance: dict[str, Any]
+    friction_map: FrictionMap | None = None
+    texture: SurfaceTexture | None = None
+    objects: tuple[PlacedObject, ...] = ()
+
+
+def make_content(
+    geometry: ArenaGeometry, max_vertices: int | None, friction_map: FrictionMap | None = None, **about: Any
+) -> Content:
+    """Return the content of an export.
+
+    Args:
+        geometry: the shapes of an arena.
+        max_vertices: the limit of the vertices of a solid; None without.
+        friction_map: patches with another friction, by which the pieces are cut.
+        about: the fields of `Content` that are not geometry.
+
+    Raises:
+        ArenaError: the limit is too low.
+    """
+    if max_vertices is not None and max_vertices < FEWEST_VERTICES:
+        raise ArenaError(
+            f"max_vertices is {max_vertices}; {FEWEST_VERTICES} or more are needed, or None for no limit"
+        )
+    parts: list[trimesh.Trimesh] = []
+    deviation = 0.0
+    for piece in geometry.pieces:
+        limited = None if max_vertices is None else limit_vertices(piece, max_vertices)
+        parts += [piece] if limited is None else limited.parts
+        deviation = max(deviation, 0.0 if limited is None else limited.deviation)
+    digits = max(len(str(len(parts) - 1)), 3)
+    frictions = find_patch_frictions(parts, friction_map)
+    return Content(
+        solids=[
+            Solid(f"arena_piece_{i:0{digits}d}", part, find_box(part), frictions[i])
+            for i, part in enumerate(parts)
+        ],
+        friction_map=friction_map,
+        surface=geometry.surface,
+        height_field=geometry.height_field,
+        max_vertices=max_vertices,
+        deviation=deviation,
+        num_pieces=len(geometry.pieces),
+        texture=geometry.texture,
+        **about,
+    )
+
+
+def sample_heights(surface: trimesh.Trimesh) -> dict[str, Float[np.ndarray, " ..."]]:
+    """Return the heights of a surface as seen from above, on a grid.
+
+    Returns:
+        heights: `[R, C]` rows along y, columns along x; NaN where there is no surface [m].
+        low: (x, y) of the first row and column [m].
+        high: (x, y) of the last [m].
+    """
+    low, high = np.asarray(surface.bounds, dtype=np.float64)[:, :2]
+    spacing = max(_HEIGHT_SPACING, float(np.sqrt(np.prod(high - low) / _MOST_HEIGHTS)))
+    columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)
+    x, y = np.meshgrid(np.linspace(low[0], high[0], columns), np.linspace(low[1], high[1], rows))
+    return {"heights": Elevation(surface).height(x, y).astype(np.float32), "low": low, "high": high}

@@ -1,0 +1,158 @@
+"""Where the ground is more or less slippery than elsewhere: patches seen from above, each with its friction."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+
+from reconstruction._src.base.range_checks import check_not_negative
+from reconstruction._src.base.typed_json import JsonError, as_type
+from symbrion_gym._src.arenas.checks import FRICTION_LIMITS, check_friction
+from symbrion_gym._src.errors import ArenaError
+
+Outline = tuple[tuple[float, float], ...]
+"""Corners (x, y) of a convex polygon, counter-clockwise [m]."""
+_STRAIGHT = 1e-9
+"""Corners that turn right by less than this area are on a line [m²]."""
+
+
+@dataclass(frozen=True)
+class FrictionPatch:
+    """A part of the ground with a friction of its own.
+
+    Attributes:
+        friction: sliding friction on it.
+        outlines: convex polygons seen from above, counter-clockwise, that make it up together [m].
+        half_width: half-width of the 95 % interval of the friction; 0 where it is exact.
+
+    Raises:
+        ArenaError: the friction is out of range, or an outline is no convex polygon.
+    """
+
+    friction: float
+    outlines: tuple[Outline, ...]
+    half_width: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_friction(self.friction, "friction of a patch")
+        check_not_negative(self, ("half_width",), ArenaError)
+        outlines = tuple(tuple((float(x), float(y)) for x, y in outline) for outline in self.outlines)
+        if not outlines:
+            raise ArenaError("a friction patch has no outline; one convex polygon is the least")
+        for outline in outlines:
+            _check_outline(outline)
+        object.__setattr__(self, "outlines", outlines)
+
+    @classmethod
+    def of_rectangle(
+        cls, low: tuple[float, float], high: tuple[float, float], friction: float, half_width: float = 0.0
+    ) -> FrictionPatch:
+        """Make a patch of the lowest and the highest x and y of a rectangle [m]."""
+        outline = ((low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1]))
+        return cls(friction, (outline,), half_width)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Ends of the 95 % interval, within what contacts can have."""
+        return _clip(self.friction - self.half_width), _clip(self.friction + self.half_width)
+
+    def contains(self, places: Float[np.ndarray, "N D"]) -> np.ndarray:
+        """Return which places (x, y, ...) lie in it, seen from above."""
+        return np.any([_is_inside(places[:, :2], outline) for outline in self.outlines], axis=0)
+
+
+@dataclass(frozen=True)
+class FrictionMap:
+    """The friction of a ground by place. Outside of all patches it is that of the arena.
+
+    Patches are columns: all of the ground below an outline is part of them. Where patches overlap, the first holds.
+
+    Attributes:
+        patches: what differs from the arena's own friction.
+        half_width: half-width of the 95 % interval of the arena's own friction; 0 where it is exact.
+
+    Raises:
+        ArenaError: a half-width is negative.
+    """
+
+    patches: tuple[FrictionPatch, ...] = ()
+    half_width: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, ("half_width",), ArenaError)
+        object.__setattr__(self, "patches", tuple(self.patches))
+
+    def find_patches(self, places: Float[np.ndarray, "N D"]) -> Int[np.ndarray, " N"]:
+        """Return the number of the patch of every place (x, y, ...); -1 outside of all."""
+        found = np.full(len(places), -1)
+        for number in reversed(range(len(self.patches))):
+            found[self.patches[number].contains(places)] = number
+        return found
+
+    def find_friction(self, places: Float[np.ndarray, "N D"], friction: float) -> Float[np.ndarray, " N"]:
+        """Return the sliding friction at every place (x, y, ...), `friction` outside of all patches."""
+        return np.array([*(patch.friction for patch in self.patches), friction])[self.find_patches(places)]
+
+    def find_face_patches(self, surface: trimesh.Trimesh) -> Int[np.ndarray, " F"]:
+        """Return the number of the patch of every face, by its middle; -1 outside of all."""
+        return self.find_patches(surface.triangles_center)
+
+    def find_limits(self, friction: float) -> tuple[float, float]:
+        """Return the ends of the 95 % interval of the arena's own friction."""
+        return _clip(friction - self.half_width), _clip(friction + self.half_width)
+
+    def stretch(self, factor: float) -> FrictionMap:
+        """Return the map with all lengths along x multiplied."""
+        patches = [
+            replace(
+                patch,
+                outlines=tuple(tuple((factor * x, y) for x, y in outline) for outline in patch.outlines),
+            )
+            for patch in self.patches
+        ]
+        return FrictionMap(tuple(patches), self.half_width)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, fields: dict[str, Any]) -> FrictionMap:
+        """Return what `as_dict` was made of.
+
+        Raises:
+            ArenaError: a field is missing, unknown, of another type or out of range.
+        """
+        try:
+            return as_type(fields, cls, "friction_map")
+        except JsonError as error:
+            raise ArenaError(str(error)) from error
+
+
+def _clip(friction: float) -> float:
+    return float(np.clip(friction, *FRICTION_LIMITS))
+
+
+def _is_inside(places: Float[np.ndarray, "N 2"], outline: Outline) -> np.ndarray:
+    corners = np.array(outline)
+    edges = np.roll(corners, -1, axis=0) - corners
+    away = places[:, None] - corners
+    return np.all(edges[:, 0] * away[..., 1] - edges[:, 1] * away[..., 0] >= 0.0, axis=1)
+
+
+def _check_outline(outline: Outline) -> None:
+    corners = np.array(outline)
+    if corners.ndim != 2 or corners.shape[0] < 3 or not np.isfinite(corners).all():
+        raise ArenaError(f"outline is {outline}; three or more finite corners (x, y) are needed")
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    angle = np.arctan2(turns, (edges * following).sum(axis=1)).sum()
+    if turns.min() < -_STRAIGHT or turns.max() <= _STRAIGHT or not np.isclose(angle, 2 * np.pi):
+        raise ArenaError(
+            f"outline is {outline}; a convex polygon, counter-clockwise, is needed: split others, or reverse them"
+        )

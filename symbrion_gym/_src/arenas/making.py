@@ -1,0 +1,176 @@
+"""Arenas made of surfaces."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import trimesh
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.printable import make_printable
+from reconstruction._src.base.progress import Progress, silent
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.cache import find_versions, get_or_make
+from symbrion_gym._src.arenas.coloring import color_arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.arenas.friction_map import FrictionMap
+from symbrion_gym._src.arenas.ground_friction import choose_friction
+from symbrion_gym._src.arenas.mixed_contact import Touched, add_solids, leave_solids_out
+from symbrion_gym._src.arenas.primitives import find_arena_primitives
+from symbrion_gym._src.arenas.scan_quality import add_scan_quality
+from symbrion_gym._src.arenas.scanned import (
+    MeshFrame,
+    find_doubts,
+    find_two_sided,
+    repair_surface,
+    take_surface,
+)
+from symbrion_gym._src.arenas.seen_places import choose_positions
+from symbrion_gym._src.contact.builder import make_contact
+from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.default_accuracy import find_accuracy
+from symbrion_gym._src.contact.options import ContactConfig, ContactOptions
+from symbrion_gym._src.errors import ArenaError
+
+if TYPE_CHECKING:
+    from reconstruction._src.reconstruction import Reconstruction
+
+_NO_COLORS = (
+    "images of environments and MuJoCo's viewer show an arena of the kind 'mixed' without its colors, which "
+    "`symbrion view` and cameras do see; kind='convex' shows them everywhere"
+)
+
+logger = logging.getLogger(__name__)
+
+
+def make_arena(
+    surface: Reconstruction | trimesh.Trimesh | str | Path,
+    *,
+    accuracy: float | None = None,
+    max_pieces: int = 2200,
+    kind: str = "auto",
+    viewpoints: ArrayLike | None = None,
+    unit: str | None = None,
+    up: str | None = None,
+    scale: float = 1.0,
+    course: Course | StairsCourse | None = None,
+    name: str | None = None,
+    friction: float | None = None,
+    friction_map: FrictionMap | None = None,
+    thickness: float = 0.2,
+    seed: int = 0,
+    time_limit: float = 300.0,
+    cache: bool | str | Path = True,
+    config: ContactConfig | None = None,
+    progress: Progress = silent,
+) -> Arena:
+    """Make an arena of a surface: convex pieces for contact that follow it, and the surface itself for rays.
+
+    A terrain of few planes becomes slabs, rough ground a height field, any other surface convex patches of its own,
+    thickened away from free space; coacd decomposes what is a solid where that gives as good a result. The arena's
+    `kind` is "hfield" where a height field was chosen. `Arena.quality` says what was reached, `Arena.provenance` how:
+    `passes`, `accuracy`, `is_reached`, `worst`, `warnings`, and `cut`, what of the surface was cut off before.
+
+    Args:
+        surface: a reconstruction, whose viewpoints tell where free space is; a mesh; or a file of either; meters,
+            z up. Open terrain may be wound either way, closed meshes too; other open meshes must be wound so that
+            their faces look at free space, unless viewpoints are given.
+        accuracy: mean distance between contact and surface that is good enough [m]; None: about the noise and
+            spacing of the scan, 3 mm or more.
+        max_pieces: no more convex pieces than these.
+        kind: contact geometry, one of "auto", "convex" (pieces, never a height field), "primitives", "hfield",
+            "prisms", "mixed" (boxes, spheres, cylinders and rectangles in place of triangles, for rays too).
+        viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the coordinates of the scan [m], z up.
+        unit: of a mesh: "m", "cm", "mm", "ft", "us-ft" or "in"; None: what its file says, meters where it does not.
+        up: axis of a mesh that points up: "x", "y", "z", "-x", "-y" or "-z"; None: what its file says, or z.
+        scale: a further factor on all lengths of a mesh.
+        course: the course that an exact surface, as a drawn one, is known to be: its pit edges, start and goal are
+            kept. Never that behind a scan, on whose surface they are found.
+        name: what to call it; the file's name unless given.
+        friction: sliding friction, everywhere; unless given the course's, that which robots felt by their slip
+            (`Reconstruction.friction`: then `friction_map` has its patches), or 0.7, as is assumed of a scan
+            (`friction_source`).
+        friction_map: patches with another friction; unless given those of the course or of the reconstruction.
+        thickness: how far slabs reach below the lowest ground [m].
+        seed: seed of coacd's search.
+        time_limit: emergency stop: building ends then with the best so far, which is not cached [s].
+        cache: whether to keep pieces in the user's cache, or the folder to keep them in.
+        config: everything else that shapes the pieces.
+        progress: called with what is being done and the share done.
+
+    A surface with colors (a reconstruction of colored points, a mesh with colors) gives an arena with a texture.
+
+    Raises:
+        ArenaError: the surface cannot be used, an option is out of range, or a reconstruction comes with a course.
+    """
+    config = config or ContactConfig()
+    if course is not None and not isinstance(surface, trimesh.Trimesh | str | Path):
+        raise ArenaError(
+            "course is the truth behind a scan, of which an arena knows nothing; leave it out: start, edges and finish "
+            "are found on the surface"
+        )
+    scanned = take_surface(surface, viewpoints, MeshFrame(unit, up, scale))
+    ground = choose_friction(friction, friction_map, course, scanned.friction)
+    if kind == "auto" and ground.friction_map is not None and ground.friction_map.patches:
+        kind = "convex"  # a height field has one friction
+    options = ContactOptions(accuracy, max_pieces, kind, thickness, seed, time_limit, config)
+    if name is None and isinstance(surface, str | Path):
+        name = make_printable(Path(surface).stem)
+    progress("repairing the mesh", 0.0)
+    mesh = repair_surface(scanned, config.repair)
+    wanted = accuracy or find_accuracy(mesh, scanned.points, config.accuracy)
+
+    is_two_sided = find_two_sided(scanned, mesh)
+
+    primitives = find_arena_primitives(mesh, seed) if kind == "mixed" else None
+    touched = (
+        Touched(mesh, is_two_sided)
+        if primitives is None
+        else leave_solids_out(mesh, is_two_sided, primitives)
+    )
+
+    def make() -> Contact:
+        return make_contact(touched.mesh, options, wanted, progress, touched.is_two_sided)
+
+    folder = Path(cache) if isinstance(cache, str | Path) else None
+    key = replace(options, accuracy=wanted)
+    contact = make() if cache is False else get_or_make(touched.mesh, key, make, folder, touched.is_two_sided)
+    if primitives is not None:
+        contact = add_solids(contact, mesh, primitives, key.config)
+    shapes = contact.pieces if contact.height_field is None else contact.height_field
+    quality = add_scan_quality(contact.quality, scanned, shapes, mesh)
+    warnings = [*find_doubts(scanned), *contact.notes.get("warnings", ())]
+    if primitives is not None and scanned.colored is not None:
+        warnings.append(_NO_COLORS)
+    for warning in warnings:
+        logger.warning("%s", warning)
+    progress("done", 1.0)
+    about = {
+        "source": scanned.source,
+        "num_faces": len(scanned.mesh.faces),
+        "options": options.as_dict(),
+        "versions": find_versions(),
+        **contact.notes,
+        "warnings": warnings,
+        **({"cut": scanned.cut} if scanned.cut else {}),
+        "viewpoints": choose_positions(scanned.viewpoints),
+    }
+    arena = Arena(
+        name or "arena",
+        contact.pieces,
+        mesh,
+        quality,
+        ground.friction,
+        course,
+        ("hfield" if contact.height_field is not None else "convex") if kind == "auto" else kind,
+        contact.height_field,
+        about,
+        scanned.offset,
+        ground.source,
+        friction_map=ground.friction_map,
+        primitives=primitives,
+    )
+    return arena if scanned.colored is None else color_arena(arena, scanned.colored)

@@ -1,0 +1,107 @@
+"""The kinds of contact geometry, one option: convex pieces, a height field, exact prisms, boxes and pieces.
+
+| kind | what it is | for |
+|---|---|---|
+| `auto` | `convex`, or a height field where rough open ground needs many pieces | everything; the default |
+| `convex` | slabs under the planes of a terrain, convex patches of any surface, coacd of solids | pieces always |
+| `primitives` | planes of a terrain become boxes, the rest convex pieces | few large planes |
+| `mixed` | the paper's mixed model: boxes, spheres, cylinders, rectangles, for rays too; the rest is `convex` | rays |
+| `hfield` | MuJoCo's height field | rough, unbroken ground |
+| `prisms` | one prism a triangle: exact, slow, with all the noise | reference |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.errors import ArenaError
+
+CONTACT_KINDS = ("convex", "primitives", "hfield", "prisms", "mixed")
+"""What an arena can be made of."""
+CONTACT_CHOICES = ("auto", *CONTACT_KINDS)
+"""What can be asked for."""
+
+_INSIDE = 1e-6
+"""The grid of a height field begins this far inside the rim [m], so that the rim itself is hit."""
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """When a terrain of many patches becomes a height field.
+
+    A step of a simulator costs what a robot has beneath it. The cost of a height field hardly depends on its cells,
+    that of pieces grows with their number: measured with a snake of eight Scouts, it is higher from about 50 a square
+    meter on.
+
+    Attributes:
+        least_density: pieces over the area in plan, from which on a height field is looked for [1/m²].
+        known: share of the grid within its rim that lies on the ground, at least: elsewhere a height field invents
+            ground.
+        share: the mean distance is at most this share of the accuracy, the 95th percentile this share of what is
+            good enough: a beam that grazes the ground feels a few millimeters.
+        coarsest: spacing of the grid that is tried first [m]: half a Scout.
+        finest: finer grids are not tried [m].
+        shrink: factor between the spacings that are tried.
+    """
+
+    least_density: float = 50.0
+    known: float = 0.98
+    share: float = 0.3
+    coarsest: float = 0.06
+    finest: float = 0.02
+    shrink: float = 0.8
+
+
+class HeightField(NamedTuple):
+    """Heights on a grid.
+
+    Attributes:
+        heights: `[R, C]` rows along y, columns along x; no NaN: beyond the rim, the lowest [m].
+        low: (x, y) of the first row and column [m].
+        high: (x, y) of the last [m].
+    """
+
+    heights: Float[np.ndarray, "R C"]
+    low: Float[np.ndarray, " 2"]
+    high: Float[np.ndarray, " 2"]
+
+    def as_mesh(self) -> trimesh.Trimesh:
+        """Return the surface as MuJoCo splits it: two triangles a cell."""
+        rows, columns = self.heights.shape
+        x, y = (np.linspace(self.low[i], self.high[i], n) for i, n in ((0, columns), (1, rows)))
+        vertices = np.stack([*np.meshgrid(x, y), self.heights], axis=-1).reshape(-1, 3)
+        corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        first = np.stack([corner, corner + 1, corner + columns], axis=1)
+        second = np.stack([corner + 1, corner + columns + 1, corner + columns], axis=1)
+        return trimesh.Trimesh(vertices, np.concatenate([first, second]), process=False)
+
+
+def make_height_field(
+    mesh: trimesh.Trimesh, ground: Elevation, spacing: float = 0.02, max_cells: int = 400_000
+) -> HeightField:
+    """Sample a terrain on a grid.
+
+    Args:
+        mesh: the terrain.
+        ground: its heights.
+        spacing: spacing of the grid, about [m].
+        max_cells: the grid is wider where it would have more: every model holds a copy of it.
+
+    Raises:
+        ArenaError: nothing of the mesh is seen from above.
+    """
+    low, high = mesh.bounds[:, :2]
+    spacing = max(spacing, float(np.sqrt(np.prod(high - low) / max_cells)))
+    columns, rows = (max(int(np.ceil(extent / spacing)) + 1, 2) for extent in high - low)
+    low, high = low + _INSIDE, high - _INSIDE
+    x, y = np.meshgrid(np.linspace(low[0], high[0], columns), np.linspace(low[1], high[1], rows))
+    heights = ground.height(x, y)
+    if np.isnan(heights).all():
+        raise ArenaError("a height field needs ground that is seen from above")
+    return HeightField(np.where(np.isnan(heights), np.nanmin(heights), heights), low, high)

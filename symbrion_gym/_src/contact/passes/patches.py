@@ -1,0 +1,140 @@
+"""Patches: convex parts of the surface itself, thickened away from free space. They follow any shape."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from reconstruction._src.geometry.hulls import make_hull
+from symbrion_gym._src.contact.acceptance import find_miss
+from symbrion_gym._src.contact.contact import Contact
+from symbrion_gym._src.contact.decomposition import is_solid
+from symbrion_gym._src.contact.patches import join_faces
+from symbrion_gym._src.contact.plane_snapping import snap_to_planes
+from symbrion_gym._src.contact.problem import ContactProblem
+from symbrion_gym._src.contact.simplification import (
+    SimplificationConfig,
+    find_simple,
+    is_drawn,
+    list_counts,
+    simplify_surface,
+)
+from symbrion_gym._src.contact.thickening import find_inner_points, find_thickness
+
+_THICK = 1e-8
+"""A solid with an area times depth of more has a volume in single precision, too [m³]."""
+
+
+def fit_flat_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return patches of the surface whose flat parts are moved onto planes; None where what is wanted is reached,
+    or boxes were asked for and found."""
+    if best is not None and (_is_reached(problem, best) or problem.options.kind == "primitives"):
+        return None
+    flat = snap_to_planes(problem.surface, problem.planes, problem.aim, problem.config.snapping)
+    notes = {"way": "patches of planes and triangles", "planes": len(problem.planes.normals)}
+    return _fit(problem, flat, notes)
+
+
+def fit_patches(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return patches of the surface as it is; None where what is wanted is reached,
+    or boxes were asked for and found."""
+    if best is not None and (_is_reached(problem, best) or problem.options.kind == "primitives"):
+        return None
+    return _fit(problem, problem.surface, {"way": "patches of triangles"})
+
+
+def make_prisms(problem: ContactProblem, best: Contact | None) -> Contact | None:
+    """Return one solid a triangle: exact, with all the noise, for comparison."""
+    pieces = thicken_patches(problem, problem.surface, 0.0)
+    return problem.measure(pieces, {"way": "prisms"}) if pieces else None
+
+
+def _fit(problem: ContactProblem, surface: trimesh.Trimesh, notes: dict) -> Contact | None:
+    """Return patches of the coarsest triangles that reach what is wanted with no more pieces than allowed.
+
+    Coarser triangles are taken while there are too many pieces, finer ones while the distance is too large.
+    """
+    config, options = problem.config, problem.options
+    counts = list_counts(len(surface.faces), config.simplification)
+    start = find_simple(
+        surface,
+        problem.distance,
+        problem.aim,
+        config.acceptance,
+        config.simplification,
+        is_drawn(problem.surface, config.simplification),
+    )
+    best: Contact | None = None
+    index, step = start, 0
+    while index < len(counts) and not (best is not None and problem.deadline.is_over()):
+        simple = simplify_surface(surface, counts[index])
+        pieces = thicken_patches(problem, simple, config.joining * problem.aim)
+        is_few = len(pieces) <= options.max_pieces
+        if not is_few and index == 0:  # many parts: the largest are kept
+            pieces = sorted(pieces, key=lambda piece: -piece.area)[: options.max_pieces]
+        if is_few or index == 0:
+            made = problem.measure(pieces, {**notes, "triangles": len(simple.faces)})
+            if best is None or _find_miss(problem, made) < _find_miss(problem, best):
+                best = made
+            if _is_reached(problem, made):
+                break
+        wanted = 1 if is_few else -1
+        if step and wanted != step:
+            break
+        step = wanted
+        if index == 0 and not is_few:
+            break
+        change = 1 if is_few else -_count_steps(len(pieces) / options.max_pieces, config.simplification)
+        index = max(index + change, 0)
+    return best if best is not None and best.pieces else None
+
+
+def _count_steps(ratio: float, config: SimplificationConfig) -> int:
+    """Return how many steps of `list_counts` divide the number of triangles by a ratio above 1."""
+    return max(math.ceil(math.log(ratio) / math.log(config.growth)), 1)
+
+
+def thicken_patches(
+    problem: ContactProblem, mesh: trimesh.Trimesh, tolerance: float
+) -> list[trimesh.Trimesh]:
+    """Return a convex solid behind each convex patch of a mesh.
+
+    Args:
+        problem: what is wanted.
+        mesh: manifold, wound so that its faces look at free space.
+        tolerance: within which triangles are joined to patches; 0: not at all [m].
+    """
+    config = problem.config
+    thickness = config.thickness.scale_to(float(problem.surface.extents.max()))
+
+    def find_limits(places: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, " N"]:
+        return np.where(problem.is_seen_from_behind(places), thickness.two_sided, np.inf)
+
+    depths = find_thickness(mesh, find_limits, thickness)
+    vertices, corners = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if tolerance > 0:
+        patches = join_faces(mesh, depths, tolerance, config.patches)
+    else:
+        patches = list(np.arange(len(mesh.faces))[:, None])
+    solids = []
+    for faces in patches:
+        inner = find_inner_points(mesh, faces, depths, thickness)
+        outer = vertices[np.unique(corners[faces])]
+        hull = make_hull(np.concatenate([outer, inner]))
+        if hull is None:
+            continue
+        is_thick = float(mesh.area_faces[faces].sum() * depths[corners[faces]].min()) > _THICK
+        if is_thick or is_solid(hull):
+            solids.append(hull)
+    return solids
+
+
+def _is_reached(problem: ContactProblem, contact: Contact) -> bool:
+    return _find_miss(problem, contact) <= 1.0
+
+
+def _find_miss(problem: ContactProblem, contact: Contact) -> float:
+    return find_miss(contact, problem.accuracy, problem.options.max_pieces, problem.config.acceptance)

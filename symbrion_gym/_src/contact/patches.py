@@ -1,0 +1,239 @@
+"""Convex patches of a surface: neighboring triangles joined while their convex hull stays close to the surface.
+
+Coplanar triangles of a simplified mesh join to convex polygons; rough ground is left as small patches. A patch and
+the surface behind it make one convex solid, whatever shape the whole surface has.
+
+References:
+    Hertel, Mehlhorn (1983), Fast triangulation of simple polygons: removing diagonals while the parts stay convex
+    leaves at most four times as many parts as are needed.
+Differs: triangles lie in 3-D, and parts may be concave by a tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from scipy.spatial import ConvexHull, QhullError
+
+from reconstruction._src.geometry.rows import find_areas
+
+_FLAT = 1e-9
+"""Points whose spread along an axis is smaller lie in a plane [m]."""
+
+
+@dataclass(frozen=True)
+class PatchConfig:
+    """How triangles are joined to convex patches.
+
+    Attributes:
+        max_tilt_deg: a face of a patch is turned from the mean of the patch by no more: a solid behind a more strongly
+            bent patch would reach far beneath the surface.
+        max_vertices: a patch has no more vertices: with those behind the surface, twice as many make a solid, and
+            MuJoCo's contacts slow down with more than 64.
+        depth_share: a convex patch may bulge by this share of its thickness.
+        steps: shares of the tolerance at which all neighbors are tried, the finest first: so that what fits exactly
+            is joined before what fits loosely.
+    """
+
+    max_tilt_deg: float = 35.0
+    max_vertices: int = 28
+    depth_share: float = 0.5
+    steps: tuple[float, ...] = (0.05, 0.3, 1.0)
+
+    @property
+    def min_cosine(self) -> float:
+        """Cosine of `max_tilt_deg`."""
+        return math.cos(math.radians(self.max_tilt_deg))
+
+
+PATCH_DEFAULTS = PatchConfig()
+
+
+@dataclass
+class _Patch:
+    """Joined faces.
+
+    Attributes:
+        number: of its own.
+        vertices: numbers of their vertices.
+        boundary: edges with one face of the patch, as (low, high).
+        creases: edges between its faces, where they are not flat.
+        normal: sum of the faces' normals, as long as their area [m²].
+        normals: of the faces.
+        areas: of the faces [m²].
+        faces: their numbers.
+        depth: thickness of the thinnest vertex [m].
+    """
+
+    number: int
+    vertices: set[int]
+    boundary: set[tuple[int, int]]
+    creases: set[tuple[int, int]]
+    normal: Float[np.ndarray, " 3"]
+    normals: Float[np.ndarray, "M 3"]
+    areas: Float[np.ndarray, " M"]
+    faces: list[int]
+    depth: float
+
+
+def join_faces(
+    mesh: trimesh.Trimesh,
+    depths: Float[np.ndarray, " V"],
+    tolerance: float,
+    config: PatchConfig = PATCH_DEFAULTS,
+) -> list[Int[np.ndarray, " M"]]:
+    """Return the faces of each convex patch.
+
+    Args:
+        mesh: manifold, consistently wound.
+        depths: how thick the solid behind each vertex is [m].
+        tolerance: how far the convex hull of a patch may stand in front of it, or beside it [m].
+        config: how they are joined.
+    """
+    patches = _make_patches(mesh, depths)
+    order = _order_edges(mesh)
+    owner = np.arange(len(mesh.faces))
+    vertices, count = np.asarray(mesh.vertices), len(owner)
+    for share in config.steps:
+        failed: set[tuple[int, int]] = set()
+        has_joined = True
+        while has_joined:
+            has_joined = False
+            for first, second in order:
+                a, b = _find_root(owner, first), _find_root(owner, second)
+                if a == b:
+                    continue
+                # Numbers of patches are used once: a pair that failed is tried again when either has grown.
+                pair = (patches[a].number, patches[b].number)
+                if pair in failed:
+                    continue
+                joined = _join(patches[a], patches[b], vertices, share * tolerance, count, config)
+                if joined is None:
+                    failed.add(pair)
+                    continue
+                count += 1
+                patches[a], has_joined = joined, True
+                del patches[b]
+                owner[b] = a
+    return [np.sort(patch.faces) for patch in patches.values()]
+
+
+def _make_patches(mesh: trimesh.Trimesh, depths: Float[np.ndarray, " V"]) -> dict[int, _Patch]:
+    """Return one patch a face."""
+    areas = find_areas(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    patches = {}
+    for i, (face, normal, area) in enumerate(
+        zip(mesh.faces.tolist(), mesh.face_normals, areas.tolist(), strict=True)
+    ):
+        a, b, c = face
+        boundary = {(min(p, q), max(p, q)) for p, q in ((a, b), (b, c), (c, a))}
+        depth = float(depths[face].min())
+        patches[i] = _Patch(
+            i, {a, b, c}, boundary, set(), normal * area, normal[None], np.array([area]), [i], depth
+        )
+    return patches
+
+
+def _order_edges(mesh: trimesh.Trimesh) -> list[tuple[int, int]]:
+    """Return pairs of faces with a common edge: the flattest first, of equals the longest edge."""
+    pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+    edges = np.asarray(mesh.vertices)[np.asarray(mesh.face_adjacency_edges).reshape(-1, 2)]
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    bends = np.round(np.asarray(mesh.face_adjacency_angles), 3)
+    return [tuple(pair) for pair in pairs[np.lexsort([-lengths, bends])].tolist()]
+
+
+def _find_root(owner: Int[np.ndarray, " F"], face: int) -> int:
+    while owner[face] != face:
+        owner[face] = owner[owner[face]]
+        face = int(owner[face])
+    return face
+
+
+def _join(
+    a: _Patch,
+    b: _Patch,
+    vertices: Float[np.ndarray, "V 3"],
+    tolerance: float,
+    number: int,
+    config: PatchConfig,
+) -> _Patch | None:
+    """Return two patches as one with a number of its own; None where that is not convex within the tolerance."""
+    members = a.vertices | b.vertices
+    if len(members) > config.max_vertices:
+        return None
+    normal = a.normal + b.normal
+    length = math.sqrt(float(normal @ normal))
+    if length < _FLAT**2:
+        return None
+    axis = normal / length
+    normals = np.concatenate([a.normals, b.normals])
+    cosines = normals @ axis
+    if cosines.min() < config.min_cosine:
+        return None
+    depth = min(a.depth, b.depth)
+    numbers = sorted(members)
+    points = vertices[numbers]
+    heights = points @ axis
+    bulge = float(heights.max() - heights.min())
+    if bulge > max(tolerance, config.depth_share * depth):
+        return None
+    areas = np.concatenate([a.areas, b.areas])
+    boundary = a.boundary ^ b.boundary
+    place = {vertex: i for i, vertex in enumerate(numbers)}
+    outline = np.array(sorted({place[v] for pair in boundary for v in pair}))
+    flat = _to_plane(points, axis)
+    if not _is_convex(flat, outline, float(areas @ cosines), tolerance):
+        return None
+    creases = a.creases | b.creases | (a.boundary & b.boundary)
+    if bulge > tolerance:
+        ends = np.array([(place[p], place[q]) for p, q in sorted(creases)])
+        local = np.concatenate([flat, heights[:, None]], axis=1)
+        if not _is_cap(local, local[ends].mean(axis=1), tolerance):
+            return None
+    return _Patch(number, members, boundary, creases, normal, normals, areas, a.faces + b.faces, depth)
+
+
+def _to_plane(points: Float[np.ndarray, "N 3"], axis: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "N 2"]:
+    """Return points as seen along an axis.
+
+    References:
+        Duff et al. (2017), Building an orthonormal basis, revisited, equation 1.
+    """
+    x, y, z = axis.tolist()
+    sign = math.copysign(1.0, z)
+    p = -1.0 / (sign + z)
+    q = x * y * p
+    frame = np.array([[1.0 + sign * x * x * p, q], [sign * q, sign + y * y * p], [-sign * x, -y]])
+    return (points - points[0]) @ frame
+
+
+def _is_convex(
+    points: Float[np.ndarray, "N 2"], outline: Int[np.ndarray, " B"], area: float, tolerance: float
+) -> bool:
+    """Return whether an outline with an area is convex within a tolerance."""
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return False
+    perimeter = float(hull.area)  # of two dimensions
+    if float(hull.volume) - area > 0.5 * tolerance * perimeter:
+        return False
+    inwards = -(points[outline] @ hull.equations[:, :2].T + hull.equations[:, 2])
+    return bool(inwards.min(axis=1).max() <= tolerance)
+
+
+def _is_cap(points: Float[np.ndarray, "N 3"], middles: Float[np.ndarray, "E 3"], tolerance: float) -> bool:
+    """Return whether all points, and middles of edges, lie close beneath the upper side of the convex hull."""
+    try:
+        planes = ConvexHull(points).equations
+    except (QhullError, ValueError):
+        return True  # flat
+    upper = planes[planes[:, 2] > 1e-6]
+    places = np.concatenate([points, middles])
+    above = -(places @ upper[:, :3].T + upper[:, 3]) / upper[:, 2]
+    return bool(above.min(axis=1).max() <= tolerance)

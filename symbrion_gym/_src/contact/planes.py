@@ -1,0 +1,336 @@
+"""Planes in a noisy triangle mesh: what a decomposition is given decides how accurate it gets.
+
+Regions grow from the flattest places, then faces between two regions move to the plane that fits them better.
+Every fit is a sum of face moments, so that noise averages out over a whole region.
+
+References:
+    Schnabel, Wahl, Klein (2007), Efficient RANSAC for point-cloud shape detection, section 4: the consensus
+    of a candidate plane is its connected part within a distance and an angle.
+    Cohen-Steiner, Alliez, Desbrun (2004), Variational shape approximation, section 3: moments of triangles.
+Differs: candidates are the flattest places in order, not random samples, so equal meshes give equal planes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from symbrion_gym._src.contact.deadline import never
+from symbrion_gym._src.contact.moments import find_moments, fit_planes, measure_deviations, weigh_faces
+from symbrion_gym._src.errors import ArenaError
+
+_LEAST_MASS = 1e-300
+"""Keeps divisions by the area of no faces finite."""
+_LEAST_RISE = 0.05
+"""Walls are given as planes that rise by 20 per 1: steeper than any ground, finite."""
+
+
+@dataclass(frozen=True)
+class PlaneConfig:
+    """How planes are found in a noisy mesh.
+
+    Attributes:
+        max_angle_deg: largest angle between a face and the plane it belongs to; noise turns small faces this far.
+        rings: neighbors over which the noise at a face is averaged, in steps over edges.
+        noise_reach: faces within this many standard deviations of the noise may be on a plane.
+        max_planes: no more are looked for; a mesh with more is rough ground, for which planes are no model.
+        min_faces: a plane has the area of this many median faces, within `min_area` and `max_min_area`.
+        min_area: share of the whole area that a plane has at least.
+        max_min_area: share of the whole area that always suffices for a plane.
+        max_rounds: of growing one region, and of moving faces between regions; both end by themselves earlier.
+        neighbor_cost: what a neighbor on another plane costs a face, in squared reaches: keeps borders short.
+        tilt_cost: what a face costs that is turned by more than `max_angle_deg`, likewise.
+        max_distance_cost: what a distance costs at most, likewise: one bad face does not decide.
+        no_plane_cost: what a face without a plane costs, likewise.
+        border_weight: faces at the border of a region count this much: they may lie on a chamfer.
+        merge_deviation: two planes are one if its deviation stays below this share of the tolerance ...
+        merge_noise: ... or below this share of the noise ...
+        merge_cosine: ... and the joint plane is turned against both by less than the angle of this cosine.
+        chamfer_angle_deg: a narrow strip that bends from its neighbors by more is an edge cut off, not a plane.
+        chamfer_width: such a strip is narrower than this many median edges.
+    """
+
+    max_angle_deg: float = 40.0
+    rings: int = 3
+    noise_reach: float = 3.0
+    max_planes: int = 400
+    min_faces: float = 6.0
+    min_area: float = 1e-3
+    max_min_area: float = 0.03
+    max_rounds: int = 12
+    neighbor_cost: float = 0.25
+    tilt_cost: float = 2.0
+    max_distance_cost: float = 4.0
+    no_plane_cost: float = 1.5
+    border_weight: float = 0.02
+    merge_deviation: float = 0.3
+    merge_noise: float = 0.5
+    merge_cosine: float = 0.98
+    chamfer_angle_deg: float = 20.0
+    chamfer_width: float = 1.5
+
+
+PLANE_DEFAULTS = PlaneConfig()
+
+
+class Planes(NamedTuple):
+    """The planes of a mesh and whose faces they are.
+
+    Attributes:
+        normals: `[R, 3]` unit normals, to the outside.
+        offsets: `[R]` normal · point on the plane [m].
+        labels: `[F]` the plane of each face, -1 for none.
+        noise: standard deviation of the mesh around its planes [m].
+    """
+
+    normals: Float[np.ndarray, "R 3"]
+    offsets: Float[np.ndarray, " R"]
+    labels: Int[np.ndarray, " F"]
+    noise: float
+
+    def slopes(self) -> Float[np.ndarray, "R 3"]:
+        """Return the planes as (a, b, c) of z = a x + b y + c; walls as the steepest that this allows."""
+        rise = np.maximum(self.normals[:, 2], _LEAST_RISE)
+        return np.column_stack([-self.normals[:, :2] / rise[:, None], self.offsets / rise])
+
+
+def find_planes(
+    mesh: trimesh.Trimesh,
+    tolerance: float,
+    min_area: float | None = None,
+    is_exceeded: Callable[[], bool] = never,
+    config: PlaneConfig = PLANE_DEFAULTS,
+) -> Planes:
+    """Find the planes that a mesh is made of.
+
+    Args:
+        mesh: consistently wound.
+        tolerance: faces this close to a plane may be on it [m]; widened to three times the noise.
+        min_area: smallest area of a plane [m²]; that of `config` unless given.
+        is_exceeded: asked now and then; once true, no more planes are looked for.
+        config: how they are found.
+
+    Raises:
+        ArenaError: the mesh has no face with an area.
+    """
+    surface = _FaceSurface(mesh, config)
+    roughness, smooth_normals, smooth_offsets = surface.smooth()
+    noise = float(np.median(roughness))
+    reach = max(tolerance, config.noise_reach * noise)
+    if min_area is None:
+        total, median = float(surface.areas.sum()), float(np.median(surface.areas))
+        least = max(config.min_faces * median, config.min_area * total)
+        min_area = min(least, config.max_min_area * total)
+    labels = np.full(len(surface.areas), -1)
+    is_seed = np.ones(len(labels), dtype=bool)
+    count = 0
+    for seed in np.argsort(roughness, kind="stable"):
+        if not is_seed[seed] or count >= config.max_planes:
+            continue
+        if is_exceeded():
+            break
+        members = surface.grow(seed, smooth_normals[seed], float(smooth_offsets[seed]), labels < 0, reach)
+        is_seed[members] = False
+        is_seed[seed] = False
+        if surface.areas[members].sum() >= min_area:
+            labels[members] = count
+            count += 1
+    if not count:
+        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
+    labels = surface.relabel(labels, count, reach)
+    labels = surface.merge(labels, reach / config.noise_reach, tolerance)
+    labels = surface.drop_chamfers(labels, float(np.median(mesh.edges_unique_length)))
+    labels = _number(labels)
+    if labels.max() < 0:
+        return Planes(np.zeros((0, 3)), np.zeros(0), labels, noise)
+    normals, offsets = surface.fit_regions(labels, int(labels.max()) + 1)
+    offsets = offsets + normals @ surface.origin
+    return Planes(normals, offsets, labels, noise)
+
+
+def _number(labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, " F"]:
+    """Number labels 0, 1, 2 ...; -1 stays."""
+    _, numbers = np.unique(np.append(labels, -1), return_inverse=True)
+    return numbers[:-1] - 1
+
+
+class _FaceSurface:
+    """The faces of a mesh with their moments and neighbors."""
+
+    def __init__(self, mesh: trimesh.Trimesh, config: PlaneConfig) -> None:
+        self.config = config
+        self._min_cosine = np.cos(np.radians(config.max_angle_deg))
+        self.areas = np.asarray(mesh.area_faces, dtype=np.float64)
+        if not self.areas.sum() > 0:
+            raise ArenaError("the mesh has no face with an area")
+        self.normals = np.asarray(mesh.face_normals, dtype=np.float64)
+        self.origin = np.asarray(mesh.triangles_center).mean(axis=0)
+        self.moments = find_moments(mesh, self.origin)
+        self.pairs = np.asarray(mesh.face_adjacency).reshape(-1, 2)
+        rows, columns = np.concatenate([self.pairs, self.pairs[:, ::-1]]).T
+        count = len(self.areas)
+        self.adjacency = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count))
+
+    def smooth(
+        self,
+    ) -> tuple[Float[np.ndarray, " F"], Float[np.ndarray, "F 3"], Float[np.ndarray, " F"]]:
+        """Return roughness [m], normals and offsets of planes fitted to each face and the rings around it."""
+        moments = self.moments.reshape(-1, 16)
+        normals = self.normals * self.areas[:, None]
+        for _ in range(self.config.rings):
+            moments = moments + self.adjacency @ moments
+            normals = normals + self.adjacency @ normals
+        planes, offsets, deviation = fit_planes(moments.reshape(-1, 4, 4))
+        flip = np.where(np.einsum("fi,fi->f", planes, normals) < 0, -1.0, 1.0)
+        return deviation, planes * flip[:, None], offsets * flip
+
+    def fit_faces(self, members: Int[np.ndarray, " M"]) -> tuple[Float[np.ndarray, " 3"], float]:
+        """Return the plane of some faces: its normal, on their side, and its offset [m]."""
+        normal, offset, _ = fit_planes(self.moments[members].sum(axis=0))
+        if normal @ (self.normals[members] * self.areas[members, None]).sum(axis=0) < 0:
+            normal, offset = -normal, -offset
+        return normal, float(offset)
+
+    def grow(
+        self,
+        seed: int,
+        normal: Float[np.ndarray, " 3"],
+        offset: float,
+        is_free: Bool[np.ndarray, " F"],
+        reach: float,
+    ) -> Int[np.ndarray, " M"]:
+        """Return the free faces that lie on one plane and are connected with the seed."""
+        members = np.array([seed])
+        for _ in range(self.config.max_rounds):
+            is_near = is_free & (measure_deviations(self.moments, normal, offset) < reach)
+            is_near &= self.normals @ normal > self._min_cosine
+            is_near[seed] = True
+            found = self._find_part(is_near, seed)
+            if np.array_equal(found, members):
+                break
+            members = found
+            normal, offset = self.fit_faces(members)
+        return members
+
+    def _find_part(self, is_member: Bool[np.ndarray, " F"], seed: int) -> Int[np.ndarray, " M"]:
+        members = np.flatnonzero(is_member)
+        _, part = connected_components(self.adjacency[members][:, members], directed=False)
+        return members[part == part[np.searchsorted(members, seed)]]
+
+    def relabel(self, labels: Int[np.ndarray, " F"], count: int, reach: float) -> Int[np.ndarray, " F"]:
+        """Let each face move to the plane of a neighbor that fits it better (iterated conditional modes)."""
+        for _ in range(self.config.max_rounds):
+            planes = self.fit_regions(labels, count)
+            candidates = np.concatenate([np.arange(len(labels))[:, None], self._neighbors()], axis=1)
+            candidate = np.where(candidates >= 0, labels[candidates], -1)
+            cost = self._cost(planes, candidate, reach)
+            # Potts: every neighbor of another plane costs as much as half the reach (0.25 of its square).
+            differs = (candidate[:, :, None] != candidate[:, None, 1:]) & (candidates[:, None, 1:] >= 0)
+            cost += self.config.neighbor_cost * differs.sum(axis=2)
+            best = np.argmin(cost, axis=1)
+            moved = candidate[np.arange(len(labels)), best]
+            if np.array_equal(moved, labels):
+                break
+            labels = moved
+        return labels
+
+    def _neighbors(self) -> Int[np.ndarray, "F 3"]:
+        """Return the neighboring faces, -1 where there are fewer."""
+        neighbors = np.full((len(self.areas), 3), -1)
+        starts, ends = self.adjacency.indptr[:-1], self.adjacency.indptr[1:]
+        for slot in range(3):
+            has = ends - starts > slot
+            neighbors[has, slot] = self.adjacency.indices[starts[has] + slot]
+        return neighbors
+
+    def _cost(
+        self,
+        planes: tuple[Float[np.ndarray, "R 3"], Float[np.ndarray, " R"]],
+        candidate: Int[np.ndarray, "F K"],
+        reach: float,
+    ) -> Float[np.ndarray, "F K"]:
+        """Return what it costs each face to be on each candidate plane (-1: on none)."""
+        normals, offsets = planes
+        if not len(normals):
+            return np.ones(candidate.shape)
+        homogeneous = np.concatenate([normals, -offsets[:, None]], axis=1)[candidate]
+        square = np.einsum("fij,fki,fkj->fk", self.moments, homogeneous, homogeneous)
+        square = np.maximum(square, 0.0) / np.maximum(self.areas, _LEAST_MASS)[:, None]
+        tilt = 1.0 - np.einsum("fki,fi->fk", normals[candidate], self.normals)
+        is_too_steep = tilt > 1.0 - self._min_cosine
+        cost = np.minimum(square / reach**2, self.config.max_distance_cost) + tilt
+        cost = cost + self.config.tilt_cost * is_too_steep
+        return np.where(candidate < 0, self.config.no_plane_cost, cost)
+
+    def fit_regions(
+        self, labels: Int[np.ndarray, " F"], count: int
+    ) -> tuple[Float[np.ndarray, "count 3"], Float[np.ndarray, " count"]]:
+        """Return normals and offsets of the planes of regions; faces at the border of a region count little."""
+        weight = weigh_faces(labels, self.pairs, self.config.border_weight)
+        sums = np.zeros((count, 4, 4))
+        np.add.at(sums, np.maximum(labels, 0), self.moments * weight[:, None, None])
+        facing = np.zeros((count, 3))
+        np.add.at(facing, np.maximum(labels, 0), self.normals * (self.areas * weight)[:, None])
+        normals, offsets, _ = fit_planes(sums)
+        flip = np.where(np.einsum("ri,ri->r", normals, facing) < 0, -1.0, 1.0)
+        return normals * flip[:, None], offsets * flip
+
+    def merge(self, labels: Int[np.ndarray, " F"], noise: float, tolerance: float) -> Int[np.ndarray, " F"]:
+        """Join neighboring regions that one plane fits as well."""
+        count = int(labels.max()) + 1
+        sums = np.zeros((count, 4, 4))
+        np.add.at(sums, labels[labels >= 0], self.moments[labels >= 0])
+        contacts = self._find_contacts(labels)
+        into, close = np.arange(count), self.config.merge_deviation
+        while len(contacts):
+            normals, _, deviations = fit_planes(sums)
+            first, second = contacts.T
+            joint, _, deviation = fit_planes(sums[first] + sums[second])
+            apart = np.maximum(deviations[first], deviations[second])
+            limit = np.maximum(np.hypot(apart, close * tolerance), self.config.merge_noise * noise)
+            tilts = [np.abs(np.einsum("ci,ci->c", joint, normals[side])) for side in (first, second)]
+            ratio = np.where(np.minimum(*tilts) > self.config.merge_cosine, deviation / limit, np.inf)
+            best = int(np.argmin(ratio))
+            if ratio[best] >= 1.0:
+                break
+            kept, gone = contacts[best]
+            sums[kept] += sums[gone]
+            into[into == gone] = kept
+            contacts = np.sort(np.where(contacts == gone, kept, contacts), axis=1)
+            contacts = np.unique(contacts[contacts[:, 0] != contacts[:, 1]], axis=0)
+        return np.where(labels >= 0, into[labels], -1)
+
+    def drop_chamfers(self, labels: Int[np.ndarray, " F"], edge_length: float) -> Int[np.ndarray, " F"]:
+        """Drop regions a triangle wide that bend sharply from what is around: edges that the mesh cut off."""
+        kept = labels.copy()
+        width = self.config.chamfer_width * edge_length
+        min_cosine = np.cos(np.radians(self.config.chamfer_angle_deg))
+        sides = np.where(labels >= 0, labels, -1)[self.pairs]
+        for region in np.unique(labels[labels >= 0]):
+            members = np.flatnonzero(labels == region)
+            spread = self.moments[members].sum(axis=0)
+            center = spread[:3, 3] / spread[3, 3]
+            values = np.linalg.eigvalsh(spread[:3, :3] / spread[3, 3] - np.outer(center, center))
+            if (
+                np.sqrt(12.0 * max(values[1], 0.0)) > width
+            ):  # the variance of a strip is its width squared / 12
+                continue
+            is_rim = (sides == region).sum(axis=1) == 1
+            if is_rim.any():
+                tilt = np.einsum("pi,pi->p", *(self.normals[self.pairs[is_rim, i]] for i in range(2)))
+                if np.median(tilt) < min_cosine:
+                    kept[members] = -1
+        return kept
+
+    def _find_contacts(self, labels: Int[np.ndarray, " F"]) -> Int[np.ndarray, "C 2"]:
+        """Return the pairs of regions that touch."""
+        pairs = labels[self.pairs]
+        pairs = pairs[(pairs[:, 0] != pairs[:, 1]) & (pairs.min(axis=1) >= 0)]
+        return np.unique(np.sort(pairs, axis=1), axis=0)

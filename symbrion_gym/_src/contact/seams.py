@@ -1,0 +1,183 @@
+"""Convex pieces of a terrain made simpler and tighter where they meet, without moving the ground.
+
+Pieces come with needless corners (a ragged rim, cuts next to creases) and with lips where one ends a little beyond
+the crease that it should end at. Each piece is taken as an intersection of half-spaces:
+
+1. A plane of a neighbor caps a piece that sticks out above it, where no ground of its own is lost.
+2. A side is moved outwards where that lifts no ground, so that neighbors overlap.
+3. A half-space that is not needed is dropped: fewer corners cost less in every contact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.halfspaces import STEEP, find_halfspaces, find_tops, make_solid
+from reconstruction._src.geometry.sampling import sample_grid
+from symbrion_gym._src.contact.deadline import never
+
+_ON_PLANE = 1e-6
+"""What lies no farther beyond a plane lies on it: corners are rounded to 1 µm [m]."""
+_ON_FACE = 1e-4
+"""Corners this close to a plane belong to its face [m]."""
+_INSIDE = 1e-3
+"""The inner point of a piece stays this far beneath a plane that cuts it [m]."""
+
+
+@dataclass(frozen=True)
+class SeamConfig:
+    """How pieces are mended.
+
+    Attributes:
+        overlap: neighbors overlap by this, where that lifts no ground [m].
+        reach: dropping a half-space may let a piece grow by no more than this [m].
+        lift: ground lifted by less is not lifted [m].
+        noise: a piece may rise to the terrain, and this far above it [m].
+        max_loss: a cut may move no ground away from the terrain by more than this [m].
+        touching: pieces whose bounds are this close are neighbors [m].
+        piece_points: points a side of the grid on which a piece is looked at.
+        change_points: points a side of the grid on which a change is looked at.
+    """
+
+    overlap: float = 0.03
+    reach: float = 0.05
+    lift: float = 2e-4
+    noise: float = 1e-3
+    max_loss: float = 1e-3
+    touching: float = 0.01
+    piece_points: int = 160
+    change_points: int = 48
+
+
+SEAM_DEFAULTS = SeamConfig()
+
+
+def mend_pieces(
+    pieces: list[trimesh.Trimesh],
+    ground: Elevation,
+    is_exceeded: Callable[[], bool] = never,
+    config: SeamConfig = SEAM_DEFAULTS,
+) -> list[trimesh.Trimesh]:
+    """Return pieces whose union is the same ground, with closed seams, overlap and fewer corners.
+
+    Args:
+        pieces: convex solids that follow a terrain from below.
+        ground: heights of the terrain.
+        is_exceeded: asked now and then; once true, the other pieces stay as they are.
+        config: how they are mended.
+    """
+    mended = list(pieces)
+    for change in (_cap, _widen, _simplify):
+        for i in range(len(mended)):
+            if is_exceeded():
+                return mended
+            mended[i] = change(i, mended, ground, config)
+    return mended
+
+
+def _is_hidden(
+    before: Float[np.ndarray, "H 4"],
+    after: Float[np.ndarray, "G 4"],
+    points: Float[np.ndarray, "N 2"],
+    others: Elevation,
+    ground: Elevation,
+    config: SeamConfig,
+    air: bool,
+) -> bool:
+    """Return whether a piece that grew shows nowhere: beneath what was there, or (air) beyond the rim."""
+    old, new = find_tops(before, points), find_tops(after, points)
+    grew = new > old + _ON_PLANE
+    if not grew.any():
+        return True
+    points, old, new = points[grew], old[grew], new[grew]
+    height = ground.height(*points.T)
+    neighbors = np.nan_to_num(others.height(*points.T), nan=-np.inf)
+    is_lifted = (new > np.maximum(old, neighbors) + config.lift) & ~(new < height + config.noise)
+    is_beyond = np.isnan(height) if air else np.zeros(len(points), dtype=bool)
+    return not (is_lifted & ~is_beyond).any()
+
+
+def _cap(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig) -> trimesh.Trimesh:
+    """Cut a piece by the tops of its neighbors, where it sticks out above them and loses no ground."""
+    piece = pieces[i]
+    halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    points = sample_grid(np.asarray(piece.vertices), config.piece_points)
+    height, before = ground.height(*points.T), find_tops(halfspaces, points)
+    for j, other in enumerate(pieces):
+        if j == i or not _do_touch(piece, other, config.touching):
+            continue
+        for plane in find_halfspaces(other):
+            is_cut = (np.asarray(piece.vertices) @ plane[:3] + plane[3]).max() > config.lift
+            if plane[2] < STEEP or plane[:3] @ inner + plane[3] > -_INSIDE or not is_cut:
+                continue
+            lowered = before > -(points @ plane[:2] + plane[3]) / plane[2]
+            after = before.copy()
+            after[lowered] = find_tops(np.vstack([halfspaces, plane]), points[lowered])
+            lowered[lowered] = before[lowered] - after[lowered] > config.lift
+            if not lowered.any():
+                continue
+            gain = np.abs(before - height)[lowered] - np.abs(after - height)[lowered]
+            if np.nansum(gain) <= 0 or np.nanmin(gain, initial=0.0) <= -config.max_loss:
+                continue
+            if (made := make_solid(np.vstack([halfspaces, plane]), inner)) is not None:
+                piece, halfspaces = made, find_halfspaces(made)
+                before = find_tops(halfspaces, points)
+    return piece
+
+
+def _do_touch(first: trimesh.Trimesh, second: trimesh.Trimesh, reach: float) -> bool:
+    gap = np.maximum(first.bounds[0] - second.bounds[1], second.bounds[0] - first.bounds[1])
+    return bool(gap.max() < reach)
+
+
+def _widen(i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig) -> trimesh.Trimesh:
+    """Move each side of a piece outwards beneath its neighbors, where that lifts nothing."""
+    piece = pieces[i]
+    others = Elevation(*pieces[:i], *pieces[i + 1 :])
+    halfspaces, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    for k in range(len(halfspaces)):
+        if abs(halfspaces[k, 2]) > STEEP:
+            continue
+        wider = halfspaces.copy()
+        wider[k, 3] -= config.overlap
+        made = make_solid(wider, inner)
+        if made is None:
+            continue
+        vertices = np.asarray(made.vertices)
+        grown = vertices[vertices @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_PLANE]
+        face = np.asarray(piece.vertices)
+        face = face[face @ halfspaces[k, :3] + halfspaces[k, 3] > -_ON_FACE]
+        points = sample_grid(np.concatenate([grown, face]), config.change_points)
+        if len(grown) and _is_hidden(halfspaces, wider, points, others, ground, config, air=False):
+            piece, halfspaces = made, wider
+    return piece
+
+
+def _simplify(
+    i: int, pieces: list[trimesh.Trimesh], ground: Elevation, config: SeamConfig
+) -> trimesh.Trimesh:
+    """Drop the half-spaces of a piece that make no difference, the smallest faces first."""
+    piece = pieces[i]
+    others = Elevation(*pieces[:i], *pieces[i + 1 :])
+    first, inner = find_halfspaces(piece), np.asarray(piece.vertices).mean(axis=0)
+    kept = first
+    for plane in first[::-1]:
+        fewer = kept[~(kept == plane).all(axis=1)]
+        made = make_solid(fewer, inner) if len(fewer) >= 4 else None
+        if made is None:
+            continue
+        vertices = np.asarray(made.vertices)
+        growth = (vertices @ first[:, :3].T + first[:, 3]).max(axis=1)
+        if growth.max() > config.reach:
+            continue
+        is_new = vertices @ plane[:3] + plane[3] > -_ON_PLANE
+        points = sample_grid(vertices[is_new], config.change_points) if is_new.any() else np.zeros((0, 2))
+        if growth.max() < _ON_PLANE or _is_hidden(first, fewer, points, others, ground, config, air=True):
+            piece, kept = made, fewer
+    return piece

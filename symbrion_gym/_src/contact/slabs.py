@@ -1,0 +1,361 @@
+"""A terrain as few convex slabs: cut where it is hollow, cap each part by a minimum of planes.
+
+Seen from above, the terrain is cut by vertical planes into convex cells (a binary space partition). In a
+cell the ground is the minimum of the planes found there, so the cell with everything beneath it is one convex
+solid. Cuts are tried along hollow creases (where two planes meet below both) and along steps, in any
+direction. Cells that one cap serves as well are joined again, also where the joint runs beneath other ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Float32, Int
+
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.halfspaces import STEEP, make_prism
+from reconstruction._src.geometry.outlines import (
+    find_bounds,
+    find_hull_outline,
+    find_outline,
+    is_within,
+    measure_area,
+)
+from reconstruction._src.geometry.sampling import sample_cells
+from symbrion_gym._src.contact.crease_lines import CreaseConfig, find_crease_lines
+from symbrion_gym._src.contact.deadline import never
+from symbrion_gym._src.contact.planes import Planes
+
+
+@dataclass(frozen=True)
+class SlabConfig:
+    """How a terrain is cut into slabs.
+
+    Attributes:
+        creases: where it may be cut.
+        num_points: about how many points of the ground are looked at.
+        max_planes: planes that a cap is selected from, those with the most ground first.
+        max_pairs_of: slabs tried in every pair; of more, only neighbors and those with a common plane.
+        max_cells: cutting ends at this many times the pieces that are wanted: joining leaves fewer.
+        min_gain: a cut must leave this share, or less, of the pairs of points that one cap does not serve.
+        allowed_points: this number of points may lie farther off than the accuracy: single spikes ...
+        allowed_share: ... or this share of a cell's points.
+        join_accuracy: slabs are joined within this share of the accuracy.
+        max_lift: a joint may lie above other ground by this share of the accuracy it is joined within.
+        max_uncovered: share of a joint that may be without ground, beyond what its parts have.
+        neighbor_reach: slabs this close are neighbors, in spacings of the points.
+        preview_points: points of a joint on which a hopeless one is recognized.
+        preview_slack: a joint is hopeless where its error on them is this many times too large.
+    """
+
+    creases: CreaseConfig = field(default_factory=CreaseConfig)
+    num_points: int = 30_000
+    max_planes: int = 24
+    max_pairs_of: int = 24
+    max_cells: float = 4.0
+    min_gain: float = 0.98
+    allowed_points: float = 8.0
+    allowed_share: float = 1e-3
+    join_accuracy: float = 0.5
+    max_lift: float = 0.5
+    max_uncovered: float = 0.02
+    neighbor_reach: float = 3.0
+    preview_points: int = 250
+    preview_slack: float = 2.0
+
+    def allow(self, num_points: int) -> float:
+        """Return the weight of points, of a number, that may lie farther off than the accuracy."""
+        return max(self.allowed_points, self.allowed_share * num_points)
+
+
+SLAB_DEFAULTS = SlabConfig()
+
+
+class Ground(NamedTuple):
+    """The terrain on a grid seen from above, noise taken out.
+
+    Attributes:
+        points: `[N, 2]` (x, y) [m].
+        heights: `[N]` height of the plane there, or of the mesh where there is no plane [m].
+        levels: `[N, R]` height of every plane there [m]; +inf for walls.
+        labels: `[N]` the plane whose ground this is, -1 for none.
+        weights: `[N]` how much it counts: 0 on walls and chamfers.
+        spacing: distance of the grid's points [m].
+    """
+
+    points: Float[np.ndarray, "N 2"]
+    heights: Float[np.ndarray, " N"]
+    levels: Float[np.ndarray, "N R"]
+    labels: Int[np.ndarray, " N"]
+    weights: Float[np.ndarray, " N"]
+    spacing: float
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A convex part of the plan and the planes that cap it.
+
+    Attributes:
+        bounds: `[B, 3]` lines (a, b, c): inside is a x + b y <= c.
+        members: `[M]` the ground's points in it.
+        planes: `[K]` the planes whose minimum is its top.
+        error: sum of the weighted distances of its points from the top [m].
+        excess: weight of its points farther than the accuracy from the top.
+    """
+
+    bounds: Float[np.ndarray, "B 3"]
+    members: Int[np.ndarray, " M"]
+    planes: Int[np.ndarray, " K"]
+    error: float = 0.0
+    excess: float = 0.0
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A cell with an outline of its own; slabs may run beneath one another.
+
+    Attributes:
+        outline: `[P, 2]` convex, counter-clockwise [m].
+        members: `[M]` the ground's points whose ground it is.
+        planes: `[K]` the planes whose minimum is its top.
+        error: sum of the weighted distances of its points from the top [m].
+        excess: weight of its points farther than the accuracy from the top.
+        uncovered: area of the outline without any ground [m²].
+    """
+
+    outline: Float[np.ndarray, "P 2"]
+    members: Int[np.ndarray, " M"]
+    planes: Int[np.ndarray, " K"]
+    error: float
+    excess: float
+    uncovered: float
+
+
+def make_grid(mesh: trimesh.Trimesh, num_points: int) -> tuple[Float[np.ndarray, "N 2"], float]:
+    """Return about `num_points` points (x, y) over the box around a mesh, and their spacing [m]."""
+    low, high = mesh.bounds[:, :2]
+    spacing = float(np.sqrt(np.prod(high - low) / num_points))
+    return sample_cells(low, high, spacing).reshape(-1, 2), spacing
+
+
+def make_ground(
+    mesh: trimesh.Trimesh, elevation: Elevation, planes: Planes, num_points: int = SLAB_DEFAULTS.num_points
+) -> Ground:
+    """Measure the mesh from above on a grid of about `num_points`; `elevation` is that of the mesh."""
+    points, spacing = make_grid(mesh, num_points)
+    heights, faces = elevation.find_top(points[:, 0], points[:, 1])
+    is_there = faces >= 0
+    points, heights, faces = points[is_there], heights[is_there], faces[is_there]
+    labels = np.asarray(planes.labels[faces])
+    is_wall = planes.normals[:, 2] < STEEP
+    rise = np.where(is_wall, 1.0, planes.normals[:, 2])
+    levels = (planes.offsets - points @ planes.normals[:, :2].T) / rise
+    levels[:, is_wall] = np.inf
+    is_ground = (labels >= 0) & ~np.append(is_wall, True)[labels]
+    heights = np.where(is_ground, levels[np.arange(len(labels)), labels], heights)
+    weights = np.where(is_ground, 1.0, 0.0)
+    return Ground(points, heights, levels, np.where(is_ground, labels, -1), weights, spacing)
+
+
+def make_slabs(
+    mesh: trimesh.Trimesh,
+    elevation: Elevation,
+    planes: Planes,
+    accuracy: float,
+    max_pieces: int,
+    thickness: float,
+    is_exceeded: Callable[[], bool] = never,
+    config: SlabConfig = SLAB_DEFAULTS,
+) -> tuple[list[Slab], list[trimesh.Trimesh]]:
+    """Return convex slabs, and solids, whose union has the terrain as its top; none where there are no planes.
+
+    Args:
+        mesh: open terrain, normals up.
+        elevation: its heights.
+        planes: what `find_planes` found in it.
+        accuracy: distance between cap and ground that is good enough [m].
+        max_pieces: no more than these.
+        thickness: how far the solids reach below the lowest ground [m].
+        is_exceeded: asked now and then; once true, cutting and joining end where they are.
+        config: how it is cut.
+    """
+    if not len(planes.normals):
+        return [], []
+    ground = make_ground(mesh, elevation, planes, config.num_points)
+    lines = find_crease_lines(mesh, planes, STEEP, config.creases)
+    cells = _split(ground, lines, accuracy, max_pieces, is_exceeded, config)
+    slabs = [slab for cell in cells if (slab := _make_slab(mesh, ground, cell)) is not None]
+    slabs = _merge(ground, slabs, config.join_accuracy * accuracy, is_exceeded, config)
+    bottom = float(mesh.vertices[:, 2].min()) - thickness
+    solids = [_make_solid(planes, slab, bottom) for slab in slabs]
+    return slabs, [solid for solid in solids if solid is not None]
+
+
+def _split(
+    ground: Ground,
+    lines: Float[np.ndarray, "C 3"],
+    accuracy: float,
+    max_pieces: int,
+    is_exceeded: Callable[[], bool],
+    config: SlabConfig,
+) -> list[Cell]:
+    """Cut the worst cell along its best line until every cap is accurate or no cut helps."""
+    above = ground.heights[:, None] > ground.levels + accuracy
+    clashes = (above * ground.weights[:, None]).astype(np.float32)
+    everything = _cap(ground, np.zeros((0, 3)), np.arange(len(ground.points)), accuracy, config)
+    most = config.max_cells * max_pieces
+    done, open_cells = [], [everything]
+    while open_cells and len(done) + len(open_cells) < most and not is_exceeded():
+        worst = max(range(len(open_cells)), key=lambda i: open_cells[i].error)
+        cell = open_cells.pop(worst)
+        line = None
+        if cell.excess > config.allow(len(cell.members)):
+            line = _find_best_line(ground, clashes, cell, lines, config.min_gain)
+        if line is None:
+            done.append(cell)
+            continue
+        is_left = ground.points[cell.members] @ line[:2] <= line[2]
+        for side, bound in ((is_left, line), (~is_left, -line)):
+            bounds = np.concatenate([cell.bounds, bound[None]])
+            open_cells.append(_cap(ground, bounds, cell.members[side], accuracy, config))
+    return done + open_cells
+
+
+def _find_best_line(
+    ground: Ground,
+    clashes: Float32[np.ndarray, "N R"],
+    cell: Cell,
+    lines: Float[np.ndarray, "C 3"],
+    min_gain: float,
+) -> Float[np.ndarray, " 3"] | None:
+    """Return the line that parts the most pairs of points of which one lies above the plane of the other."""
+    members = cell.members
+    points, labels, clash = ground.points[members], ground.labels[members], clashes[members]
+    count = clashes.shape[1]
+
+    def count_pairs(is_side: Bool[np.ndarray, " M"]) -> float:
+        owners = labels[is_side]
+        return float(np.bincount(owners[owners >= 0], minlength=count) @ clash[is_side].sum(axis=0))
+
+    best, least = None, min_gain * count_pairs(np.ones(len(members), dtype=bool))
+    for line in lines:
+        is_left = points @ line[:2] <= line[2]
+        if is_left.all() or not is_left.any():
+            continue
+        pairs = count_pairs(is_left) + count_pairs(~is_left)
+        if pairs < least:
+            best, least = line, pairs
+    return best
+
+
+def _cap(
+    ground: Ground,
+    bounds: Float[np.ndarray, "B 3"],
+    members: Int[np.ndarray, " M"],
+    accuracy: float,
+    config: SlabConfig,
+) -> Cell:
+    """Select the planes whose minimum lies closest to the ground's points."""
+    weights = ground.weights[members]
+    heights = ground.heights[members]
+    share = np.bincount(ground.labels[members][weights > 0], minlength=ground.levels.shape[1])
+    planes = np.flatnonzero(share)
+    planes = planes[np.argsort(-share[planes], kind="stable")][: config.max_planes]
+    levels = ground.levels[np.ix_(members, planes)]
+    is_selected = np.zeros(len(planes), dtype=bool)
+    top = np.full(len(members), np.inf)
+    error = np.inf
+    for k in range(len(planes)):
+        lower = np.minimum(top, levels[:, k])
+        lower_error = float(np.sum(weights * np.abs(lower - heights)))
+        if lower_error < error:
+            is_selected[k], top, error = True, lower, lower_error
+    gap = np.abs(top - heights)
+    excess = float(weights[gap > accuracy].sum()) if is_selected.any() else 0.0
+    return Cell(bounds, members, planes[is_selected], error if is_selected.any() else 0.0, excess)
+
+
+def _merge(
+    ground: Ground, slabs: list[Slab], accuracy: float, is_exceeded: Callable[[], bool], config: SlabConfig
+) -> list[Slab]:
+    """Join slabs, best pair first, while one cap serves both and lifts no ground between them."""
+    slabs, few, reach = list(slabs), config.max_pairs_of, config.neighbor_reach * ground.spacing
+    joints: dict[tuple[int, int], Slab] = {}
+    alive = set(range(len(slabs)))
+    new, far = list(combinations(range(len(slabs)), 2)), []
+    while True:
+        if len(alive) <= few:
+            new, far = new + [pair for pair in far if alive.issuperset(pair)], []
+        for i, j in new:
+            if is_exceeded():
+                break
+            if len(alive) > few and not _are_near(slabs[i], slabs[j], reach):
+                far.append((i, j))
+            elif (joint := _join(ground, slabs[i], slabs[j], accuracy, config)) is not None:
+                joints[i, j] = joint
+        joints = {pair: joint for pair, joint in joints.items() if alive.issuperset(pair)}
+        if not joints:
+            return [slabs[k] for k in sorted(alive)]
+        i, j = min(joints, key=lambda pair: joints[pair].error - sum(slabs[k].error for k in pair))
+        alive -= {i, j}
+        slabs.append(joints[i, j])
+        new = [(k, len(slabs) - 1) for k in sorted(alive)]
+        alive.add(len(slabs) - 1)
+
+
+def _are_near(first: Slab, second: Slab, reach: float) -> bool:
+    """Return whether two slabs touch, by the boxes around them, or share a plane."""
+    gap = np.maximum(
+        first.outline.min(axis=0) - second.outline.max(axis=0),
+        second.outline.min(axis=0) - first.outline.max(axis=0),
+    )
+    return bool(gap.max() < reach) or not set(first.planes.tolist()).isdisjoint(second.planes.tolist())
+
+
+def _join(ground: Ground, first: Slab, second: Slab, accuracy: float, config: SlabConfig) -> Slab | None:
+    """Return one slab in place of two; None where one cap does not serve both."""
+    members = np.concatenate([first.members, second.members])
+    allowed = config.allow(min(len(first.members), len(second.members)))
+    limit = first.excess + second.excess + allowed
+    step = max(len(members) // config.preview_points, 1)
+    preview = step * _cap(ground, np.zeros((0, 3)), members[::step], accuracy, config).excess
+    if preview > config.preview_slack * limit + 2 * step:
+        return None
+    outline = find_hull_outline(np.concatenate([first.outline, second.outline]))
+    if outline is None:
+        return None
+    cell = _cap(ground, np.zeros((0, 3)), members, accuracy, config)
+    if cell.excess > limit:
+        return None
+    inside = np.flatnonzero(is_within(outline, ground.points))
+    uncovered = measure_area(outline) - len(inside) * ground.spacing**2
+    if uncovered > first.uncovered + second.uncovered + config.max_uncovered * measure_area(outline):
+        return None
+    is_other = np.ones(len(ground.points), dtype=bool)
+    is_other[members] = False
+    others = inside[is_other[inside]]
+    others = others[ground.weights[others] > 0]
+    top = ground.levels[np.ix_(others, cell.planes)].min(axis=1, initial=np.inf)
+    if (top > ground.heights[others] + config.max_lift * accuracy).sum() > allowed:
+        return None
+    return Slab(outline, members, cell.planes, cell.error, cell.excess, uncovered)
+
+
+def _make_slab(mesh: trimesh.Trimesh, ground: Ground, cell: Cell) -> Slab | None:
+    """Return the slab of a cell; None where there is no ground or no plane in it."""
+    outline = find_outline(mesh, cell.bounds)
+    if outline is None or not len(cell.planes):
+        return None
+    uncovered = measure_area(outline) - is_within(outline, ground.points).sum() * ground.spacing**2
+    return Slab(outline, cell.members, cell.planes, cell.error, cell.excess, float(uncovered))
+
+
+def _make_solid(planes: Planes, slab: Slab, bottom: float) -> trimesh.Trimesh | None:
+    """Return the convex solid under the slab's cap, down to the bottom."""
+    tops = np.column_stack([planes.normals, -planes.offsets])[slab.planes]
+    return make_prism(find_bounds(slab.outline), tops, bottom)

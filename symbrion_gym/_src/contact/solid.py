@@ -1,0 +1,163 @@
+"""From an open surface to a closed solid, and what kind of surface it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from reconstruction._src.geometry.elevation import Elevation
+from reconstruction._src.geometry.sampling import sample_grid
+
+Shape = Literal["terrain", "overhang", "closed"]
+
+
+@dataclass(frozen=True)
+class ShapeConfig:
+    """What counts as a terrain, and how surfaces are closed.
+
+    Attributes:
+        max_overhang: share of the area that may lie beneath other ground in a terrain: folds of a noisy map.
+        min_ground: share of the area that a terrain has in plan, at least; less is nothing but walls.
+        wall_rise: faces whose normal rises less are walls, not hidden ground.
+        hidden_depth: ground this far beneath other ground is hidden, relative to the extent.
+        block_points: points a side of the grid on which a closed body is compared with a block.
+        block_error: share of its volume by which a block may differ from the space beneath its top.
+        underside: faces this close to the lowest level belong to the underside, relative to the height.
+        side_rise: faces whose normal rises less, and that reach the lowest level, are the sides of a block.
+        top_rise: faces whose normal rises less look down: they are no part of the top.
+        max_fans: area of the fans that close holes, relative to the mesh: a tube shorter than 50 radii stays open.
+    """
+
+    max_overhang: float = 0.03
+    min_ground: float = 0.05
+    wall_rise: float = 0.3
+    hidden_depth: float = 0.01
+    block_points: int = 120
+    block_error: float = 0.05
+    underside: float = 1e-3
+    side_rise: float = 0.05
+    top_rise: float = -0.2
+    max_fans: float = 0.02
+
+
+SHAPE_DEFAULTS = ShapeConfig()
+
+
+def find_shape(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig = SHAPE_DEFAULTS) -> Shape:
+    """Tell a terrain (seen whole from above) from an open surface with overhangs and from a closed body.
+
+    A closed body that is a terrain with a flat underside counts as terrain.
+
+    Args:
+        mesh: consistently wound.
+        elevation: its heights.
+        config: what counts as what.
+    """
+    areas, rises = mesh.area_faces, mesh.face_normals[:, 2]
+    if float(areas @ np.abs(rises)) < config.min_ground * float(areas.sum()):
+        return "overhang"  # nothing but walls: there is no ground to follow
+    if not mesh.is_watertight:
+        hidden = _measure_hidden(mesh, elevation, config)
+        return "terrain" if hidden <= config.max_overhang else "overhang"
+    return "terrain" if _is_block(mesh, elevation, config) else "closed"
+
+
+def take_top(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
+    """Return the part of a mesh that is ground or wall, without an underside."""
+    is_top = mesh.face_normals[:, 2] > config.top_rise
+    if mesh.is_watertight:
+        is_top &= ~_find_underside(mesh, config)
+    top = trimesh.Trimesh(mesh.vertices, mesh.faces[is_top], process=False)
+    top.remove_unreferenced_vertices()
+    return top
+
+
+def close_downwards(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
+    """Return a solid: the surface, walls down from its boundary loops, and a copy of it below, flat.
+
+    Args:
+        mesh: open terrain, normals up.
+        thickness: how far the underside lies below the lowest point [m].
+    """
+    bottom = float(mesh.vertices[:, 2].min()) - thickness
+    below = np.array(mesh.vertices)
+    below[:, 2] = bottom
+    return _stitch(mesh, below)
+
+
+def thicken(mesh: trimesh.Trimesh, thickness: float) -> trimesh.Trimesh:
+    """Return a solid: the surface, and a copy of it moved against its normals by `thickness` [m]."""
+    return _stitch(mesh, mesh.vertices - thickness * mesh.vertex_normals)
+
+
+def close_holes(mesh: trimesh.Trimesh, config: ShapeConfig = SHAPE_DEFAULTS) -> trimesh.Trimesh:
+    """Return the mesh with a fan in every hole, if the holes are small against the mesh.
+
+    Args:
+        mesh: a body with holes where it was not seen.
+        config: which holes are small.
+    """
+    rim = find_rim(mesh)
+    if not len(rim):
+        return mesh
+    count = len(mesh.vertices)
+    links = csr_matrix((np.ones(len(rim)), (rim[:, 0], rim[:, 1])), shape=(count, count))
+    _, loop = connected_components(links, directed=False)
+    loops, number = np.unique(loop[rim[:, 0]], return_inverse=True)
+    middles = np.zeros((len(loops), 3))
+    np.add.at(middles, number, mesh.vertices[rim[:, 0]])
+    middles /= np.bincount(number)[:, None]
+    fans = np.column_stack([rim[:, 1], rim[:, 0], count + number])
+    vertices, faces = np.concatenate([mesh.vertices, middles]), np.concatenate([mesh.faces, fans])
+    closed = trimesh.Trimesh(vertices, faces, process=False)
+    return closed if closed.area <= (1.0 + config.max_fans) * mesh.area else mesh
+
+
+def find_rim(mesh: trimesh.Trimesh) -> Int[np.ndarray, "E 2"]:
+    """Return the edges with one face, as that face runs along them."""
+    edges = np.asarray(mesh.faces)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    _, first, number = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
+    return edges[first[number == 1]]
+
+
+def _stitch(mesh: trimesh.Trimesh, other_side: Float[np.ndarray, "V 3"]) -> trimesh.Trimesh:
+    """Return a mesh, turned-over faces on its other side, and a band between their rims."""
+    count = len(mesh.vertices)
+    rim = find_rim(mesh)
+    near = np.stack([rim[:, 1], rim[:, 0], rim[:, 0] + count], axis=1)
+    far = np.stack([rim[:, 1], rim[:, 0] + count, rim[:, 1] + count], axis=1)
+    faces = np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, near, far])
+    return trimesh.Trimesh(np.concatenate([mesh.vertices, other_side]), faces, process=False)
+
+
+def _measure_hidden(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> float:
+    """Return the share of the area that has something else above it; walls do not count."""
+    areas, centers = mesh.area_faces, mesh.triangles_center
+    above = elevation.height(centers[:, 0], centers[:, 1]) - centers[:, 2]
+    is_ground = np.abs(mesh.face_normals[:, 2]) > config.wall_rise
+    is_hidden = is_ground & (above > config.hidden_depth * float(mesh.extents.max()))
+    return float(areas[is_hidden].sum() / areas.sum())
+
+
+def _is_block(mesh: trimesh.Trimesh, elevation: Elevation, config: ShapeConfig) -> bool:
+    """Return whether all between the top, seen from above, and the lowest level is filled."""
+    low, high = mesh.bounds
+    step = float(np.prod((high - low)[:2] / (config.block_points - 1)))
+    points = sample_grid(np.asarray(mesh.bounds), config.block_points, margin=0.0)
+    heights = elevation.height(*points.T)
+    filled = float(np.nansum(heights - low[2])) * step
+    return filled > 0 and bool(abs(mesh.volume / filled - 1.0) < config.block_error)
+
+
+def _find_underside(mesh: trimesh.Trimesh, config: ShapeConfig) -> Bool[np.ndarray, " F"]:
+    """Return which faces lie at the lowest level, or are vertical and reach down to it."""
+    level = mesh.bounds[0, 2] + config.underside * np.ptp(mesh.bounds[:, 2])
+    is_low = mesh.triangles[:, :, 2] < level
+    is_side = np.abs(mesh.face_normals[:, 2]) < config.side_rise
+    return is_low.all(axis=1) | (is_low.any(axis=1) & is_side)

@@ -1,0 +1,249 @@
+"""Quality in terms of the scan: do the scanner's beams end where they ended, and is what it saw to be free still free.
+
+A distance between two surfaces does not tell on which side of a wall the solid is. The beams do: on contact geometry
+that grew towards the scanner they end too early, and the free space that they passed lies inside a piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+from reconstruction._src.geometry.elevation import Elevation
+from symbrion_gym._src.contact.inside import find_depths
+from symbrion_gym._src.contact.kinds import HeightField
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.contact.ray_mesh import RayMesh
+from symbrion_gym._src.errors import ArenaError
+
+_GOLDEN_RATIO = 0.61803398875
+"""Its fractional part: offsets of successive beams this far apart fill the interval evenly."""
+
+
+@dataclass(frozen=True)
+class VisibilityConfig:
+    """Configuration of the check of an arena by the beams of its scan.
+
+    Attributes:
+        reach: a beam that ends no farther from its reading ends there [m]; 5 cm is a step that a Scout feels.
+        max_beams: readings that are checked at most, drawn at random; 20,000 give a share to 0.4 percentage points.
+        samples: points per beam at which free space is checked; with 16, one every 50 cm of a beam of 8 m.
+        end_share: the checked part of a beam ends at this share of its range, because a beam that grazes the ground
+            is within the noise of it long before its reading ...
+        end_margin: ... and at least this far before it [m], because readings and contact have errors.
+        least_range: shorter beams are left out [m]: the scanner hit its own carrier.
+        candidates: nearest viewpoints that are tried for a reading whose own is unknown, until one sees it.
+
+    Raises:
+        ArenaError: a field is out of range.
+    """
+
+    reach: float = 0.05
+    max_beams: int = 20_000
+    samples: int = 16
+    end_share: float = 0.95
+    end_margin: float = 0.10
+    least_range: float = 0.05
+    candidates: int = 8
+
+    def __post_init__(self) -> None:
+        for name in ("max_beams", "samples", "candidates"):
+            if not getattr(self, name) >= 1:
+                raise ArenaError(f"{name} is {getattr(self, name)}; 1 or more is needed")
+        for name in ("reach", "least_range"):
+            if not getattr(self, name) > 0:
+                raise ArenaError(f"{name} is {getattr(self, name)}; more than 0 is needed")
+        if not 0 < self.end_share <= 1:
+            raise ArenaError(f"end_share is {self.end_share}; a share above 0 and up to 1 is needed")
+        if not self.end_margin >= 0:
+            raise ArenaError(f"end_margin is {self.end_margin}; 0 or more is needed")
+
+
+class Beams(NamedTuple):
+    """Readings with the places that they were seen from.
+
+    Attributes:
+        origins: viewpoint of each reading [m].
+        directions: unit vectors to the readings.
+        ranges: distances of the readings [m].
+    """
+
+    origins: Float[np.ndarray, "R 3"]
+    directions: Float[np.ndarray, "R 3"]
+    ranges: Float[np.ndarray, " R"]
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """Shares that compare an arena with the beams of its scan.
+
+    Attributes:
+        beams_contact: share of beams that end on contact geometry within reach of their reading; a beam whose
+            viewpoint is inside a piece does not.
+        beams_surface: the same on the surface.
+        free_space: share of the points along the beams, before the reading, that are inside contact geometry.
+        num_beams: number of beams.
+    """
+
+    beams_contact: float
+    beams_surface: float
+    free_space: float
+    num_beams: int
+
+
+def measure_visibility(
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "*K 3"],
+    seen_from: Int[np.ndarray, " M"] | None,
+    contact: Sequence[trimesh.Trimesh] | HeightField,
+    surface: trimesh.Trimesh,
+    config: VisibilityConfig | None = None,
+) -> Visibility | None:
+    """Compare an arena with the beams of its scan; equal arguments give equal shares.
+
+    Args:
+        points: readings [m].
+        viewpoints: places of the scanner [m].
+        seen_from: index of each reading's viewpoint; None: the nearest one from which the surface does not hide it.
+        contact: convex pieces, or the height field in their place.
+        surface: what the contact stands for.
+        config: what counts as free and as an end.
+
+    Returns:
+        None where there is no beam: no readings, no viewpoint, or all readings too near.
+
+    Raises:
+        ArenaError: `seen_from` does not go with the points or the viewpoints.
+    """
+    config = config or VisibilityConfig()
+    on_surface = RayMesh([surface])
+    beams = find_beams(points, viewpoints, seen_from, on_surface, config)
+    if not len(beams.ranges):
+        return None
+    is_field = isinstance(contact, HeightField)
+    on_contact = RayMesh([contact.as_mesh()] if is_field else contact)
+    ends = on_contact.cast(beams.origins, beams.directions)
+    starts, group = np.unique(beams.origins, axis=0, return_inverse=True)
+    is_solid = _is_solid(np.concatenate([starts, _sample_free_space(beams, config)]), contact)
+    ends[is_solid[: len(starts)][group.ravel()]] = 0.0
+    return Visibility(
+        beams_contact=_find_share(np.abs(ends - beams.ranges) <= config.reach),
+        beams_surface=_find_share(
+            np.abs(on_surface.cast(beams.origins, beams.directions) - beams.ranges) <= config.reach
+        ),
+        free_space=_find_share(is_solid[len(starts) :]),
+        num_beams=len(beams.ranges),
+    )
+
+
+def add_visibility(quality: ArenaQuality, visibility: Visibility | None) -> ArenaQuality:
+    """Return the quality of an arena with the shares of beams and free space; as it is where there are none."""
+    if visibility is None:
+        return quality
+    return replace(
+        quality,
+        beams_contact=visibility.beams_contact,
+        beams_surface=visibility.beams_surface,
+        free_space=visibility.free_space,
+    )
+
+
+def find_beams(
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "*K 3"],
+    seen_from: Int[np.ndarray, " M"] | None,
+    surface: RayMesh,
+    config: VisibilityConfig,
+) -> Beams:
+    """Return the beams of at most `max_beams` readings.
+
+    Args:
+        points: readings [m].
+        viewpoints: places of the scanner [m].
+        seen_from: index of each reading's viewpoint, where known.
+        surface: hides readings from viewpoints.
+        config: number of beams, shortest range.
+
+    Raises:
+        ArenaError: `seen_from` does not go with the points or the viewpoints.
+    """
+    viewpoints = np.asarray(viewpoints, dtype=np.float64).reshape(-1, 3)
+    if seen_from is not None:
+        _check_indices(seen_from, len(points), len(viewpoints))
+    if not len(viewpoints):
+        points = points[:0]
+    if len(points) > config.max_beams:
+        chosen = np.sort(np.random.default_rng(0).choice(len(points), config.max_beams, replace=False))
+        points, seen_from = points[chosen], None if seen_from is None else seen_from[chosen]
+    points = np.asarray(points, dtype=np.float64)
+    if seen_from is None:
+        seen_from = _find_viewpoints(points, viewpoints, surface, config)
+    origins = viewpoints[seen_from]
+    ranges = np.linalg.norm(points - origins, axis=1)
+    is_beam = ranges >= config.least_range
+    origins, ranges = origins[is_beam], ranges[is_beam]
+    return Beams(origins, (points[is_beam] - origins) / ranges[:, None], ranges)
+
+
+def _check_indices(seen_from: Int[np.ndarray, " M"], num_points: int, num_viewpoints: int) -> None:
+    if len(seen_from) != num_points:
+        raise ArenaError(
+            f"seen_from has {len(seen_from)} entries for {num_points} points; one each is needed"
+        )
+    if len(seen_from) and not (seen_from.min() >= 0 and seen_from.max() < num_viewpoints):
+        raise ArenaError(
+            f"seen_from names viewpoints {seen_from.min()} to {seen_from.max()}; there are {num_viewpoints}, from 0 on"
+        )
+
+
+def _find_viewpoints(
+    points: Float[np.ndarray, "N 3"],
+    viewpoints: Float[np.ndarray, "K 3"],
+    surface: RayMesh,
+    config: VisibilityConfig,
+) -> Int[np.ndarray, " N"]:
+    """Return the nearest viewpoint from which the surface hides a point by no more than the reach; else the nearest."""
+    if len(viewpoints) <= 1 or not len(points):
+        return np.zeros(len(points), dtype=np.int64)
+    count = min(config.candidates, len(viewpoints))
+    nearest = cKDTree(viewpoints).query(points, k=list(range(1, count + 1)))[1]
+    found = nearest[:, 0].astype(np.int64)
+    hidden = np.arange(len(points))
+    for rank in range(count):
+        tried = nearest[hidden, rank]
+        ways = points[hidden] - viewpoints[tried]
+        ranges = np.maximum(np.linalg.norm(ways, axis=1), config.least_range)
+        is_seen = surface.cast(viewpoints[tried], ways / ranges[:, None]) >= ranges - config.reach
+        found[hidden[is_seen]] = tried[is_seen]
+        hidden = hidden[~is_seen]
+    return found
+
+
+def _sample_free_space(beams: Beams, config: VisibilityConfig) -> Float[np.ndarray, "S 3"]:
+    """Return points at even distances along the beams, up to some way before the readings."""
+    ends = np.minimum(config.end_share * beams.ranges, beams.ranges - config.end_margin)
+    is_long = ends > 0
+    offsets = np.arange(len(ends)) * _GOLDEN_RATIO % 1.0
+    shares = (np.arange(config.samples) + offsets[:, None]) / config.samples
+    ways = (ends[:, None] * shares)[is_long]
+    points = beams.origins[is_long, None] + ways[..., None] * beams.directions[is_long, None]
+    return points.reshape(-1, 3)
+
+
+def _is_solid(
+    points: Float[np.ndarray, "N 3"], contact: Sequence[trimesh.Trimesh] | HeightField
+) -> np.ndarray:
+    """Return whether points are inside a piece, or below a height field."""
+    if isinstance(contact, HeightField):
+        return points[:, 2] < Elevation(contact.as_mesh()).height(points[:, 0], points[:, 1])
+    return find_depths(points, contact) > 0
+
+
+def _find_share(is_so: np.ndarray) -> float:
+    return float(is_so.mean()) if len(is_so) else 0.0

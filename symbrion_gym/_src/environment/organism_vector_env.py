@@ -1,0 +1,365 @@
+"""The environment many at once: one `mujoco.batch.Batch` steps all simulations on threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from mujoco.batch import Batch
+
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.episodes import Episodes, Start, Ticks
+from symbrion_gym._src.environment.models import IndividualModels, SharedModel
+from symbrion_gym._src.environment.observation import add_noise
+from symbrion_gym._src.environment.organism_env import OrganismEnv, make_spaces
+from symbrion_gym._src.environment.randomization import (
+    Domain,
+    apply_domain,
+    draw_domain,
+    make_nominal_domain,
+    split_options,
+)
+from symbrion_gym._src.environment.rendering import RENDER_MODES, SceneRenderer
+from symbrion_gym._src.environment.world import World
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.tasks.terms import BASE_FLAGS
+
+_DIVERGED = BASE_FLAGS.index("diverged")
+
+
+class OrganismVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many `OrganismEnv` at once, equal to them to the bit for equal seeds and actions.
+
+    Made by `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")` or directly. It takes the
+    options of `OrganismEnv`, all simulations having the same arena and organism, and these:
+
+    | argument            | meaning                                                            |
+    |---------------------|--------------------------------------------------------------------|
+    | `num_envs`          | how many simulations                                               |
+    | `num_threads`       | threads that step them; as many as there are processors by default |
+    | `autoreset_mode`    | Gymnasium's; "NextStep" by default                                 |
+    | `max_episode_steps` | truncates sooner than `duration`                                   |
+    | `stretches`         | values of `stretch`, of which the reset option `stretch` selects one |
+
+    With "Disabled", a simulation that is done stands still, costs nothing and keeps its last `info` until it
+    is reset with `options={"reset_mask": ...}`.
+
+    With `timers`, `symbrion_gym.timing(envs.batch)` reads MuJoCo's timers; `info` does not hold them.
+
+    Reset options are those of `OrganismEnv`. A number or a tuple (low, high) goes to all, an array or a list
+    gives each simulation its own; they also hold for the automatic resets that follow. Generators are one
+    per simulation, seeded `seed + i`, or `seed[i]` where a list is given.
+    """
+
+    metadata = {**OrganismEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        num_threads: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        width: int = 640,
+        height: int = 400,
+        stretches: Sequence[float] | None = None,
+        **options: Any,
+    ) -> None:
+        for name, value in (("num_envs", num_envs), ("num_threads", num_threads or 1)):
+            if int(value) != value or value < 1:
+                raise OptionError(f"{name} must be a whole number above 0, got {value}")
+        if render_mode not in (None, *RENDER_MODES[1:]):
+            raise OptionError(f"no render mode {render_mode!r}; there are: {', '.join(RENDER_MODES[1:])}")
+        self.config = EnvironmentConfig.from_options(options)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {
+            **self.metadata,
+            "autoreset_mode": self.autoreset_mode,
+            "render_fps": round(1.0 / self.config.dt),
+        }
+        self.render_mode, self._image_size = render_mode, (width, height)
+        self.num_envs = int(num_envs)
+        if stretches and render_mode is not None:
+            raise OptionError("there are no images of several stretches; give one `stretch`")
+        self._stretches = tuple(map(float, stretches or (self.config.stretch,)))
+        configs = [replace(self.config, stretch=stretch) for stretch in self._stretches]
+        self._worlds = [World(config, (width, height)) for config in configs]
+        self.world = self._worlds[0]
+        self.model = self.world.model
+        self._max_ticks = max_episode_steps
+        self._episodes = Episodes(self.world, self.num_envs)
+        self._info_names = self._episodes.number_names + self._episodes.flag_names
+        self._mask_names = tuple(f"_{name}" for name in self._info_names)
+        self._selected = [0] * self.num_envs
+        self._make_batch(min(num_threads or os.cpu_count() or 1, self.num_envs))
+        self.observation_structure = self._episodes.observer.structure
+        self.single_action_space, self.single_observation_space = make_spaces(self._episodes)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self._nominal = make_nominal_domain(self.world)
+        self._rngs: list[np.random.Generator] = []
+        self._domains = [self._nominal] * self.num_envs
+        self._options: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        self._is_done = np.ones(self.num_envs, dtype=bool)
+        self._renderers: list[tuple[mujoco.MjData, SceneRenderer]] = []
+
+    def _make_batch(self, num_threads: int) -> None:
+        self.batch = Batch(self.model, self.num_envs, num_threads, persistent=self.config.timers)
+        is_alone = len(self._worlds) == 1
+        self._models = (
+            SharedModel(self.batch, self.world) if is_alone else IndividualModels(self.batch, self._worlds)
+        )
+        self._qpos, self._control = self.batch.bind("qpos"), self.batch.bind("ctrl")
+        self._physics = self.world.view(self.batch.bind)
+
+    def _refresh(self) -> None:
+        if not self.world.is_sliced:
+            self._physics = self.world.view(self.batch.bind)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Lay the organisms down at their starts.
+
+        Args:
+            seed: environment i gets `seed + i`, or `seed[i]`.
+            options: see the class; `reset_mask`, `[num_envs]` of truth values, resets only some.
+
+        Raises:
+            OptionError: an unknown option, or not one value for each simulation.
+        """
+        options = dict(options or {})
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)), dtype=bool)
+        if mask.shape != (self.num_envs,):
+            raise OptionError(
+                f"reset_mask has shape {mask.shape}; give one value for each of {self.num_envs}"
+            )
+        rows = [int(row) for row in np.flatnonzero(mask)]
+        self._seed(seed, rows)
+        self._select(options.pop("stretch", None), rows)
+        split = split_options(options, self.num_envs)
+        for row in rows:
+            self._options[row] = split[row]
+        domains = self._begin(rows)
+        info = self._make_info(mask)
+        for name in Domain._fields:
+            values = np.zeros(self.num_envs)
+            values[rows] = [getattr(domain, name) for domain in domains]
+            info[name], info[f"_{name}"] = values, mask
+        return self._add_noise(self._episodes.observe(self._physics), mask), info
+
+    def _select(self, stretch: Any, rows: list[int]) -> None:
+        """Select the worlds in which simulations begin from now on."""
+        if stretch is None:
+            return
+        for row in rows:
+            wanted = stretch if np.ndim(stretch) == 0 else stretch[row]
+            if wanted not in self._stretches:
+                raise OptionError(f"stretch must be one of {self._stretches}, got {wanted!r}")
+            self._selected[row] = self._stretches.index(wanted)
+
+    def _seed(self, seed: int | Sequence[int | None] | None, rows: list[int]) -> None:
+        if not self._rngs:
+            self._rngs = [seeding.np_random(None)[0] for _ in range(self.num_envs)]
+        if seed is None:
+            return
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        if len(seeds) != self.num_envs:
+            raise OptionError(f"{len(seeds)} seeds for {self.num_envs} environments; give one each")
+        for row in rows:
+            one = seeds[row]
+            if one is not None:
+                self._rngs[row] = seeding.np_random(int(one))[0]
+
+    def _begin(self, rows: list[int]) -> list[Domain]:
+        """Lay down the organisms of some simulations; return their circumstances."""
+        domains = []
+        self.batch.reset(rows, stage=0)
+        for row in rows:
+            wanted = {**self.world.task.start.randomize(), **self.config.randomize, **self._options[row]}
+            domain = draw_domain(
+                self._nominal._asdict(), wanted, self._rngs[row], has_patches=len(self.world.patch_geoms) > 0
+            )
+            world = self._worlds[self._selected[row]]
+            apply_domain(world, self._models.select(row, self._selected[row]), domain)
+            self._qpos[row] = world.lay_down(
+                domain.start_offset, domain.start_lateral, domain.yaw, domain.roll
+            )
+            target, speed = self._qpos[[row]][:, world.hinge_qpos], np.full((1, 1), domain.track_speed)
+            world.write_control(self._control[row : row + 1], target, speed)
+            domains.append(domain)
+        for row, domain in zip(rows, domains, strict=True):
+            self._domains[row] = domain
+        self._models.commit()
+        self.batch.forward(rows)
+        self._refresh()
+        starts = [
+            Start(row, domain.track_speed, self._worlds[self._selected[row]].scene)
+            for row, domain in zip(rows, domains, strict=True)
+        ]
+        self._episodes.begin(self._physics, starts)
+        self._is_done[rows] = False
+        return domains
+
+    def step(
+        self, actions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Move the targets of the hinges and let a tick pass in every simulation that is not done.
+
+        Raises:
+            OptionError: actions of another shape.
+        """
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != self.action_space.shape:
+            raise OptionError(f"actions have shape {self.action_space.shape}, got {actions.shape}")
+        was_done, active = self._is_done, ~self._is_done
+        reward, terminated, truncated, _ = self._advance(actions, active)
+        ended = terminated | truncated
+        has_ended = np.count_nonzero(ended) > 0
+        self._is_done = was_done | ended
+        info = self._make_info(active)
+        observation = self._add_noise(self._episodes.observe(self._physics), active)
+        if has_ended:
+            diverged = np.flatnonzero(self._episodes.flags[_DIVERGED] & ended)
+            if len(diverged):
+                self.batch.reset(diverged)
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and was_done.any():
+            observation = self._restart(was_done, observation)
+        elif self.autoreset_mode is AutoresetMode.SAME_STEP and has_ended:
+            final = np.full(self.num_envs, None, dtype=object)
+            for row in np.flatnonzero(ended):
+                final[row] = observation[row].copy()
+            kept = {name: info[name] for name in self._info_names}
+            observation = self._restart(ended, observation)
+            info = {**self._make_info(active), "final_obs": final, "_final_obs": ended}
+            info |= {"final_info": {**kept, **{f"_{name}": ended for name in kept}}, "_final_info": ended}
+        return observation, reward, terminated, truncated, info
+
+    def _advance(self, actions: np.ndarray, active: np.ndarray) -> Ticks:
+        """Step the physics of the active simulations; return how the tick ended in each."""
+        episodes = self._episodes
+        count = np.count_nonzero(active)
+        if count:
+            some = None if count == self.num_envs else active
+            target, speed = episodes.command(actions, some)
+            self.world.write_control(self._control, target, speed)
+            if episodes.num_tracks:
+                self._models.write_track_speed(speed)
+            self.batch.step(some, nstep=self.config.frame_skip)
+            self._refresh()
+        ticks = episodes.finish_tick(self._physics, None if count == self.num_envs else active)
+        ticks = ticks._replace(terminated=ticks.terminated.copy(), truncated=ticks.truncated.copy())
+        if self._max_ticks is not None:
+            limit = (self._max_ticks - 0.5) * self.config.dt
+            has_timed_out = active & (episodes.state.time > limit)
+            np.copyto(ticks.truncated, ~ticks.terminated, where=has_timed_out)
+        return ticks
+
+    def _restart(self, mask: np.ndarray, observation: np.ndarray) -> np.ndarray:
+        rows = np.flatnonzero(mask).tolist()
+        self._begin(rows)
+        fresh = self._add_noise(self._episodes.observe(self._physics), mask)
+        return np.where(mask[:, None], fresh, observation)
+
+    def _make_info(self, mask: np.ndarray) -> dict[str, Any]:
+        """Return `info` with Gymnasium's `_name` masks: which simulations a value belongs to."""
+        episodes = self._episodes
+        info: dict[str, Any] = dict(zip(episodes.number_names, episodes.numbers.copy(), strict=True))
+        info.update(zip(episodes.flag_names, episodes.flags.copy(), strict=True))
+        return info | dict.fromkeys(self._mask_names, mask)
+
+    def _add_noise(self, observation: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        if self.config.noise:
+            for row in np.flatnonzero(mask):
+                observer = self._episodes.observer
+                observation[row] = add_noise(observation[row], observer, self._rngs[row])
+        return observation
+
+    def read_records(self, row: int) -> dict[str, Any]:
+        """Return what the option `recorders` kept of the episode of a simulation, until its next one begins."""
+        return self._episodes.read_records(row)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """Return an attribute of every sub-environment: its own `domain` and `np_random`, all else is shared.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        own = {"domain": self._domains, "np_random": self._rngs, "unwrapped": [self] * self.num_envs}
+        if name in own:
+            return tuple(own[name])
+        single = f"single_{name}" if name in ("action_space", "observation_space") else name
+        return (getattr(self, single),) * self.num_envs
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method, or read an attribute, of every sub-environment.
+
+        `read_records` answers for each; what all share is called once.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        if name == "render":
+            return self.render() or (None,) * self.num_envs
+        if name == "read_records":
+            return tuple(self.read_records(row) for row in range(self.num_envs))
+        found = self.get_attr(name)
+        return (found[0](*args, **kwargs),) * self.num_envs if callable(found[0]) else found
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute: of every sub-environment its `np_random`, all else for all of them together.
+
+        Args:
+            name: name of the attribute.
+            values: one value for all, or a list or tuple with one for each.
+
+        Raises:
+            OptionError: not one value for each, or different ones for what all share.
+        """
+        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
+        if len(each) != self.num_envs:
+            raise OptionError(f"{name}: {len(each)} values for {self.num_envs} environments; give one each")
+        if name == "np_random":
+            self._rngs = each
+            return
+        if any(value is not each[0] and value != each[0] for value in each):
+            raise OptionError(f"all simulations share {name!r}; give one value for all of them")
+        setattr(self, name, each[0])
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Return one image per simulation in the render mode; None without one."""
+        if self.render_mode is None:
+            return None
+        if not self._renderers:
+            length = self.world.num_modules * self.world.organism.scout.pitch
+            data = mujoco.MjData(self.model)
+            for _ in range(self.num_envs):
+                renderer = SceneRenderer(
+                    self.model,
+                    data,
+                    *self._image_size,
+                    length,
+                    self.world.route.heading,
+                    quality=self.world.arena.quality,
+                )
+                self._renderers.append((data, renderer))
+        frames = []
+        for row, (data, renderer) in enumerate(self._renderers):
+            self.batch.get_data(row, data)
+            mujoco.mj_forward(self.model, data)
+            renderer.follow(self._physics.position[row])
+            frames.append(renderer.render(self.render_mode))
+        return tuple(frames)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free what images need."""
+        for _, renderer in self._renderers:
+            renderer.close()
+        self._renderers = []

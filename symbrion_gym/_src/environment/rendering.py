@@ -1,0 +1,214 @@
+"""Images of a simulation: light, sky and a camera that follows the organism."""
+
+from __future__ import annotations
+
+import copy
+import logging
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP, SURFACE_GROUP
+from symbrion_gym._src.contact.quality import ArenaQuality
+from symbrion_gym._src.environment.sight import Sight, View
+from symbrion_gym._src.headless import has_display
+from symbrion_gym._src.robot.scout_look import VISUAL_GROUP
+
+RENDER_MODES = ("human", "rgb_array", "depth_array", "rgbd_tuple")
+logger = logging.getLogger(__name__)
+_MAX_GEOMS = 4000
+"""Geoms that an image can hold, beside those of the model."""
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """Where the camera stands, and how it follows. It changes images alone.
+
+    Attributes:
+        lag: time after which the camera has gone two thirds of the way to the organism [s]; longer is smoother.
+        distance: from the organism [m] ...
+        distance_per_length: ... and per meter of its length, so that all of it is seen.
+        azimuth: relative to the heading of the route [deg]; 90 is from its right side, more looks back.
+        elevation: negative looks down [deg].
+        nearest: what is nearer to the camera is not drawn [m]; in large scenes MuJoCo would leave out more.
+        contact_gap: the contact geometry of the arena is drawn over its surface where its 95th percentile is farther
+            off than this [m], a step that is seen in the image; inf never draws it.
+        contact_uncovered: likewise where more than this share of the surface has no contact.
+        contact_opacity: how much of the surface contact hides, from 0 to 1.
+    """
+
+    lag: float = 0.5
+    distance: float = 0.75
+    distance_per_length: float = 0.95
+    azimuth: float = 105.0
+    elevation: float = -18.0
+    nearest: float = 0.03
+    contact_gap: float = 0.02
+    contact_uncovered: float = 0.01
+    contact_opacity: float = 0.35
+
+    def shows_contact(self, quality: ArenaQuality) -> bool:
+        """Return whether the contact of an arena differs visibly from its surface."""
+        return quality.p95 > self.contact_gap or (
+            np.isfinite(self.contact_gap) and quality.uncovered > self.contact_uncovered
+        )
+
+
+def add_scene(spec: mujoco.MjSpec, width: int, height: int) -> None:
+    """Add sky, soft light and room for images of the given size [pixel] to a model under construction."""
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.80, 0.88, 0.95],
+        rgb2=[0.35, 0.45, 0.58],
+        width=256,
+        height=256,
+    )
+    visual = spec.visual
+    visual.headlight.ambient = [0.40, 0.40, 0.40]
+    visual.headlight.diffuse = [0.35, 0.35, 0.35]
+    visual.headlight.specular = [0.10, 0.10, 0.10]
+    visual.quality.shadowsize = 4096
+    visual.quality.offsamples = 8
+    visual.map.znear = 0.005
+    getattr(visual, "global").offwidth = max(width, 640)
+    getattr(visual, "global").offheight = max(height, 480)
+
+
+class SceneRenderer:
+    """Renders one simulation off screen, or in a window.
+
+    Attributes:
+        camera: looks at the organism from the side; may be changed between images. Where something of the arena hides
+            the organism from it, an image is taken from the nearest direction that is free.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        width: int,
+        height: int,
+        length: float,
+        heading: float,
+        config: CameraConfig | None = None,
+        quality: ArenaQuality | None = None,
+    ) -> None:
+        """Prepare; windows and graphics contexts are made at the first image.
+
+        Args:
+            model: what is drawn.
+            data: its state.
+            width: width of an image [pixel].
+            height: height of an image [pixel].
+            length: length of the organism [m]; sets how far away the camera stays.
+            heading: heading of the route [rad]; the camera stands to its right.
+            config: configuration of the camera; None for the defaults.
+            quality: quality of the arena: its contact is drawn, translucent, where it differs visibly from the
+                surface; None never draws it.
+        """
+        config = config or CameraConfig()
+        self._lag = config.lag
+        model.vis.map.znear = min(model.vis.map.znear, config.nearest / max(model.stat.extent, 1e-6))
+        self._model, self._data, self._size = model, data, (width, height)
+        self._renderer: mujoco.Renderer | None = None
+        self._window: Any = None
+        self.camera = mujoco.MjvCamera()
+        self.camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+        self.camera.distance = config.distance + config.distance_per_length * length
+        self.camera.azimuth = config.azimuth + np.degrees(heading)
+        self.camera.elevation = config.elevation
+        self._sight = Sight(model, data)
+        self._view: View | None = None
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = 0
+        self._option.geomgroup[[0, VISUAL_GROUP, SURFACE_GROUP]] = 1
+        if quality is not None and config.shows_contact(quality):
+            self._option.geomgroup[CONTACT_GROUP] = 1
+            model.geom_rgba[model.geom_group == CONTACT_GROUP, 3] = config.contact_opacity
+        self._option.sitegroup[:] = 0
+        self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
+        self._middle: np.ndarray | None = None
+        self._position: np.ndarray | None = None
+        self._time = 0.0
+        self._has_warned = False
+
+    def follow(self, position: Float[np.ndarray, "n 3"], at_once: bool = False) -> None:
+        """Move the camera towards the middle of the modules [m]."""
+        middle, self._position = np.mean(position, axis=0), np.array(position)
+        passed = self._data.time - self._time
+        self._time = self._data.time
+        if self._middle is None or at_once or passed < 0.0:
+            self._middle = middle
+        self._middle = self._middle + (1.0 - np.exp(-passed / self._lag)) * (middle - self._middle)
+        self.camera.lookat[:] = self._middle
+
+    def _find_free_camera(self) -> mujoco.MjvCamera:
+        """Return the camera, turned to the nearest direction from which nothing hides the organism."""
+        wanted = View(self.camera.azimuth, self.camera.elevation, self.camera.distance)
+        self._view = self._sight.find_view(self.camera.lookat, wanted, self._view, self._position)
+        camera = copy.copy(self.camera)
+        camera.azimuth, camera.elevation, camera.distance = self._view
+        return camera
+
+    def render(self, mode: str) -> Any:
+        """Return an image: `[H, W, 3]` bytes, depth `[H, W]` [m], both, or None for a window."""
+        if mode == "human":
+            return self._render_window()
+        if self._renderer is None:
+            width, height = self._size
+            self._renderer = mujoco.Renderer(
+                self._model, height, width, max_geom=self._model.ngeom + _MAX_GEOMS
+            )
+        renderer = self._renderer
+        renderer.update_scene(self._data, self._find_free_camera(), self._option)
+        images = []
+        if mode in ("rgb_array", "rgbd_tuple"):
+            images.append(renderer.render().copy())
+        if mode in ("depth_array", "rgbd_tuple"):
+            renderer.enable_depth_rendering()
+            images.append(renderer.render().copy())
+            renderer.disable_depth_rendering()
+        return tuple(images) if mode == "rgbd_tuple" else images[0]
+
+    def _render_window(self) -> None:
+        if not has_display():
+            self._warn_once("no display: the window is left out; render_mode='rgb_array' works without one")
+            return
+        if self._window is None:
+            from mujoco import viewer
+
+            try:
+                self._window = viewer.launch_passive(
+                    self._model, self._data, show_left_ui=False, show_right_ui=False
+                )
+            except RuntimeError as error:  # on macOS the window needs MuJoCo's own interpreter, mjpython
+                self._warn_once(
+                    f"the window is left out ({error}); render_mode='rgb_array' works without one"
+                )
+                return
+            with self._window.lock():
+                self._window.opt.geomgroup[:] = self._option.geomgroup
+                for name in ("distance", "azimuth", "elevation"):
+                    setattr(self._window.cam, name, getattr(self.camera, name))
+        with self._window.lock():
+            self._window.cam.lookat[:] = self.camera.lookat
+        self._window.sync()
+
+    def _warn_once(self, message: str) -> None:
+        if not self._has_warned:
+            logger.warning(message)
+        self._has_warned = True
+
+    def close(self) -> None:
+        """Free the graphics context and close the window."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        if self._window is not None:
+            self._window.close()
+            self._window = None

@@ -1,0 +1,281 @@
+"""An organism in an arena, compiled: the model, and what is where in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from reconstruction._src.geometry.pose import PlanarPose
+from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
+from symbrion_gym._src.arenas.friction_pieces import find_piece_patches
+from symbrion_gym._src.arenas.spec import CONTACT_GROUP as ARENA_CONTACT_GROUP
+from symbrion_gym._src.arenas.spec import PATCH_PRIORITY
+from symbrion_gym._src.arenas.stretch import stretch_arena
+from symbrion_gym._src.environment.arena_and_organism import find_arena, find_organism
+from symbrion_gym._src.environment.config import EnvironmentConfig
+from symbrion_gym._src.environment.laying import LIFT, GroundPlacement
+from symbrion_gym._src.environment.rendering import add_scene
+from symbrion_gym._src.environment.settling import Settler, find_depth
+from symbrion_gym._src.environment.tumbling import tumble
+from symbrion_gym._src.robot.organism_sensors import add_sensors
+from symbrion_gym._src.robot.tracks import find_driven_wheels, find_wheel_radius, limit_wheels
+from symbrion_gym._src.tasks.scene import Scene
+
+_SUNK = 0.005
+"""A snake that follows a line on the ground may reach this deep into what rises beside the line; else it is settled as
+other bodies are [m]."""
+_STIFFNESS = 10.0
+"""Of friction against that of contacts, of elliptic cones: a snake at rest on 20° creeps by 0.02 mm/s, not by 0.28."""
+_TIPPED = 0.1
+"""A lone module that turns by more as it settles was not at rest on its line, but about to tip over an edge [rad]."""
+_SAME = 1e-9
+"""Numbers closer than this are equal but for rounding."""
+
+
+class Physics(NamedTuple):
+    """The state of N simulations, as live views or copies.
+
+    Attributes:
+        qpos: generalized coordinates.
+        qvel: their velocities.
+        position: centers of the modules [m], one physics step behind qpos.
+        rotation: their rotation matrices, row by row, likewise.
+        sensordata: readings of MuJoCo's sensors, likewise.
+        actuator_force: forces of the hinges [N m], then of the wheels, likewise.
+    """
+
+    qpos: Float[np.ndarray, "N nq"]
+    qvel: Float[np.ndarray, "N nv"]
+    position: Float[np.ndarray, "N n 3"]
+    rotation: Float[np.ndarray, "N n 9"]
+    sensordata: Float[np.ndarray, "N S"]
+    actuator_force: Float[np.ndarray, "N nu"]
+
+
+class World:
+    """A compiled arena with an organism in it.
+
+    Attributes:
+        config: the options.
+        arena: arena of the simulation.
+        organism: organism in it.
+        task: what is to be done.
+        scene: the arena with the way of the task.
+        route: the way to go.
+        map_route: the way as the map has it, without `stretch`.
+        model: the compiled model; change a copy, as simulations share it.
+        friction: sliding friction of the robot on the ground, outside of friction patches.
+        modules: ids of the modules' bodies, or of their sites, a slice where they follow each other.
+        is_by_site: whether the modules are found by their sites, as some share a body.
+        hinge_qpos: addresses of the joints in qpos, `[h]`: hinges, then rotations of arms if modules have two joints.
+        hinge_dof: their addresses in qvel, `[h]`.
+        is_sliced: whether `modules` is a slice, so that a view stays live.
+        wheel_radius: radius of the driven wheels or spheres [m].
+        robot_geoms: ids of the geoms of the robot that touch.
+        patch_geoms: ids of the contact pieces in friction patches; none where there is one friction for all.
+        hinge_servos: ids of their actuators, `[h]`.
+        servo_range: largest angles that those hold, `[h]` [rad].
+        servo_torque: their largest torques, `[h]` [N m].
+        wheel_servos: ids of the wheels' actuators, module by module, left before right; none with sphere tracks.
+        track_geoms: `[n, T]` ids of the geoms that drive, per module, left before right.
+    """
+
+    def __init__(self, config: EnvironmentConfig, image_size: tuple[int, int] = (640, 400)) -> None:
+        self._image_size = image_size
+        self.config = config
+        on_map = find_arena(config)
+        self.arena = stretch_arena(on_map, config.stretch)
+        self.organism = find_organism(config, float(self.arena.friction))
+        self.friction = float(self.organism.scout.friction)
+        self.task = config.find_task()
+        self.map_route = self.task.find_route(on_map, self.organism)
+        self.route = (
+            self.map_route if self.arena is on_map else self.task.find_route(self.arena, self.organism)
+        )
+        self.scene = Scene(self.arena, self.organism, self.route, self.map_route)
+        self._placement = GroundPlacement(self.arena, self.organism, self.route.start_height)
+        self.model = self._make_spec().compile()
+        self._find_ids()
+
+    def _make_spec(self) -> mujoco.MjSpec:
+        spec = self.arena.spec()
+        add_scene(spec, *self._image_size)
+        self.organism.add_to(spec, spec.worldbody)
+        if self.config.track_control == "skid" and self.organism.scout.tracks != "spheres":
+            limit_wheels(spec, self.organism.scout.wheel_torque)
+        add_sensors(spec, self.organism, self.config.sensors, self.config.dt)
+        for geom in spec.worldbody.geoms:
+            if geom.group == ARENA_CONTACT_GROUP:
+                geom.rgba[3] = 0.0  # rays shall see the exact surface alone
+        option = spec.option
+        option.timestep = self.config.timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+        option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+        if self.config.contact == "elliptic":
+            option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _STIFFNESS
+        option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        return spec
+
+    def _find_ids(self) -> None:
+        model, organism = self.model, self.organism
+        sites = [model.site(f"module_{i}") for i in range(organism.num_modules)]
+        self.is_by_site = any(np.abs(site.pos).max() > _SAME or abs(site.quat[3]) > _SAME for site in sites)
+        ids = [site.id if self.is_by_site else site.bodyid[0] for site in sites]
+        follow = ids == list(range(ids[0], ids[0] + len(ids)))
+        self.modules = slice(ids[0], ids[0] + len(ids)) if follow else np.array(ids)
+        self.is_sliced = follow
+        self.wheel_radius = find_wheel_radius(organism.scout)
+        joints = [model.joint(name) for name in organism.servos]
+        self.hinge_qpos = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_dof = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
+        self.hinge_servos = np.array([model.actuator(name).id for name in organism.servos], dtype=np.int64)
+        self._servos = make_slice(self.hinge_servos)
+        modules, wheels = range(organism.num_modules), range(len(find_driven_wheels(organism.scout)))
+        self.track_geoms = np.array(
+            [[model.geom(f"module_{i}_track_{k}").id for k in wheels] for i in modules]
+        )
+        wheels = wheels if organism.scout.tracks != "spheres" else range(0)
+        self.wheel_servos = np.array(
+            [model.actuator(f"module_{i}_wheel_{k}").id for i in modules for k in wheels], dtype=np.int64
+        )
+        self.robot_geoms = np.flatnonzero((model.geom_bodyid > 0) & (model.geom_contype > 0))
+        self.patch_geoms = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_priority == PATCH_PRIORITY))
+        self._patches = self._find_patches()
+        self.servo_range = model.actuator_ctrlrange[self.hinge_servos, 1].copy()
+        self.servo_torque = model.actuator_forcerange[self.hinge_servos, 1].copy()
+
+    def _find_patches(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
+        """Return friction and half-width of the interval of the patch of every piece that lies in one."""
+        found = self.arena.friction_map
+        if found is None:
+            return np.zeros(0), np.zeros(0)
+        numbers = [number for number in find_piece_patches(self.arena.pieces, found) if number >= 0]
+        patches = [found.patches[number] for number in numbers]
+        return np.array([each.friction for each in patches]), np.array([each.half_width for each in patches])
+
+    def find_patch_friction(self, friction: float, place: float = 0.0) -> Float[np.ndarray, " P"]:
+        """Return the friction of the pieces in patches.
+
+        Rubber that holds better holds better everywhere: patches keep their ratio to the friction of the ground.
+
+        Args:
+            friction: sliding friction of the robot on the ground.
+            place: in the intervals of the patches: 0 in the middle, ±1 at the ends.
+        """
+        middle, half_width = self._patches
+        ratio = friction / self.arena.friction
+        return np.clip((middle + place * half_width) * ratio, *FRICTION_LIMITS)
+
+    @property
+    def num_modules(self) -> int:
+        """Number of modules."""
+        return self.organism.num_modules
+
+    @property
+    def num_hinges(self) -> int:
+        """Number of joints with a servo: working hinges and, where modules have two joints, rotations of arms."""
+        return len(self.hinge_qpos)
+
+    def view(self, fields: Callable[[str], np.ndarray]) -> Physics:
+        """Return the physics behind named fields `[N, ...]`, as views where modules follow each other.
+
+        Args:
+            fields: from the name of a field of `MjData` to its values in every simulation.
+        """
+        places = ("site_xpos", "site_xmat") if self.is_by_site else ("xpos", "xmat")
+        position, rotation = (fields(name)[:, self.modules] for name in places)
+        qpos, qvel, sensordata, force = map(fields, ("qpos", "qvel", "sensordata", "actuator_force"))
+        return Physics(qpos, qvel, position, rotation, sensordata, force)
+
+    def write_control(
+        self,
+        control: Float[np.ndarray, "N nu"],
+        target: Float[np.ndarray, "N h"],
+        track_speed: Float[np.ndarray, "N tracks"],
+    ) -> None:
+        """Write the servos' controls.
+
+        Args:
+            control: written in place.
+            target: target of the hinges [rad].
+            track_speed: one per simulation, per module or per side [m/s]; only wheels with joints read it here.
+        """
+        control[:, self._servos] = target
+        if len(self.wheel_servos):
+            rate = self._spread_speed(track_speed) / self.wheel_radius
+            control[:, self.wheel_servos] = rate.reshape(-1, len(self.wheel_servos))
+
+    def write_track_speed(
+        self, field: Float[np.ndarray, "N ngeom 6"], track_speed: Float[np.ndarray, "N tracks"]
+    ) -> None:
+        """Write the surface velocity of sphere tracks.
+
+        Args:
+            field: values of `geom_surfacevel`, written in place.
+            track_speed: one per simulation, per module or per side [m/s].
+        """
+        if not len(self.wheel_servos):
+            field[:, self.track_geoms, 4] = self._spread_speed(track_speed) / self.wheel_radius
+
+    def _spread_speed(self, track_speed: Float[np.ndarray, "N tracks"]) -> Float[np.ndarray, "N n T"]:
+        """Return the speed at each of what drives [m/s]: alike in a body, a module, or a side of a module."""
+        modules, wheels = self.track_geoms.shape
+        speed = track_speed[:, :, None]
+        if track_speed.shape[1] == 2 * modules:
+            speed = np.repeat(track_speed.reshape(-1, modules, 2), wheels // 2, axis=2)
+        return np.broadcast_to(speed, (len(track_speed), modules, wheels))
+
+    def lay_down(
+        self, offset: float = 0.0, lateral: float = 0.0, yaw: float = 0.0, roll: float = 0.0
+    ) -> Float[np.ndarray, " nq"]:
+        """Return qpos of an organism at rest on the ground at the start, bent as the ground is.
+
+        Args:
+            offset: the start moved along the route [m].
+            lateral: displacement of the start to its left [m].
+            yaw: the organism turned about its head [rad].
+            roll: the organism turned about the axis of its head, hinges straight, as after a tumble [rad].
+
+        Raises:
+            ArenaError: the start lies off the surface.
+        """
+        route = self.route
+        x, y = (float(v) for v in route.place(route.start + offset, lateral))
+        laid = self._placement.lay(PlanarPose(x, y, route.heading + yaw))
+        qpos = self.model.qpos0.copy()
+        qpos[:3], qpos[3:7] = laid.position, laid.quaternion
+        if roll:
+            return tumble(self.scene, qpos, route.heading + yaw, roll)
+        qpos[self.hinge_qpos[: len(laid.hinges)]] = laid.hinges
+        if not self._placement.is_snake or find_depth(self.model, self._probe, qpos) > _SUNK:
+            return self._settler.settle(qpos, LIFT)
+        if self.num_modules > 1:
+            return qpos
+        settled = self._settler.settle(qpos, LIFT)
+        has_tipped = abs(settled[3:7] @ qpos[3:7]) < np.cos(_TIPPED / 2)
+        return settled if has_tipped else qpos
+
+    @cached_property
+    def _probe(self) -> mujoco.MjData:
+        """State in which contacts of a pose are looked up."""
+        return mujoco.MjData(self.model)
+
+    @cached_property
+    def _settler(self) -> Settler:
+        """What bends a body to the ground; made when the first is laid down, as it takes a copy of the model."""
+        sites = np.array([self.model.site(f"module_{i}").id for i in range(self.num_modules)])
+        return Settler(self.model, sites, self.hinge_dof, self.organism.scout.size[2] / 2)
+
+
+def make_slice(ids: np.ndarray) -> slice | np.ndarray:
+    """Return ids as a slice where they follow each other: a view costs less than a copy."""
+    if len(ids) and (np.diff(ids) == 1).all():
+        return slice(int(ids[0]), int(ids[-1]) + 1)
+    return ids

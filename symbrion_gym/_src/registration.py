@@ -1,0 +1,115 @@
+"""The names under which Gymnasium makes the environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+
+from symbrion_gym._src.robot.sensor_names import DEFAULT_SENSORS
+
+_RANDOMIZE = {
+    "friction": (0.55, 0.9),
+    "torque_scale": (0.9, 1.1),
+    "start_offset": (-0.05, 0.05),
+    "start_lateral": (-0.05, 0.05),
+    "yaw": (-0.0873, 0.0873),
+}
+"""What differs from episode to episode: friction, strength of the hinges, start [m] and heading [rad]."""
+_LOW_FRICTION = (0.55, 0.7)
+"""Where it is higher, a body whose tracks always run gets out of the pit by jerking its hinges at random."""
+_TURNED = {**_RANDOMIZE, "yaw": (-0.5, 0.5)}
+
+
+def _task(name: str, threshold: float, **options: Any) -> tuple[dict[str, Any], float]:
+    """Return the options of an id, and nine tenths of the progress and bonus of a success: so much counts as solved."""
+    parameters = options.pop("parameters", {})
+    randomize = options.pop("randomize", _RANDOMIZE)
+    return {
+        "default_task": name,
+        "default_parameters": parameters,
+        "randomize": randomize,
+        **options,
+    }, threshold
+
+
+_SNAKE_V1 = {"default_parameters": {"failure_cost": 1.0}, "randomize": _RANDOMIZE}
+_DRIVEN = {**_SNAKE_V1, "track_control": "body"}
+_PLATEAUS = ((-1.9, -0.4), (-0.35, 0.3))
+_CLIMB = {"arena": "stairs", "default_organism": 8, "track_control": "body"}
+_LONE = {"default_organism": 1, "track_control": "skid", "randomize": _TURNED}
+_FALLEN = {"default_organism": "cross", "track_control": "skid"}
+_GUIDED = {**_LONE, "sensors": (*DEFAULT_SENSORS, "goal")}
+_SPECS: dict[str, tuple[dict[str, Any], float]] = {
+    "SnakePit-v0": ({"default_pit": 0.40}, 3.2),
+    "SnakePit-v1": ({**_SNAKE_V1, "randomize": {**_RANDOMIZE, "friction": _LOW_FRICTION}}, 3.3),
+    "SnakeRamp-v0": ({"arena": "truth", "pit": 0.0}, 4.2),
+    "SnakeStairs-v0": ({"arena": "stairs"}, 2.6),
+    "SnakeTerrain-v0": (
+        {"arena": "gsrm", "default_pit": 0.40, "default_ends": _PLATEAUS},
+        2.0,
+    ),
+    "SnakeRamp-v1": ({**_DRIVEN, "arena": "truth", "pit": 0.0}, 4.2),
+    "SnakeStairs-v1": ({**_DRIVEN, "arena": "stairs"}, 2.6),
+    "SnakeTerrain-v1": ({**_DRIVEN, "arena": "gsrm", "default_ends": _PLATEAUS}, 2.0),
+    "CrossGap-easy-v0": _task("cross_gap", 3.2, track_control="body", default_pit=0.35),
+    "CrossGap-v0": _task("cross_gap", 3.3, track_control="body"),
+    "CrossGap-hard-v0": _task(
+        "cross_gap", 3.2, track_control="body", default_pit=0.36, parameters={"bottomless": True}
+    ),
+    "Climb-easy-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.03}}),
+    "Climb-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.05}}),
+    "Climb-hard-v0": _task("climb", 2.6, **_CLIMB, default_course={"stairs": {"rise": 0.09}}),
+    "Reach-easy-v0": _task("reach", 1.4, arena="gsrm", **_GUIDED, parameters={"distance": 0.6}),
+    "Reach-v0": _task("reach", 2.2, arena="gsrm", **_GUIDED, parameters={"distance": 1.5}),
+    "Reach-hard-v0": _task(
+        "reach",
+        4.4,
+        arena="gsrm",
+        **_GUIDED,
+        parameters={"start": (-3.0, -0.6), "places": ((-2.2, 0.5), (-1.6, -0.5)), "goal": (-0.9, 0.4)},
+    ),
+    "Traverse-easy-v0": _task(
+        "traverse",
+        2.7,
+        arena="truth",
+        default_pit=0.0,
+        default_organism=4,
+        track_control="skid",
+        parameters={"share": 0.4},
+    ),
+    "Traverse-v0": _task("traverse", 2.0, arena="gsrm", default_organism=4, track_control="skid"),
+    "Traverse-hard-v0": _task(
+        "traverse",
+        2.0,
+        arena="gsrm",
+        default_organism=4,
+        track_control="skid",
+        randomize={**_TURNED, "friction": (0.3, 0.45)},
+    ),
+    "Explore-easy-v0": _task("explore", 2.8, arena="gsrm", **_LONE, parameters={"share": 0.4}),
+    "Explore-v0": _task("explore", 4.4, arena="gsrm", **_LONE, parameters={"share": 0.7}),
+    "Explore-hard-v0": _task("explore", 5.4, arena="gsrm", **_LONE, parameters={"share": 0.9}),
+    "Recover-easy-v0": _task("recover", 1.7, **_FALLEN, parameters={"least": 1.3, "most": 1.6}),
+    "Recover-v0": _task("recover", 1.9, **_FALLEN, parameters={"least": 1.5, "most": 1.9}),
+    "Recover-hard-v0": _task("recover", 2.6, **_FALLEN, parameters={"least": 2.4}),
+}
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    f"symbrion_gym/{name}": options for name, (options, _) in _SPECS.items()
+}
+"""Id -> options that differ from those of `OrganismEnv`."""
+THRESHOLDS: dict[str, float] = {f"symbrion_gym/{name}": threshold for name, (_, threshold) in _SPECS.items()}
+"""Id -> reward from which on its task counts as solved."""
+
+
+def register() -> None:
+    """Register every environment; a second call changes nothing."""
+    for name, options in ENVIRONMENTS.items():
+        if name not in gym.registry:
+            gym.register(
+                name,
+                entry_point="symbrion_gym._src.environment.organism_env:OrganismEnv",
+                vector_entry_point="symbrion_gym._src.warp.making:make_vector_env",
+                reward_threshold=THRESHOLDS[name],
+                kwargs=dict(options),
+            )

@@ -1,0 +1,303 @@
+"""Two tracks for any robot of a MuJoCo model: `add_tracks`, and the handle that drives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from math import isfinite
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from reconstruction._src.base.range_checks import check_counts, check_positive
+from reconstruction._src.geometry.pose import make_quarter_turn
+from symbrion_gym._src.errors import OrganismError
+from symbrion_gym._src.robot.skid_steering import find_turning_rate
+from symbrion_gym._src.robot.sliding_loads import Contacts, find_load_gain, find_sliding_rate
+
+BELT_MODELS = ("belts", "wheels")
+SIDES = ("left", "right")
+_STILL = 1e-9
+"""Surface velocity at compilation [rad/s]: MuJoCo ignores those that are written later to a model without any."""
+_PARTS = 3
+"""Geoms of a belt."""
+_OTHER_FRICTION = (0.005, 0.0001)
+"""Torsional and rolling friction: MuJoCo's defaults, without effect in contacts of three dimensions."""
+_RUBBER = (0.12, 0.12, 0.13, 1.0)
+
+
+@dataclass(frozen=True)
+class TracksConfig:
+    """Two tracks, side by side.
+
+    Attributes:
+        length: of a belt, over all [m].
+        gauge: distance between the middles of both belts [m].
+        width: of a belt [m].
+        height: of a belt, twice the radius of the wheels at its ends [m].
+        position: middle between both belts in the frame of the body; x is ahead, y left, z up [m].
+        mass: of both belts together [kg].
+        friction: sliding friction on the ground; it replaces that of the ground, but not that of a friction patch.
+        model: "belts" are geoms of the body with a surface velocity, without joints; "wheels" are driven wheels with
+            nothing between them and an actuator a side, so that the speed is a control. They turn 7 to 30 % slower than
+            `Tracks.turning_rate` says, and need the integrator `implicitfast`.
+        num_wheels: of "wheels", a side.
+        motor_mass: inertia of motor and gear of "wheels", as a mass that moves with the belt [kg]: with less, stiff
+            wheels tremble.
+        gain: pull of a belt per error of its speed [N s/m], of "wheels": stiff, so that slopes hardly slow it down.
+        max_force: largest pull of a belt [N], of "wheels".
+
+    Raises:
+        OrganismError: a value is out of range.
+    """
+
+    length: float = 0.4
+    gauge: float = 0.3
+    width: float = 0.06
+    height: float = 0.1
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mass: float = 1.0
+    friction: float = 0.7
+    model: str = "belts"
+    num_wheels: int = 2
+    motor_mass: float = 5.0
+    gain: float = 5000.0
+    max_force: float = 100.0
+
+    def __post_init__(self) -> None:
+        positive = "length gauge width height mass friction motor_mass gain max_force"
+        check_positive(self, positive.split(), OrganismError)
+        check_counts(self, ("num_wheels",), OrganismError)
+        if self.num_wheels < 2:
+            raise OrganismError(f"num_wheels is {self.num_wheels}; a side needs 2 or more")
+        if self.length <= self.height:
+            raise OrganismError(
+                f"length is {self.length} m and height {self.height} m; a belt is longer than high: raise length"
+            )
+        if self.gauge < self.width:
+            raise OrganismError(
+                f"gauge is {self.gauge} m and width {self.width} m: the belts overlap; raise gauge"
+            )
+        if self.model not in BELT_MODELS:
+            raise OrganismError(f"model is {self.model!r}; there are: {', '.join(BELT_MODELS)}")
+        if len(self.position) != 3 or not all(isfinite(value) for value in self.position):
+            raise OrganismError(f"position is {self.position!r}; three finite coordinates are needed [m]")
+
+    @property
+    def stations(self) -> Float[np.ndarray, " S"]:
+        """Places along a belt where the ground carries it, from the middle [m]."""
+        reach = (self.length - self.height) / 2
+        return np.linspace(-reach, reach, self.num_wheels if self.model == "wheels" else 2)
+
+    @property
+    def places(self) -> Float[np.ndarray, "P 2"]:
+        """Where the ground carries both belts: their edges at the stations, (x, y) in the frame of the body [m]."""
+        edges = np.array([self.gauge - self.width, self.gauge + self.width]) / 2
+        grid = np.meshgrid(self.stations, [*edges, *-edges], indexing="ij")
+        return np.stack([axis.ravel() for axis in grid], axis=1) + self.position[:2]
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The tracks of a robot, by their names: they hold in every model that is compiled of the spec.
+
+    Attributes:
+        config: their sizes.
+        prefix: put before the names of their geoms, joints and actuators.
+    """
+
+    config: TracksConfig
+    prefix: str = ""
+
+    def renamed(self, prefix: str) -> Tracks:
+        """Return the handle for a model into which the spec was attached with a prefix."""
+        return replace(self, prefix=prefix + self.prefix)
+
+    def drive(self, model: mujoco.MjModel, data: mujoco.MjData, left: float, right: float) -> None:
+        """Set the speeds of both belts, from now on.
+
+        Belts have no control in MuJoCo: `model.geom_surfacevel` is written, also where several simulations share the
+        model. Wheels are driven by `data.ctrl`, which this writes.
+
+        Args:
+            model: contains the tracks.
+            data: a state of it.
+            left: speed of the left belt against its body, positive ahead [m/s].
+            right: likewise of the right belt.
+
+        Raises:
+            OrganismError: the model does not contain the tracks, or a speed is not finite.
+        """
+        for side, speed in zip(SIDES, (left, right), strict=True):
+            if not isfinite(speed):
+                raise OrganismError(
+                    f"the speed of the {side} belt is {speed}; finite numbers are needed [m/s]"
+                )
+            if self.config.model == "wheels":
+                data.ctrl[self._find(model, mujoco.mjtObj.mjOBJ_ACTUATOR, self._name(side))] = speed
+                continue
+            for i in range(_PARTS):
+                geom = self._find(model, mujoco.mjtObj.mjOBJ_GEOM, f"{self._name(side)}_{i}")
+                model.geom_surfacevel[geom] = find_belt_velocity(self.config, speed, is_end=i < 2)
+
+    def turning_rate(self, left: float, right: float, others: Sequence[Tracks] = ()) -> float:
+        """Return how fast the robot turns to the left on level ground [rad/s].
+
+        Two tracks alone: `find_turning_rate`, with equal loads at the ends of the belts. With more tracks before or
+        behind, loads are as MuJoCo's contacts share the weight (`find_sliding_rate`): nearly all of it at the outermost
+        ends, where belts slide fastest, so that the robot turns several times slower than on two of them.
+
+        Args:
+            left: speed of the left belts [m/s].
+            right: speed of the right belts [m/s].
+            others: further tracks of the same robot, at the same speeds, its center of mass in the middle of them all.
+        """
+        config = self.config
+        if not others:
+            return find_turning_rate(left, right, config.stations, config.gauge, config.width)
+        points = np.concatenate([tracks.config.places for tracks in (self, *others)])
+        points -= (points.max(axis=0) + points.min(axis=0)) / 2
+        belts = np.where(points[:, 1] > 0, left, right)
+        owner = np.zeros(len(points), int)
+        contacts = Contacts(points, belts, owner, np.zeros((1, 2)), np.ones(1))
+        return find_sliding_rate(contacts, find_load_gain(config.friction))
+
+    def _name(self, side: str) -> str:
+        return f"{self.prefix}belt_{side}"
+
+    def _find(self, model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+        found = mujoco.mj_name2id(model, kind, name)
+        if found < 0:
+            raise OrganismError(
+                f"the model has no {name!r}; after spec.attach(..., prefix) use tracks.renamed(prefix)"
+            )
+        return found
+
+
+def find_belt_velocity(config: TracksConfig, speed: float, is_end: bool) -> tuple[float, ...]:
+    """Return the surface velocity of a part of a belt: linear [m/s], then angular [rad/s].
+
+    It turns about the lateral axis, also in a box: MuJoCo keeps what is tangential, so that the lower side runs
+    backwards, the upper side ahead. The axis of an end wheel, a cylinder, is its own z.
+    """
+    rate = 2.0 * speed / config.height
+    return (0.0, 0.0, 0.0, 0.0, 0.0, rate) if is_end else (0.0, 0.0, 0.0, 0.0, rate, 0.0)
+
+
+def add_tracks(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody | str,
+    config: TracksConfig | None = None,
+    *,
+    prefix: str = "",
+    **sizes: Any,
+) -> Tracks:
+    """Add two tracks to a body of any spec; the body's x axis points ahead, its z axis up.
+
+    The speeds of the belts stay 0 until `Tracks.drive`. A robot with four tracks calls it twice, with two prefixes.
+    It sets the friction cone of the spec to elliptic: with pyramids, MuJoCo's default, tracks hardly turn (0.07 instead
+    of 0.65 rad/s). Where the spec is attached to another one, set `option.cone` there. With the model "wheels" the
+    actuators `{prefix}belt_left` and `{prefix}belt_right` have the speeds [m/s] as controls; "belts" need MuJoCo 4.
+
+    Args:
+        spec: the model under construction; it is changed.
+        body: what carries the tracks, or its name.
+        config: sizes; None for the defaults.
+        prefix: put before every name.
+        sizes: fields of `TracksConfig` that differ from `config`.
+
+    Returns:
+        The handle that drives the tracks.
+
+    Raises:
+        OrganismError: a value is out of range, there is no such size or body, or a name is taken.
+    """
+    config = _find_config(config, sizes)
+    if isinstance(body, str):
+        found = spec.body(body)
+        if found is None:
+            names = ", ".join(repr(one.name) for one in spec.bodies)
+            raise OrganismError(f"the spec has no body {body!r}; there are: {names}")
+        body = found
+    tracks = Tracks(config, prefix)
+    if any(geom.name == f"{prefix}belt_left_0" for geom in spec.geoms):
+        raise OrganismError(f"the spec has tracks with the prefix {prefix!r}; give another prefix")
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    for side in SIDES:
+        add = _add_wheels if config.model == "wheels" else _add_belt
+        add(spec, body, f"{prefix}belt_{side}", config, config.gauge * (0.5 if side == "left" else -0.5))
+    return tracks
+
+
+def _find_config(config: TracksConfig | None, sizes: dict[str, Any]) -> TracksConfig:
+    config = config or TracksConfig()
+    unknown = sorted(set(sizes) - set(asdict(config)))
+    if unknown:
+        raise OrganismError(f"tracks have no {unknown[0]!r}; there are: {', '.join(asdict(config))}")
+    return replace(config, **sizes)
+
+
+def _add_belt(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, config: TracksConfig, lateral: float
+) -> None:
+    """Add a belt: the end wheel behind, the one ahead, and the box between them."""
+    share = config.mass / 2 / _PARTS
+    for i, x in enumerate([*config.stations, 0.0]):
+        place = np.add(config.position, (x, lateral, 0.0))
+        geom = _add_geom(body, f"{name}_{i}", place, share, config, is_wheel=i < 2)
+        geom.surfacevel = find_belt_velocity(config, _STILL, is_end=i < 2)
+
+
+def _add_wheels(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, config: TracksConfig, lateral: float
+) -> None:
+    """Add driven wheels that turn alike, and the servo of their belt, on the mean of their circumferences' ways."""
+    count = len(config.stations)
+    belt = spec.add_tendon(name=name)
+    inertia = config.motor_mass * (config.height / 2) ** 2 / count
+    for i, x in enumerate(config.stations):
+        place = np.add(config.position, (x, lateral, 0.0))
+        wheel = body.add_body(name=f"{name}_{i}", pos=place)
+        wheel.add_joint(
+            name=f"{name}_{i}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=inertia
+        )
+        _add_geom(wheel, f"{name}_{i}", np.zeros(3), config.mass / 2 / count, config, is_wheel=True)
+        belt.wrap_joint(f"{name}_{i}", config.height / 2 / count)
+        if i > 0:
+            equal = spec.add_equality(name=f"{name}_{i}", type=mujoco.mjtEq.mjEQ_JOINT)
+            equal.name1, equal.name2 = f"{name}_{i}", f"{name}_0"
+            equal.data[:5] = [0.0, 1.0, 0.0, 0.0, 0.0]
+    servo = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_TENDON, target=name)
+    servo.set_to_velocity(kv=config.gain)
+    servo.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    servo.forcerange = [-config.max_force, config.max_force]
+
+
+def _add_geom(
+    body: mujoco.MjsBody,
+    name: str,
+    place: Float[np.ndarray, " 3"],
+    mass: float,
+    config: TracksConfig,
+    is_wheel: bool,
+) -> mujoco.MjsGeom:
+    """Add a wheel or the box of a belt; they touch everything but each other."""
+    radius, half_width = config.height / 2, config.width / 2
+    half_length = (config.length - config.height) / 2
+    geom = body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER if is_wheel else mujoco.mjtGeom.mjGEOM_BOX,
+        size=[radius, half_width, 0.0] if is_wheel else [half_length, half_width, radius],
+        pos=place,
+        mass=mass,
+        condim=3,
+        priority=1,
+        conaffinity=0,
+        friction=[config.friction, *_OTHER_FRICTION],
+        rgba=_RUBBER,
+    )
+    if is_wheel:
+        geom.quat = make_quarter_turn(x=-1.0)
+    return geom

@@ -1,0 +1,299 @@
+"""A virtual robot with two laser scanners drives around an arena and logs it (paper, section II-A)."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
+
+from reconstruction._src.base.extras import require_extras
+from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.geometry.pose import make_pose
+from reconstruction._src.scans.localization import localize
+from reconstruction._src.scans.scan import HorizontalScans, ScanLog, ScanTruth
+from symbrion_gym._src.errors import ArenaError, SurveyError
+from symbrion_gym._src.sensing.camera import CameraConfig
+from symbrion_gym._src.sensing.friction_drive import drive_lanes, find_friction_robot
+from symbrion_gym._src.sensing.friction_robot import FrictionRobot
+from symbrion_gym._src.sensing.laser_scanner import LaserScanner
+from symbrion_gym._src.sensing.survey_camera import color_readings, take_arena, take_course
+from symbrion_gym._src.sensing.survey_robot import SurveyRobot
+from symbrion_gym._src.sensing.survey_world import SurveyRoom, SurveyWorld
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.arenas.arena import Arena
+    from symbrion_gym._src.arenas.course import Course, StairsCourse
+
+_FIRST_WAYPOINT = 2
+"""The drive begins next to the arena, not in a corner of the room, where little is seen of its length."""
+
+_SMALLEST = 1e-3
+"""The steps of a range reading are no smaller [m]."""
+_LARGEST = 200.0
+"""The scanner would see next to nothing of a larger mesh [m]; the file's unit is likely another."""
+_LEAST_VERTICES = 4
+"""A mesh with fewer is subdivided: MuJoCo takes none."""
+_REPORT_EVERY = 100
+"""Scans from one report of progress to the next."""
+_SAME_PLACE = 1e-6
+"""Waypoints closer than this are the same [m]."""
+
+
+def survey(
+    arena: str | os.PathLike | Arena | Course | StairsCourse | trimesh.Trimesh,
+    path: ArrayLike | None = None,
+    sensor: SurveyRobot | LaserScanner | None = None,
+    seed: int = 0,
+    progress: Progress = silent,
+    room: SurveyRoom | None = None,
+    camera: bool | CameraConfig = False,
+    friction: bool | FrictionRobot = False,
+) -> ScanLog:
+    """Drive a virtual robot around an arena and return its scan log, localized.
+
+    The robot drives on the level ground around the arena (the height of the arena's lowest point), its
+    vertical scanner on a mast of 2.2 m, or 1 m above the arena's highest point. The ground begins 0.1 m off
+    the arena's bounding box; the open sides of the arena are covered by black skirting that returns nothing. A
+    room with pilasters stands around it; only the horizontal scanner sees it.
+
+    Args:
+        arena: a name, an `Arena`, a course, a trimesh, or a mesh file.
+        path: `[W, 2]` waypoints [m] on the ground; straight legs, turns on the spot. Default: see
+            `make_path`.
+        sensor: robot, or scanner on the default robot.
+        seed: decides every error; equal seeds give equal logs.
+        progress: called with what is being done.
+        room: around the arena; None for the default.
+        camera: a camera beside the vertical scanner gives each reading a color (`ScanLog.colors`); True for the default
+            one. The ranges stay the same. The courses "truth" and "stairs" are painted as a checker then; other arenas
+            need colors of their own.
+        friction: whether docked Scouts drive over the arena afterwards and feel the ground (`ScanLog.slip`), or the
+            robot that does; the scans are the same with and without.
+
+    Returns:
+        Poses come from localization: x, y and yaw of the robot's foot, and its pitch to about 0.3 degrees. Leveling
+        finds its lean in the plane of each scan (`level_floor`). A pitch not found moves a point by its height above
+        the ground times the pitch, 1.3 mm at 0.25 m. `truth` holds the true poses and mixed beams, for comparison;
+        `report` the errors of localization against them.
+
+    Raises:
+        ArenaError: the arena is unknown.
+        SurveyError: its mesh is empty or too large, the path unusable, there is nothing for a camera to see, or
+            friction is to be felt on a mesh, of which nobody knows any.
+        MissingExtraError: the extra `scan` is not installed.
+    """
+    arena = take_course(arena)
+    ground_robot, ground_arena = find_friction_robot(friction, arena)
+    require_extras("a survey", "scan")
+    robot = sensor if isinstance(sensor, SurveyRobot) else SurveyRobot(scanner=sensor or LaserScanner())
+    colored = take_arena(arena) if camera else None
+    surface = _find_surface(colored or arena)
+    bounds = np.asarray(surface.bounds, float)
+    if bounds[1, 2] - bounds[0, 2] + robot.head_room > robot.mast:
+        robot = replace(robot, mast=float(bounds[1, 2] - bounds[0, 2] + robot.head_room))
+    waypoints = make_path(bounds) if path is None else _check_path(path)
+    rng = np.random.default_rng(seed)
+    true_planar = drive(waypoints, robot)
+    odometry = _integrate_odometry(true_planar, robot, rng)
+    ground = float(bounds[0, 2])
+    roll, pitch = _sample_sway(len(true_planar), robot, rng)
+    robot_poses = _lift(make_pose(*true_planar.T, roll=roll, pitch=pitch), ground)
+    world = SurveyWorld(surface, waypoints, room)
+    vertical, mixed, low = _scan(robot_poses, robot, world, rng, progress)
+    colors = None
+    if colored is not None:
+        lens = camera if isinstance(camera, CameraConfig) else CameraConfig()
+        colors = color_readings(vertical, robot_poses, robot, world, colored, lens, seed)
+    angles = robot.scanner.angles
+    log = ScanLog(
+        vertical,
+        angles,
+        _lift(make_pose(*odometry.T), ground) @ robot.vertical_mount,
+        mount=robot.vertical_mount,
+        box=bounds,
+        horizontal=HorizontalScans(low, angles, robot.horizontal_mount, odometry, true_planar[0]),
+        truth=ScanTruth(robot_poses, mixed),
+        report={"seed": float(seed)},
+        colors=colors,
+    )
+    log = localize(log, progress=progress)
+    if ground_robot is None or ground_arena is None:
+        return log
+    return log.replace(
+        slip=drive_lanes(ground_arena, ground_robot, np.random.default_rng([seed, 1]), progress)
+    )
+
+
+def _lift(poses: Float[np.ndarray, "S 4 4"], height: float) -> Float[np.ndarray, "S 4 4"]:
+    """Return the poses with z at a height [m]."""
+    poses[:, 2, 3] = height
+    return poses
+
+
+def _scan(
+    robot_poses: Float[np.ndarray, "S 4 4"],
+    robot: SurveyRobot,
+    caster: SurveyWorld,
+    rng: np.random.Generator,
+    progress: Progress,
+) -> tuple[Float[np.ndarray, "S B"], Bool[np.ndarray, "S B"], Float[np.ndarray, "S B"]]:
+    """Scan at every pose; return the vertical ranges, which of these are mixed, and the horizontal ranges [m]."""
+    vertical, mixed, low = [], [], []
+    for i, pose in enumerate(robot_poses):
+        ranges, is_mixed = robot.scanner.scan(caster.cast_on_arena, pose @ robot.vertical_mount, rng)
+        vertical.append(ranges)
+        mixed.append(is_mixed)
+        low.append(robot.scanner.scan(caster.cast_on_walls, pose @ robot.horizontal_mount, rng)[0])
+        if i % _REPORT_EVERY == 0:
+            progress("scanning", i / len(robot_poses))
+    return np.stack(vertical), np.stack(mixed), np.stack(low)
+
+
+def make_path(
+    bounds: Float[np.ndarray, "2 3"], clearance: float = 0.3, stride: float = 1.2
+) -> Float[np.ndarray, "W 2"]:
+    """Make the default path [m]: once around the arena, clockwise, in zigzag.
+
+    The legs run at 45 degrees to the arena's sides, so the vertical scanner, which looks to the robot's
+    right, sweeps
+    every place in two diagonal directions from either side: walls that face any way are seen, and pits to
+    their ground, but nothing is seen along its whole length.
+
+    Args:
+        bounds: the arena's bounding box [m].
+        clearance: distance of the nearest waypoints from the box [m].
+        stride: depth of the zigzag, and length of a leg along the side, about [m].
+    """
+    (x0, y0), (x1, y1) = bounds[0, :2] - clearance, bounds[1, :2] + clearance
+    corners = np.array([(x0, y1), (x1, y1), (x1, y0), (x0, y0), (x0, y1)])
+    sides = [_zigzag(a, b, stride) for a, b in itertools.pairwise(corners)]
+    loop = np.roll(np.concatenate(sides), -_FIRST_WAYPOINT, axis=0)
+    return np.concatenate([loop, loop[:1]])
+
+
+def _zigzag(
+    start: Float[np.ndarray, " 2"], stop: Float[np.ndarray, " 2"], stride: float
+) -> Float[np.ndarray, "W 2"]:
+    """Go from start towards stop (left out), every other waypoint as far to the left as the legs are long."""
+    along = stop - start
+    length = float(np.hypot(*along))
+    num_legs = 2 * max(1, round(length / stride / 2))
+    left = np.array([-along[1], along[0]]) / num_legs
+    i = np.arange(num_legs)[:, None]
+    return start + i / num_legs * along + (i % 2) * left
+
+
+def drive(waypoints: Float[np.ndarray, "W 2"], robot: SurveyRobot) -> Float[np.ndarray, "S 3"]:
+    """Follow the waypoints at constant speed, turn on the spot; return x, y [m] and yaw [rad] at every scan."""
+    legs = np.diff(waypoints, axis=0)
+    yaws = np.arctan2(legs[:, 1], legs[:, 0])
+    yaws = yaws[0] + np.concatenate([[0.0], np.cumsum((np.diff(yaws) + np.pi) % (2 * np.pi) - np.pi)])
+    times, knots = [0.0, robot.rest], [[*waypoints[0], yaws[0]]] * 2
+    for i, leg in enumerate(legs):
+        if i:
+            times.append(times[-1] + abs(yaws[i] - yaws[i - 1]) / robot.turn_rate)
+            knots.append([*waypoints[i], yaws[i]])
+        times.append(times[-1] + float(np.hypot(*leg)) / robot.speed)
+        knots.append([*waypoints[i + 1], yaws[i]])
+    at = np.arange(0.0, times[-1], 1.0 / robot.scan_rate)
+    table = np.array(knots)
+    return np.stack([np.interp(at, times, table[:, k]) for k in range(3)], axis=1)
+
+
+def _integrate_odometry(
+    true: Float[np.ndarray, "S 3"], robot: SurveyRobot, rng: np.random.Generator
+) -> Float[np.ndarray, "S 3"]:
+    """Add up the wheels' steps with their errors; start at the true start."""
+    step = np.diff(true, axis=0)
+    middle = true[:-1, 2] + step[:, 2] / 2
+    ahead = step[:, 0] * np.cos(middle) + step[:, 1] * np.sin(middle)
+    scale = 1 + np.array([robot.distance_drift, robot.turn_drift]) * rng.standard_normal(2)
+    way = np.sqrt(np.abs(ahead) + robot.turn_weight * np.abs(step[:, 2]))
+    ahead = ahead * scale[0] + robot.step_noise * way * rng.standard_normal(len(step))
+    turn = step[:, 2] * scale[1] + robot.step_noise * way * rng.standard_normal(len(step))
+    yaw = true[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
+    middle = yaw[:-1] + turn / 2
+    x = true[0, 0] + np.concatenate([[0.0], np.cumsum(ahead * np.cos(middle))])
+    y = true[0, 1] + np.concatenate([[0.0], np.cumsum(ahead * np.sin(middle))])
+    return np.stack([x, y, yaw], axis=1)
+
+
+def _sample_sway(count: int, robot: SurveyRobot, rng: np.random.Generator) -> Float[np.ndarray, "2 S"]:
+    """Draw roll and pitch at every scan [rad]: an autoregressive process."""
+    draws, shake = rng.standard_normal((count, 2)), np.zeros((count, 2))
+    fresh = np.sqrt(1 - robot.shake_memory**2)
+    for i in range(count):
+        shake[i] = robot.shake_memory * shake[i - 1] * (i > 0) + (fresh if i else 1.0) * draws[i]
+    return robot.shake * shake.T
+
+
+def _find_surface(arena: str | os.PathLike | Arena | trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the surface of whatever a survey takes as an arena."""
+    surface = arena
+    if isinstance(arena, (str, os.PathLike)):
+        from symbrion_gym._src.arenas.loading import load_arena
+        from symbrion_gym._src.assets import NAMED_ARENAS
+
+        if str(arena) in NAMED_ARENAS or os.path.isdir(arena):
+            surface = load_arena(str(arena))
+        else:
+            return _load_surface(arena, NAMED_ARENAS)
+    surface = getattr(surface, "surface", surface)
+    surface = surface() if isinstance(surface, Callable) else surface
+    if not isinstance(surface, trimesh.Trimesh):
+        raise SurveyError(f"survey needs a mesh with faces, got {surface!r}")
+    _check_size(surface, "survey")
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
+
+
+def _load_surface(path: str | os.PathLike[str], named: Iterable[str]) -> trimesh.Trimesh:
+    """Read a mesh file; vertices that are not finite are dropped, those at one place are one."""
+    from symbrion_gym._src.arenas.surface_file import load_surface
+
+    try:
+        surface = load_surface(path)
+    except ArenaError as error:
+        raise SurveyError(f"no named arena ({', '.join(named)}), and no mesh: {error}") from error
+    surface.remove_infinite_values()
+    _check_size(surface, f"survey of {path}")
+    surface.merge_vertices()
+    return surface.subdivide() if len(surface.vertices) < _LEAST_VERTICES else surface
+
+
+def _check_size(surface: trimesh.Trimesh, what: str) -> None:
+    if not len(surface.faces):
+        raise SurveyError(f"{what}: the mesh has no faces")
+    if not np.isfinite(surface.vertices).all():
+        raise SurveyError(f"{what}: the mesh has vertices that are not finite")
+    with np.errstate(over="ignore"):
+        extent = float(np.ptp(surface.vertices[surface.faces.ravel()], axis=0).max())
+    if not extent >= _SMALLEST:
+        raise SurveyError(f"{what}: the mesh is {extent:g} m large; {_SMALLEST:g} m is the least")
+    if extent > _LARGEST:
+        raise SurveyError(
+            f"{what}: the mesh is {extent:g} m large, more than {_LARGEST:g} m; if its unit is the millimeter, "
+            "scale it first: mesh.apply_scale(0.001)"
+        )
+
+
+def _check_path(path: ArrayLike) -> Float[np.ndarray, "W 2"]:
+    """Return the waypoints of a path, those that are the same as the one before left out."""
+    waypoints = np.asarray(path, float)
+    if (
+        waypoints.ndim != 2
+        or waypoints.shape[1] != 2
+        or len(waypoints) < 2
+        or not np.isfinite(waypoints).all()
+    ):
+        raise SurveyError(f"path must be [W, 2] finite waypoints, W >= 2, got shape {waypoints.shape}")
+    keep = np.r_[True, np.hypot(*np.diff(waypoints, axis=0).T) > _SAME_PLACE]
+    if keep.sum() < 2:
+        raise SurveyError("path must lead somewhere: all waypoints are the same")
+    return waypoints[keep]

@@ -1,0 +1,226 @@
+"""The room in which a survey takes place, and rays in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import trimesh
+from jaxtyping import Float, Int
+
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from symbrion_gym._src.errors import SurveyError
+
+_SURFACE, _FLOOR, _SKIRT, _WALLS = 2, 1, 3, 4
+"""Geom groups: the arena, the ground around it, black skirting, and the room's walls."""
+_THICKNESS = 0.2
+"""Of the walls [m]; rays see their insides alone."""
+_SKIRT_DEPTH = 0.02
+"""How far below the arena's lowest point the skirting hangs [m], so that no ray passes under it."""
+_FLOOR_DEPTH = 0.002
+"""Thickness of the ground [m]."""
+_WALL_DEPTH = 0.5
+"""How far the walls reach below the ground [m]."""
+Rectangle = tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]
+"""Lowest and highest x and y [m]."""
+
+
+@dataclass(frozen=True)
+class SurveyRoom:
+    """The room around the arena; its uneven walls are what the horizontal scanner is localized by.
+
+    Attributes:
+        gap: between the arena's bounding box and the ground around it [m].
+        margin: between the path and the walls [m].
+        height: height of the walls [m]; above the horizontal scanner.
+        pilaster_width: smallest and largest, along the wall [m].
+        pilaster_depth: smallest and largest, off the wall [m].
+        pilaster_spacing: smallest and largest distance from one to the next [m]; uneven, so that no two views
+            are alike.
+        first_pilaster: smallest and largest distance of the first from the corner [m].
+        last_pilaster: distance of the last from the other corner, at least [m].
+        seed: seed of the pilasters; another room for another seed.
+
+    Raises:
+        SurveyError: a number is out of range.
+    """
+
+    gap: float = 0.10
+    margin: float = 1.5
+    height: float = 3.0
+    pilaster_width: tuple[float, float] = (0.25, 0.6)
+    pilaster_depth: tuple[float, float] = (0.25, 0.5)
+    pilaster_spacing: tuple[float, float] = (0.6, 1.6)
+    first_pilaster: tuple[float, float] = (0.4, 1.0)
+    last_pilaster: float = 0.6
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, ("gap", "margin", "last_pilaster"), SurveyError)
+        check_positive(self, ("height",), SurveyError)
+        for name in ("pilaster_width", "pilaster_depth", "pilaster_spacing", "first_pilaster"):
+            low, high = getattr(self, name)
+            if not 0 < low <= high < np.inf:
+                raise SurveyError(f"SurveyRoom: {name} must be (low, high) above 0, got {(low, high)}")
+
+
+_ALL_BUT_WALLS = np.array([1, 1, 1, 1, 0, 0], np.uint8)
+_WALLS_ONLY = np.array([0, 0, 0, 0, 1, 0], np.uint8)
+
+
+class SurveyWorld:
+    """Casts rays on an arena in its room: what either scanner of the survey's robot sees.
+
+    The ground begins 0.1 m off the arena's bounding box; between them, and where the arena's open sides end,
+    hangs black skirting that returns nothing: a survey shows the arena's own surface alone. The room's
+    walls, with uneven pilasters, stand 1.5 m beyond the path; only the horizontal scanner sees them.
+    """
+
+    def __init__(
+        self,
+        surface: trimesh.Trimesh,
+        waypoints: Float[np.ndarray, "W 2"],
+        room: SurveyRoom | None = None,
+    ) -> None:
+        """Build the room around an arena.
+
+        Args:
+            surface: surface of the arena.
+            waypoints: waypoints of the path [m].
+            room: None for the default.
+        """
+        room = room or SurveyRoom()
+        spec = mujoco.MjSpec()
+        bounds = np.asarray(surface.bounds, float)
+        ground = bounds[0, 2]
+        _add_mesh(spec, "surface", surface.vertices, surface.faces, _SURFACE)
+        skirt = _make_skirt(surface, ground - _SKIRT_DEPTH)
+        if skirt is not None:
+            _add_mesh(spec, "skirt", *skirt, _SKIRT)
+        low = np.minimum(waypoints.min(0), bounds[0, :2]) - room.margin
+        high = np.maximum(waypoints.max(0), bounds[1, :2]) + room.margin
+        for a, b in _frame(low, high, bounds[0, :2] - room.gap, bounds[1, :2] + room.gap):
+            _add_box(spec, a, b, ground - _FLOOR_DEPTH, ground, _FLOOR)
+        for a, b in (*_make_walls(low, high), *_make_pilasters(low, high, room)):
+            _add_box(spec, a, b, ground - _WALL_DEPTH, ground + room.height, _WALLS)
+        try:
+            self._model = spec.compile()
+        except ValueError as error:
+            raise SurveyError(f"survey: MuJoCo refuses the mesh: {' '.join(str(error).split())}") from error
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_forward(self._model, self._data)
+        self._is_black = self._model.geom_group == _SKIRT
+
+    def cast_on_arena(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
+    ) -> Float[np.ndarray, " R"]:
+        """Return distances to the arena and the ground along unit vectors [m], inf where there is none."""
+        return self._cast(origin, directions, _ALL_BUT_WALLS)
+
+    def cast_on_walls(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"]
+    ) -> Float[np.ndarray, " R"]:
+        """Return distances to the walls along unit vectors [m], inf where there is none."""
+        return self._cast(origin, directions, _WALLS_ONLY)
+
+    def _cast(
+        self, origin: Float[np.ndarray, " 3"], directions: Float[np.ndarray, "R 3"], groups: np.ndarray
+    ) -> Float[np.ndarray, " R"]:
+        count = len(directions)
+        geoms, distances = np.empty(count, np.int32), np.empty(count)
+        mujoco.mj_multiRay(
+            self._model, self._data, origin, np.ascontiguousarray(directions).ravel(), groups, True, -1,
+            geoms, distances, None, count, mujoco.mjMAXVAL,
+        )  # fmt: skip
+        distances[(geoms < 0) | self._is_black[geoms]] = np.inf
+        return distances
+
+
+def _add_mesh(spec: mujoco.MjSpec, name: str, vertices: np.ndarray, faces: np.ndarray, group: int) -> None:
+    mesh = spec.add_mesh(name=name)
+    mesh.uservert = np.asarray(vertices, np.float32).ravel()
+    mesh.userface = np.asarray(faces, np.int32).ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, group=group, contype=0, conaffinity=0, mass=0
+    )
+
+
+def _add_box(
+    spec: mujoco.MjSpec, low: np.ndarray, high: np.ndarray, bottom: float, top: float, group: int
+) -> None:
+    corners = np.array([[*low, bottom], [*high, top]])
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, pos=corners.mean(0), size=np.diff(corners, axis=0)[0] / 2,
+        group=group, contype=0, conaffinity=0,
+    )  # fmt: skip
+
+
+def _frame(
+    low: Float[np.ndarray, " 2"],
+    high: Float[np.ndarray, " 2"],
+    inner_low: Float[np.ndarray, " 2"],
+    inner_high: Float[np.ndarray, " 2"],
+) -> list[Rectangle]:
+    """Cut the ground around the arena into four rectangles."""
+    (x0, y0), (x1, y1), (a0, b0), (a1, b1) = low, high, inner_low, inner_high
+    return [
+        (np.array(a), np.array(b))
+        for a, b in (((x0, y0), (a0, y1)), ((a1, y0), (x1, y1)), ((a0, y0), (a1, b0)), ((a0, b1), (a1, y1)))
+    ]
+
+
+def _make_walls(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"]) -> list[Rectangle]:
+    """Make the four walls of the room."""
+    (x0, y0), (x1, y1) = low, high
+    t = _THICKNESS
+    return [
+        (np.array(a), np.array(b))
+        for a, b in (
+            ((x0 - t, y0 - t), (x1 + t, y0)),
+            ((x0 - t, y1), (x1 + t, y1 + t)),
+            ((x0 - t, y0), (x0, y1)),
+            ((x1, y0), (x1 + t, y1)),
+        )
+    ]
+
+
+def _make_pilasters(
+    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], room: SurveyRoom
+) -> Iterator[Rectangle]:
+    """Make unevenly spaced pilasters along the walls, so that every view has corners."""
+    rng = np.random.default_rng(room.seed)
+    for axis in (0, 1):
+        for side in (0, 1):
+            at = low[axis] + rng.uniform(*room.first_pilaster)
+            while at < high[axis] - room.last_pilaster:
+                width, depth = rng.uniform(*room.pilaster_width), rng.uniform(*room.pilaster_depth)
+                wall = (low, high)[side][1 - axis]
+                span = sorted((wall, wall + (depth if side == 0 else -depth)))
+                a, b = np.zeros(2), np.zeros(2)
+                a[axis], b[axis], a[1 - axis], b[1 - axis] = at, at + width, *span
+                yield a, b
+                at += width + rng.uniform(*room.pilaster_spacing)
+
+
+def _make_skirt(
+    surface: trimesh.Trimesh, bottom: float
+) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]] | None:
+    """Hang the boundary edges down to the ground; None for a closed surface."""
+    surface = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    surface.merge_vertices()
+    edges, counts = np.unique(surface.edges_sorted, axis=0, return_counts=True)
+    rim = edges[counts == 1]
+    if not len(rim):
+        return None
+    upper = surface.vertices[rim].reshape(-1, 3)
+    lower = upper.copy()
+    lower[:, 2] = bottom
+    count = len(upper)
+    i = np.arange(0, count, 2)
+    faces = np.concatenate(
+        [np.stack([i, i + 1, count + i], 1), np.stack([i + 1, count + i + 1, count + i], 1)]
+    )
+    return np.concatenate([upper, lower]), faces

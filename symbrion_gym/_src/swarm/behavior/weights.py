@@ -1,0 +1,132 @@
+"""The weights of the behaviors: named numbers with bounds, which CMA-ES can evolve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from math import radians
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from symbrion_gym._src.errors import OptionError
+
+
+def _weight(default: float, low: float, high: float) -> Any:
+    return field(default=default, metadata={"bounds": (low, high)})
+
+
+@dataclass(frozen=True)
+class BehaviorWeights:
+    """How robots steer and how long they try; each has bounds in `list_bounds`.
+
+    All are estimates but `locate_speed`, which was fitted to docking trials of real robots
+    (`evolution._src.experiments.swarm.docking_trials`).
+
+    Attributes:
+        explore_speed: [m/s]; faster robots find each other sooner, and run farther into what they meet.
+        straight_time: mean time that an exploring robot drives straight before it turns at random [s].
+        turn_gain: rate of turning per angle to the place that is steered for [1/s].
+        turn_speed: largest difference of a track from the mean of both [m/s].
+        avoid_distance: a reading below it is an obstacle [m].
+        avoid_time: how long a robot that met one turns away [s].
+        locate_speed: on the way to a beacon [m/s].
+        lookahead: share of the distance to the beacon at which the place on its axis lies that is steered for: at 0
+            straight to the beacon, at 1 first to its axis.
+        align_distance: where driving ends and aligning begins, from dock to dock [m].
+        align_angle: bearing of the beacon at which the robot goes in [rad].
+        align_offset: direction from the beacon's axis above which the robot does not go in but recovers [rad].
+        align_time: after this without success the robot recovers [s].
+        dock_speed: on the last stretch [m/s].
+        dock_time: after this without a latch the robot recovers [s].
+        recover_speed: of backing off [m/s].
+        recover_time: how long [s].
+        lost_time: a beacon not heard for this long is lost [s].
+        accept_time: a recruiter waits for a robot that it has accepted for this long [s].
+        guide_offset: distance at which a robot passes an organism on the way to the beacon [m].
+        patience: an organism that does not grow for this long dissolves [s].
+
+    Raises:
+        OptionError: a weight is out of its bounds.
+    """
+
+    explore_speed: float = _weight(0.08, 0.02, 0.10)
+    straight_time: float = _weight(8.0, 2.0, 60.0)
+    turn_gain: float = _weight(1.5, 0.3, 4.0)
+    turn_speed: float = _weight(0.05, 0.01, 0.10)
+    avoid_distance: float = _weight(0.10, 0.03, 0.20)
+    avoid_time: float = _weight(2.0, 0.3, 6.0)
+    locate_speed: float = _weight(0.035, 0.01, 0.10)
+    lookahead: float = _weight(0.6, 0.0, 1.0)
+    align_distance: float = _weight(0.10, 0.04, 0.25)
+    align_angle: float = _weight(radians(5), radians(1), radians(20))
+    align_offset: float = _weight(radians(20), radians(5), radians(60))
+    align_time: float = _weight(6.0, 1.0, 20.0)
+    dock_speed: float = _weight(0.025, 0.005, 0.06)
+    dock_time: float = _weight(8.0, 2.0, 20.0)
+    recover_speed: float = _weight(0.05, 0.01, 0.10)
+    recover_time: float = _weight(4.0, 0.5, 10.0)
+    lost_time: float = _weight(8.0, 0.3, 15.0)
+    accept_time: float = _weight(60.0, 10.0, 200.0)
+    guide_offset: float = _weight(0.35, 0.2, 0.8)
+    patience: float = _weight(600.0, 60.0, 900.0)
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in list_bounds().items():
+            value = getattr(self, name)
+            if not (np.all(low <= np.asarray(value)) and np.all(np.asarray(value) <= high)):
+                raise OptionError(f"weight {name} must be from {low:.4g} to {high:.4g}, got {value!r}")
+
+    @classmethod
+    def stack(cls, weights: Sequence[BehaviorWeights], num_robots: int) -> BehaviorWeights:
+        """Return weights whose values are arrays, one value a robot: swarms with other weights in one world.
+
+        Args:
+            weights: of the swarms, each of so many robots in turn.
+            num_robots: of each swarm.
+        """
+        values: dict[str, Any] = {
+            each.name: np.repeat([getattr(one, each.name) for one in weights], num_robots)
+            for each in fields(cls)
+        }
+        return cls(**values)
+
+    @classmethod
+    def from_genotype(
+        cls, genotype: Float[np.ndarray, " W"], names: tuple[str, ...], base: BehaviorWeights | None = None
+    ) -> BehaviorWeights:
+        """Return weights of which some were evolved.
+
+        Args:
+            genotype: numbers of which 0 is the lower bound and 1 the upper; what lies beyond is clipped.
+            names: the weights that they are.
+            base: the others; None for the defaults.
+
+        Raises:
+            OptionError: no such weight, or another number of them.
+        """
+        bounds, values = list_bounds(), np.asarray(genotype, dtype=np.float64)
+        unknown = sorted(set(names) - set(bounds))
+        if unknown:
+            raise OptionError(f"no weight {unknown[0]!r}; there are: {', '.join(bounds)}")
+        if values.shape != (len(names),) or not np.isfinite(values).all():
+            raise OptionError(
+                f"{len(names)} finite numbers are needed, one for each weight, got {genotype!r}"
+            )
+        share = np.clip(values, 0.0, 1.0)
+        found = {
+            name: bounds[name][0] + float(place) * (bounds[name][1] - bounds[name][0])
+            for name, place in zip(names, share, strict=True)
+        }
+        return replace(base or cls(), **found)
+
+    def to_genotype(self, names: tuple[str, ...]) -> Float[np.ndarray, " W"]:
+        """Return where the named weights lie between their bounds, 0 to 1."""
+        bounds = list_bounds()
+        return np.array([(getattr(self, n) - bounds[n][0]) / (bounds[n][1] - bounds[n][0]) for n in names])
+
+
+def list_bounds() -> dict[str, tuple[float, float]]:
+    """Return the lowest and highest value of every weight, by name."""
+    return {each.name: each.metadata["bounds"] for each in fields(BehaviorWeights)}

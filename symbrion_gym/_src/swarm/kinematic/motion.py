@@ -1,0 +1,232 @@
+"""Poses that robots could take next, and which of them they get to."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from symbrion_gym._src.swarm.kinematic.collisions import (
+    Outlines,
+    find_outlines,
+    find_overlaps,
+    find_pairs,
+    take,
+)
+from symbrion_gym._src.swarm.kinematic.rotations import find_headings
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+
+FULL, TURN, STAY = 0, 1, 2
+"""What a robot does of a wanted motion: all, only its turn on the spot, nothing."""
+
+
+class Poses(NamedTuple):
+    """Poses of N robots on the ground.
+
+    Attributes:
+        position: centers of the chassis [m].
+        rotation: of the chassis, to the arena.
+        hinge: angles of the arms [rad].
+    """
+
+    position: Float[np.ndarray, "N 3"]
+    rotation: Float[np.ndarray, "N 3 3"]
+    hinge: Float[np.ndarray, " N"]
+
+    @property
+    def heading(self) -> Float[np.ndarray, " N"]:
+        """Directions of the robots, seen from above [rad]."""
+        return find_headings(self.rotation)
+
+
+def choose_roots(
+    groups: Int[np.ndarray, " N"], roots: Int[np.ndarray, " N"], speed: Float[np.ndarray, " N"]
+) -> Int[np.ndarray, " N"]:
+    """Return the robot of each group whose pose leads: that of its largest former part, which a newcomer does not move.
+
+    Of equal parts it is the one that stands: tracks that already slide resist a turn less than parked ones.
+
+    Args:
+        groups: number of each robot's group.
+        roots: roots of the groups before.
+        speed: of the robots [m/s].
+    """
+    result = np.arange(len(roots))
+    for group in np.flatnonzero(np.bincount(groups, minlength=len(groups)) > 1):
+        members = np.flatnonzero(groups == group)
+        former, sizes = np.unique(roots[members], return_counts=True)
+        stays = np.isin(former, members)
+        former, sizes = former[stays], sizes[stays]
+        result[members] = former[np.lexsort((speed[former], -sizes))[0]] if stays.any() else members[0]
+    return result
+
+
+def find_layout(poses: Poses, groups: Int[np.ndarray, " N"]) -> Float[np.ndarray, "N 3"]:
+    """Return x [m], y [m] and heading [rad] of each robot in the frame of its group's root."""
+    root = poses.rotation[groups]
+    place = np.einsum("nji,nj->ni", root, poses.position - poses.position[groups])
+    ahead = np.einsum("nji,nj->ni", root, poses.rotation[:, :, 0])
+    return np.column_stack([place[:, :2], np.arctan2(ahead[:, 1], ahead[:, 0])])
+
+
+def place_members(
+    position: Float[np.ndarray, "N 3"],
+    rotation: Float[np.ndarray, "N 3 3"],
+    layout: Float[np.ndarray, "N 3"],
+    hinge: Float[np.ndarray, " N"],
+) -> Poses:
+    """Return the poses of robots from those of their roots, given once a member."""
+    c, s = np.cos(layout[:, 2]), np.sin(layout[:, 2])
+    x, y, z = np.moveaxis(rotation, 2, 0)
+    place = position + layout[:, :1] * x + layout[:, 1:2] * y
+    ahead, left = c[:, None] * x + s[:, None] * y, c[:, None] * y - s[:, None] * x
+    return Poses(place, np.stack([ahead, left, z], axis=2), hinge)
+
+
+def select(level: Int[np.ndarray, " N"], full: Poses, turned: Poses, old: Poses) -> Poses:
+    """Return the poses at the level of each robot."""
+    if not level.any():
+        return full
+    chosen = []
+    for values in zip(full, turned, old, strict=True):
+        at = level.reshape(-1, *[1] * (values[0].ndim - 1))
+        chosen.append(np.where(at == FULL, values[0], np.where(at == TURN, values[1], values[2])))
+    return Poses(*chosen)
+
+
+def avoid_overlaps(
+    level: Int[np.ndarray, " N"],
+    full: Poses,
+    turned: Poses,
+    old: Poses,
+    groups: Int[np.ndarray, " N"],
+    scout: ScoutConfig,
+    grip: float,
+    num_swarms: int = 1,
+) -> Int[np.ndarray, " N"]:
+    """Return what of its motion each robot does, so that none reaches farther into another one than before.
+
+    Who moves into a robot, wherever that one ends up, gives up its way, and if that is not enough its turn. In the end
+    all stay, which is allowed, so this comes to an end. Members of a group move together or not at all.
+
+    Args:
+        level: what the ground allows.
+        full: where robots would be after all of their motion.
+        turned: where they would be after turning on the spot.
+        old: where they are.
+        groups: root of each robot's group.
+        scout: constants of the robots.
+        grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
+    """
+    way = np.abs(full.position[:, :2] - old.position[:, :2]).max(initial=0.0)
+    first, second = find_pairs(old.position, 2 * (scout.arm_reach + np.sqrt(2.0) * way + grip), num_swarms)
+    is_apart = groups[first] != groups[second]
+    pairs = first[is_apart], second[is_apart]
+    if not len(pairs[0]):
+        return level
+    before = outline(old, scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
+    is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
+    while True:
+        now = outline(select(level, full, turned, old), scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
+        if not is_bad.any():
+            return level
+        bad = pairs[0][is_bad], pairs[1][is_bad]
+        by_first, by_second = _find_movers(now, before, bad, allowed[is_bad], scout)
+        by_first, by_second = by_first & (level[bad[0]] < STAY), by_second & (level[bad[1]] < STAY)
+        by_both = ~by_first & ~by_second
+        causes = np.concatenate([bad[0][by_first | by_both], bad[1][by_second | by_both]])
+        level = _give_way(level, causes, groups, is_member)
+
+
+def hold_arms(
+    new: Poses,
+    hinge: Float[np.ndarray, " N"],
+    groups: Int[np.ndarray, " N"],
+    scout: ScoutConfig,
+    grip: float,
+    num_swarms: int = 1,
+) -> Poses:
+    """Return poses in which no arm has moved farther into a robot of its own group than it was.
+
+    Args:
+        new: where robots would be.
+        hinge: angles of the arms before [rad].
+        groups: root of each robot's group.
+        scout: constants of the robots.
+        grip: overlap that is none [m].
+        num_swarms: equal parts of the robots that do not meet each other.
+    """
+    is_member = np.bincount(groups, minlength=len(groups))[groups] > 1
+    if not (is_member & (new.hinge != hinge)).any():
+        return new
+    first, second = find_pairs(new.position, 2 * scout.arm_reach, num_swarms)
+    is_own = groups[first] == groups[second]
+    pairs = first[is_own], second[is_own]
+    before = outline(new._replace(hinge=hinge), scout)
+    allowed = np.maximum(_measure(before, before, pairs, scout), 0.0) + grip
+    held = np.zeros(len(groups), bool)
+    while True:
+        new = new._replace(hinge=np.where(held, hinge, new.hinge))
+        now = outline(new, scout)
+        is_bad = _measure(now, now, pairs, scout) > allowed
+        more = np.zeros_like(held)
+        more[pairs[0][is_bad]] = more[pairs[1][is_bad]] = True
+        if not (more & ~held).any():
+            return new
+        held |= more
+
+
+def _give_way(
+    level: Int[np.ndarray, " N"],
+    causes: Int[np.ndarray, " C"],
+    groups: Int[np.ndarray, " N"],
+    is_member: Bool[np.ndarray, " N"],
+) -> Int[np.ndarray, " N"]:
+    """Return levels with the robots that cause an overlap, and those docked to them, at the next one."""
+    level = level.copy()
+    level[causes] = np.where(is_member[causes], STAY, np.minimum(level[causes] + 1, STAY))
+    return spread_level(level, groups)
+
+
+def spread_level(level: Int[np.ndarray, " N"], groups: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """Return for each robot the highest level of its group: members move together or not at all."""
+    highest = np.zeros_like(level)
+    np.maximum.at(highest, groups, level)
+    return highest[groups]
+
+
+def outline(poses: Poses, scout: ScoutConfig) -> Outlines:
+    """Return robots seen from above."""
+    return find_outlines(poses.position, poses.heading, poses.hinge, scout)
+
+
+def _find_movers(
+    now: Outlines,
+    before: Outlines,
+    pairs: tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]],
+    allowed: Float[np.ndarray, " P"],
+    scout: ScoutConfig,
+) -> Bool[np.ndarray, "2 P"]:
+    """Return whether the first robot of each pair overlaps where the second one was, and the second the first."""
+    first, second = pairs
+    ones, others = (
+        Outlines(*(np.concatenate([a[i], b[i]]) for a, b in zip(*moved, strict=True)))
+        for moved, i in (((now, before), first), ((before, now), second))
+    )
+    return find_overlaps(ones, others, scout).reshape(2, -1) > allowed
+
+
+def _measure(
+    first: Outlines,
+    second: Outlines,
+    pairs: tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]],
+    scout: ScoutConfig,
+) -> Float[np.ndarray, " P"]:
+    return find_overlaps(take(first, pairs[0]), take(second, pairs[1]), scout)

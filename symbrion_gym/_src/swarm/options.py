@@ -1,0 +1,71 @@
+"""Options of the environment of a swarm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from symbrion_gym._src.errors import OptionError
+from symbrion_gym._src.swarm.fidelity import check_fidelity
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.arenas.arena import Arena
+
+MOST_ROBOTS = 1000
+
+
+@dataclass(frozen=True)
+class SwarmOptions:
+    """Options of `swarm_v0.parallel_env`.
+
+    Attributes:
+        arena: a name, a folder, a mesh file or an `Arena` with a pit.
+        num_robots: robots, all Scouts.
+        duration: of an episode [s].
+        success_bonus: reward of every robot once all are beyond the pit, undocked and upright.
+        noise: factor on the noise of the sensors; 0 for none.
+        fidelity: level of physics, one of `FIDELITIES`.
+
+    Raises:
+        OptionError: a value is out of range.
+    """
+
+    arena: str | Path | Arena = "gsrm"
+    num_robots: int = 8
+    duration: float = 900.0
+    success_bonus: float = 1.0
+    noise: float = 1.0
+    fidelity: str = "kinematic"
+
+    def __post_init__(self) -> None:
+        count = self.num_robots
+        if (
+            isinstance(count, bool)
+            or not isinstance(count, int | np.integer)
+            or not 1 <= count <= MOST_ROBOTS
+        ):
+            raise OptionError(f"num_robots must be a whole number from 1 to {MOST_ROBOTS}, got {count!r}")
+        for name in ("duration", "success_bonus", "noise"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+                raise OptionError(f"{name} must be a number, got {value!r}")
+        check_positive(self, ("duration",), OptionError)
+        check_not_negative(self, ("success_bonus", "noise"), OptionError)
+        check_fidelity(self.fidelity)
+
+    @classmethod
+    def from_options(cls, options: dict[str, Any]) -> SwarmOptions:
+        """Return options by name.
+
+        Raises:
+            OptionError: an unknown name, or a value out of range.
+        """
+        names = [field.name for field in fields(cls)]
+        unknown = sorted(set(options) - set(names))
+        if unknown:
+            raise OptionError(f"no option {unknown[0]!r}; there are: {', '.join(names)}")
+        return cls(**options)

@@ -1,0 +1,194 @@
+"""Rays among robots in an arena: against its exact surface, and against the chassis of robots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symbrion_gym._src.contact.ray_mesh import RayMesh
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from symbrion_gym._src.arenas.arena import Arena
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+    from symbrion_gym._src.swarm.world import SwarmState
+
+_CELL = 0.05
+"""Edge of the cells of the highest surface [m]: half of a robot."""
+_MOST_CELLS = 4_000_000
+"""Cells are wider where there would be more of them."""
+_LEAST = 1e-12
+"""Components of directions are not smaller than this: no division by zero."""
+
+
+class Sight:
+    """Casts rays; short ones above everything in the cells that they pass are not cast on the surface.
+
+    Args:
+        arena: whose surface is hit.
+        scout: whose chassis, boxes of its size, are hit.
+    """
+
+    def __init__(self, arena: Arena, scout: ScoutConfig) -> None:
+        self._mesh = RayMesh([arena.surface])
+        self._half = np.array(scout.size) / 2
+        self._low, self._cell, self._top = _find_tops(np.asarray(arena.surface.triangles))
+
+    @property
+    def robot_radius(self) -> float:
+        """Radius of a ball about the chassis [m]."""
+        return float(np.linalg.norm(self._half))
+
+    def cast_short(
+        self,
+        origins: Float[np.ndarray, "R 3"],
+        directions: Float[np.ndarray, "R 3"],
+        max_ranges: Float[np.ndarray, " R"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the exact surface along each ray [m]; inf beyond its range.
+
+        Rays above everything in the cells that they pass are not cast.
+
+        Args:
+            origins: where rays begin [m].
+            directions: unit vectors.
+            max_ranges: [m].
+        """
+        distances = np.full(len(origins), np.inf)
+        rays = np.flatnonzero(self.may_hit(origins, directions, max_ranges))
+        distances[rays] = self._mesh.cast_fans(origins[rays], directions[rays], np.ones(len(rays), np.int64))
+        distances[distances > max_ranges] = np.inf
+        return distances
+
+    def cast_fans(
+        self,
+        origins: Float[np.ndarray, "F 3"],
+        directions: Float[np.ndarray, "R 3"],
+        counts: Int[np.ndarray, " F"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the exact surface along each ray of fans [m]; inf for none.
+
+        Args:
+            origins: where the rays of each fan begin [m].
+            directions: unit vectors, fan after fan.
+            counts: number of rays of each fan.
+        """
+        return self._mesh.cast_fans(origins, directions, counts)
+
+    def cast_on_robots(
+        self,
+        origins: Float[np.ndarray, "R 3"],
+        directions: Float[np.ndarray, "R 3"],
+        state: SwarmState,
+        rays: Int[np.ndarray, " P"],
+        robots: Int[np.ndarray, " P"],
+    ) -> Float[np.ndarray, " R"]:
+        """Return the distance of the nearest chassis along each ray [m]; inf for none. A ray within one is at 0.
+
+        Args:
+            origins: where rays begin [m].
+            directions: unit vectors.
+            state: of the robots.
+            rays: which ray of each pair that is tried.
+            robots: which robot.
+        """
+        distances = np.full(len(origins), np.inf)
+        rotation = state.rotation[robots]
+        place, direction = origins[rays] - state.position[robots], directions[rays]
+        enter, leave = np.zeros(len(rays)), np.full(len(rays), np.inf)
+        for axis, half in enumerate(self._half):
+            normal = rotation[:, :, axis]
+            start, ahead = _multiply(place, normal), _multiply(direction, normal)
+            ahead = np.where(np.abs(ahead) < _LEAST, _LEAST, ahead)
+            one, other = (-half - start) / ahead, (half - start) / ahead
+            enter = np.maximum(enter, np.minimum(one, other))
+            leave = np.minimum(leave, np.maximum(one, other))
+        hit = np.where(enter <= leave, enter, np.inf)
+        np.minimum.at(distances, rays, hit)
+        return distances
+
+    def find_clear(
+        self,
+        places: Float[np.ndarray, "F 3"],
+        ends: Float[np.ndarray, "R 3"],
+        fan: Int[np.ndarray, " R"],
+        state: SwarmState,
+        first: Int[np.ndarray, " R"],
+        second: Int[np.ndarray, " R"],
+    ) -> Bool[np.ndarray, " R"]:
+        """Return whether neither surface nor a third robot is between two places.
+
+        Args:
+            places: where lines of sight begin [m].
+            ends: where each of them ends [m].
+            fan: the place where each one begins, in rising order.
+            state: of the robots.
+            first: robot at each start, which is in nobody's way.
+            second: robot at each end, likewise.
+        """
+        starts = places[fan]
+        way = ends - starts
+        length = np.sqrt(_multiply(way, way))
+        directions = way / np.maximum(length, _LEAST)[:, None]
+        place = state.position
+        ahead = directions @ place.T - _multiply(directions, starts)[:, None]
+        squared = _multiply(place, place) + _multiply(starts, starts)[:, None] - 2.0 * starts @ place.T
+        along = np.clip(ahead, 0.0, length[:, None])
+        beside = squared + along * (along - 2.0 * ahead)
+        beside[np.arange(len(first)), first] = np.inf
+        beside[np.arange(len(second)), second] = np.inf
+        rays, robots = np.nonzero(beside < self.robot_radius**2)
+        is_free = ~(self.cast_on_robots(starts, directions, state, rays, robots) < length)
+        left = np.flatnonzero(is_free)
+        counts = np.bincount(fan[left], minlength=len(places))
+        is_free[left] = ~(self.cast_fans(places, directions[left], counts) < length[left])
+        return is_free
+
+    def may_hit(
+        self,
+        origins: Float[np.ndarray, "R 3"],
+        directions: Float[np.ndarray, "R 3"],
+        max_ranges: Float[np.ndarray, " R"],
+    ) -> Bool[np.ndarray, " R"]:
+        """Return which rays come below the highest surface of a cell that they pass.
+
+        Args:
+            origins: where rays begin [m].
+            directions: unit vectors.
+            max_ranges: [m].
+        """
+        num = int(np.ceil(max_ranges.max(initial=0.0) / self._cell)) + 1
+        along = np.linspace(0.0, 1.0, num)[:, None] * max_ranges
+        x, y, z = (origins[:, k] + along * directions[:, k] for k in range(3))
+        i, j = (
+            np.clip(((value - low) / self._cell).astype(np.int64), 0, count - 1)
+            for value, low, count in zip((x, y), self._low, self._top.shape, strict=True)
+        )
+        lowest = z - self._cell * np.abs(directions[:, 2])
+        return np.any(lowest <= self._top[i, j], axis=0)
+
+
+def _multiply(one: Float[np.ndarray, "P 3"], other: Float[np.ndarray, "P 3"]) -> Float[np.ndarray, " P"]:
+    """Return the dot product of each row; faster than a sum over so short an axis."""
+    return one[:, 0] * other[:, 0] + one[:, 1] * other[:, 1] + one[:, 2] * other[:, 2]
+
+
+def _find_tops(
+    triangles: Float[np.ndarray, "T 3 3"],
+) -> tuple[Float[np.ndarray, " 2"], float, Float[np.ndarray, "X Y"]]:
+    """Return corner, edge and heights of a grid: the highest surface in and next to each cell [m]; -inf for none."""
+    from scipy.ndimage import grey_dilation
+
+    low, high = triangles[..., :2].min(axis=(0, 1)), triangles[..., :2].max(axis=(0, 1))
+    cell = max(_CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
+    low = low - 2 * cell
+    shape = np.ceil((high + 2 * cell - low) / cell).astype(np.int64)
+    top = np.full(tuple(shape), -np.inf)
+    first = np.floor((triangles[..., :2].min(axis=1) - low) / cell).astype(np.int64)
+    last = np.floor((triangles[..., :2].max(axis=1) - low) / cell).astype(np.int64)
+    for (i, j), (k, m), z in zip(first, last, triangles[..., 2].max(axis=1), strict=True):
+        part = top[i : k + 1, j : m + 1]
+        np.maximum(part, z, out=part)
+    return low, cell, grey_dilation(top, size=(3, 3), mode="nearest")

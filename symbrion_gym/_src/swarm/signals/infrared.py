@@ -1,0 +1,154 @@
+"""Which infrared units receive light of which docks, and how much."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from symbrion_gym._src.robot.scout_rays import find_scout_rays
+from symbrion_gym._src.swarm.docks import find_dock_poses
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool, Float, Int
+
+    from symbrion_gym._src.robot.scout_constants import ScoutConfig
+    from symbrion_gym._src.swarm.sight import Sight
+    from symbrion_gym._src.swarm.signals.config import SignalConfig
+    from symbrion_gym._src.swarm.world import SwarmState
+
+NUM_UNITS = 8
+"""Infrared units of a Scout: two a side, the left one (seen from within) first; sides in the order of `SIDES`."""
+_LEAST_READING = 0.5
+"""Light below this reading is none [counts]: the standard deviation of the noise."""
+_NARROW = 0.92
+"""Cosine of the angle off a dock's axis beyond which almost all light is that of its wide part."""
+_LEAST_DISTANCE = 0.01
+"""Smaller distances count as this one [m]: units do not touch."""
+
+
+class Light(NamedTuple):
+    """Light that gets from docks to the two units of a side of other robots.
+
+    Attributes:
+        sender: robot.
+        dock: its side.
+        receiver: robot.
+        side: its side.
+        readings: of both units, not limited [counts].
+    """
+
+    sender: Int[np.ndarray, " L"]
+    dock: Int[np.ndarray, " L"]
+    receiver: Int[np.ndarray, " L"]
+    side: Int[np.ndarray, " L"]
+    readings: Float[np.ndarray, "L 2"]
+
+
+def find_units(
+    state: SwarmState, scout: ScoutConfig
+) -> tuple[Float[np.ndarray, "N 8 3"], Float[np.ndarray, "N 8 3"]]:
+    """Return places [m] and axes of the infrared units of all robots in the arena."""
+    origins, directions = _find_unit_rays(scout)
+    turn = state.rotation.transpose(0, 2, 1)
+    return origins @ turn + state.position[:, None], directions @ turn
+
+
+@lru_cache(maxsize=32)
+def _find_unit_rays(scout: ScoutConfig) -> tuple[Float[np.ndarray, "8 3"], Float[np.ndarray, "8 3"]]:
+    rays = find_scout_rays(scout)
+    return rays.origins[:NUM_UNITS], rays.directions[:NUM_UNITS]
+
+
+def find_light(
+    state: SwarmState,
+    shining: Bool[np.ndarray, "N 4"],
+    sight: Sight,
+    scout: ScoutConfig,
+    config: SignalConfig,
+) -> Light:
+    """Return the light of docks that reaches units of other robots, in a fixed order.
+
+    Args:
+        state: of the robots.
+        shining: which docks send.
+        sight: what is in the way.
+        scout: constants of the robots.
+        config: constants of the light.
+    """
+    dock_place, dock_axis = find_dock_poses(state, scout)
+    unit_place, unit_axis = find_units(state, scout)
+    sender, dock = np.nonzero(shining)
+    start, start_axis = dock_place[sender, dock], dock_axis[sender, dock]
+    pair, receiver = _find_pairs(state, sender, start, start_axis, sight.robot_radius, config)
+    middle = (unit_place[:, ::2] + unit_place[:, 1::2]) / 2
+    facing = ((start[pair][:, None] - middle[receiver]) * unit_axis[receiver, ::2]) @ np.ones(3) > 0.0
+    row, side = np.nonzero(facing)
+    pair, receiver = pair[row], receiver[row]
+    units = 2 * side[:, None] + np.arange(2)
+    readings = find_readings(
+        start[pair][:, None],
+        start_axis[pair][:, None],
+        unit_place[receiver[:, None], units],
+        unit_axis[receiver[:, None], units],
+        config,
+    )
+    seen = np.flatnonzero(np.maximum(readings[:, 0], readings[:, 1]) > _LEAST_READING)
+    pair, receiver, side = pair[seen], receiver[seen], side[seen]
+    clear = sight.find_clear(start, middle[receiver, side], pair, state, sender[pair], receiver)
+    pair = pair[clear]
+    return Light(sender[pair], dock[pair], receiver[clear], side[clear], readings[seen][clear])
+
+
+def _find_pairs(
+    state: SwarmState,
+    sender: Int[np.ndarray, " S"],
+    start: Float[np.ndarray, "S 3"],
+    axis: Float[np.ndarray, "S 3"],
+    radius: float,
+    config: SignalConfig,
+) -> tuple[Int[np.ndarray, " P"], Int[np.ndarray, " P"]]:
+    """Return which senders may reach which robots: near enough for that part of the light, and not behind the dock."""
+    place = state.position
+    ahead = axis @ place.T - (axis * start).sum(axis=1)[:, None]
+    squared = (place**2).sum(axis=1) + (start**2).sum(axis=1)[:, None] - 2.0 * start @ place.T
+    outside = (1.0 - config.side_share) * _NARROW**config.lobe + config.side_share
+    side_reach, reach = (_find_reach(config, lobe) + radius for lobe in (outside, 1.0))
+    is_narrow = (ahead + radius) ** 2 > _NARROW**2 * np.maximum(
+        np.sqrt(np.maximum(squared, 0.0)) - radius, 0.0
+    ) ** 2
+    is_near = (ahead > -radius) & (squared < np.where(is_narrow, reach, side_reach) ** 2)
+    is_near[np.arange(len(sender)), sender] = False
+    pair, receiver = np.nonzero(is_near)
+    return pair, receiver
+
+
+def _find_reach(config: SignalConfig, lobe: float) -> float:
+    """Return how far a beacon shines with a share of its light [m]."""
+    return (config.gain * lobe / _LEAST_READING) ** (1.0 / config.falloff) if lobe > 0.0 else 0.0
+
+
+def find_readings(
+    place: Float[np.ndarray, "*S 3"],
+    axis: Float[np.ndarray, "*S 3"],
+    unit_place: Float[np.ndarray, "*S 3"],
+    unit_axis: Float[np.ndarray, "*S 3"],
+    config: SignalConfig,
+) -> Float[np.ndarray, " *S"]:
+    """Return what units read of senders in plain sight, without limit, ambient light and noise [counts].
+
+    Args:
+        place: of the senders [m].
+        axis: unit vectors along which they send.
+        unit_place: of the receiving units [m].
+        unit_axis: unit vectors along which they look.
+        config: constants of the light.
+    """
+    way = unit_place - place
+    ones = np.ones(3)
+    distance = np.maximum(np.sqrt((way * way) @ ones), _LEAST_DISTANCE)
+    sent = np.maximum((way * axis) @ ones / distance, 0.0)
+    seen = np.maximum(-((way * unit_axis) @ ones) / distance, 0.0)
+    lobe = ((1.0 - config.side_share) * sent**config.lobe + config.side_share) * (sent > 0.0)
+    return config.gain * lobe * seen**config.reception * distance**-config.falloff

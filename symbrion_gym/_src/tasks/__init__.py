@@ -1,0 +1,1 @@
+"""What an organism has to do: tasks and their terms, routes, and the audit of a success."""

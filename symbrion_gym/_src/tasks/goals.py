@@ -1,0 +1,97 @@
+"""Goals along a straight way: to get all modules past its finish."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.features.gap import GapSearch
+from symbrion_gym._src.tasks.route import Point, Route, RouteMargins, find_route, refuse_start_beyond_gap
+from symbrion_gym._src.tasks.standing import find_honest_along, find_standing
+from symbrion_gym._src.tasks.starts import Start
+from symbrion_gym._src.tasks.state import TaskState
+
+
+@dataclass(frozen=True)
+class PassFinish:
+    """Get every module past the finish of a straight way: beyond the pit, or at a place.
+
+    Attributes:
+        place: (x, y) or (x, y, z) that the head has to reach [m]; None for the far side of the course or the pit.
+        margins: distances of the way from ramp, pit and rim; None for the defaults.
+        pit_search: what counts as a pit; None for the defaults.
+    """
+
+    is_straight: ClassVar[bool] = True
+    """Progress is the way that the tracks account for."""
+    place: Point | None = None
+    margins: RouteMargins | None = None
+    pit_search: GapSearch | None = None
+
+    def __post_init__(self) -> None:
+        if self.place is not None and np.ndim(self.place) == 1:
+            object.__setattr__(self, "place", tuple(float(each) for each in self.place))
+
+    def find(self, arena: Arena, organism: Organism, start: Start) -> Route:
+        """Find the way; see `symbrion_gym._src.tasks.route.find_route`.
+
+        Raises:
+            TaskError: there is nothing to do: the start lies beyond the pit, or the body at the goal.
+        """
+        route = find_route(arena, organism, start.place, self.place, self.margins, self.pit_search)
+        if self.place is not None:
+            _refuse_near_goal(route, organism, self.place)
+        elif not isinstance(start.place, str) and route.pit is None:
+            refuse_start_beyond_gap(arena, organism, start.place, self.pit_search)
+        return route
+
+    def progress(self, state: TaskState) -> Float[Any, " N"]:
+        """Return the mean position of the modules along the way, each counted up to the finish [m]."""
+        return state.mean_to_finish
+
+    def limits(self, state: TaskState) -> dict[str, np.ndarray]:
+        """Return the limits within which no body has arrived."""
+        return {"rear": state.finish}
+
+    def has_arrived(self, state: TaskState) -> Bool[Any, " N"]:
+        """Return whether every module is wholly beyond the finish, upright and on the ground."""
+        return pass_strictly(state)
+
+
+def _refuse_near_goal(route: Route, organism: Organism, place: Point) -> None:
+    """Refuse a goal that the body has nearly passed where it starts.
+
+    Raises:
+        TaskError: less than a module's length is left.
+    """
+    least, length = organism.scout.size[0], (organism.num_modules - 1) * organism.scout.pitch
+    left = route.finish + length - route.start
+    if left < least:
+        raise TaskError(
+            f"the goal {tuple(place)} is {max(left, 0.0):.2f} m ahead of the head at the start; give one at least "
+            f"{least:.2f} m ahead, or a start farther back"
+        )
+
+
+def pass_strictly(state: TaskState) -> Bool[Any, " N"]:
+    """Return whether every module is past the finish with every corner, upright, on the ground and no faster than its
+    tracks."""
+    has_arrived = (state.rear > state.finish) & find_honest_along(state)
+    has_arrived = state.confirm(has_arrived, lambda rows: find_across(state)[rows])
+    return state.confirm(has_arrived, lambda rows: find_standing(state, rows))
+
+
+def find_across(state: TaskState) -> Bool[Any, " N"]:
+    """Return whether the corners of all modules are beyond the edge, half a module before the finish."""
+    c, s = np.array([scene.route.direction for scene in state.scenes]).T[:, :, None, None]
+    rotation, criteria = state.rotation, state.criteria
+    reach = criteria.corner * state.xp.abs(c * rotation[:, :, :3] + s * rotation[:, :, 3:6]).sum(axis=2)
+    edge = state.finish - state.organism.scout.pitch / 2
+    beyond = state.along - reach > edge[:, None]
+    return beyond.all(axis=1)

@@ -1,0 +1,274 @@
+"""Where an organism starts in an arena, which way it goes, and where it has arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from reconstruction._src.base.range_checks import check_not_negative
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.arenas.course import Course, StairsCourse
+from symbrion_gym._src.errors import ArenaError, OptionError, TaskError
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.features.gap import Gap, GapSearch, find_gap
+from symbrion_gym._src.tasks.features.way import place_along
+from symbrion_gym._src.tasks.ground_ends import Ends, find_ends
+from symbrion_gym._src.traversability.routes import read_place
+
+Point = Sequence[float] | np.ndarray
+"""(x, y) in the world, or (x, y, z) where there are several storeys [m]."""
+StartName = Literal["floor", "pit"]
+"""Before the ramp or step, or before the pit."""
+_SAME_PLACE = 1e-3
+"""Two points closer than this have no direction from one to the other [m]."""
+
+
+@dataclass(frozen=True)
+class RouteMargins:
+    """Distances between the ends of a route and ramp, pit and rim.
+
+    Attributes:
+        before_foot: distance between the front of the head at the start and the foot of the ramp or step [m].
+        before_pit: distance between the front of the head and the pit at the start "pit" [m].
+        before_rim: distance between the tail at the start and the rim of a surface without a course [m].
+        goal_to_rim: distance between the goal and the rim of such a surface [m].
+        below: distance below the lowest ground at which a module counts as fallen off [m].
+
+    Raises:
+        OptionError: a distance is negative.
+    """
+
+    before_foot: float = 0.10
+    before_pit: float = 0.20
+    before_rim: float = 0.25
+    goal_to_rim: float = 0.2
+    below: float = 0.3
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, [each.name for each in fields(self)], OptionError)
+
+
+@dataclass(frozen=True)
+class Route:
+    """A straight way through an arena; s is measured along it, from the origin of the world.
+
+    Attributes:
+        heading: direction of the way, as rotation about z [rad].
+        start: s of the center of the head at the start [m].
+        lateral: offset of the way to the left of the origin [m].
+        finish: s that the center of every module must pass [m].
+        half_width: distance to the side of the way beyond which a module has fallen off [m].
+        lowest: height below which a module has fallen off [m].
+        pit: s of the near edge, s of the far edge and height of the floor of the pit [m]; None without a pit.
+        start_height: z of the ground at the start where something lies above it, as a ceiling or a table [m]; None
+            where the ground is the highest surface everywhere.
+    """
+
+    heading: float
+    start: float
+    lateral: float
+    finish: float
+    half_width: float
+    lowest: float
+    pit: tuple[float, float, float] | None = None
+    start_height: float | None = None
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """Unit vector (x, y)."""
+        return float(np.cos(self.heading)), float(np.sin(self.heading))
+
+    def place(self, s: np.ndarray | float, left: np.ndarray | float = 0.0) -> tuple[Any, Any]:
+        """Return x and y in the world [m] of positions along the way and to its left [m]."""
+        return place_along(self.heading, self.lateral, s, left)
+
+
+def find_route(
+    arena: Arena,
+    organism: Organism,
+    start: StartName | Point = "floor",
+    goal: Point | None = None,
+    margins: RouteMargins | None = None,
+    pit_search: GapSearch | None = None,
+) -> Route:
+    """Find the way through an arena from start and goal, or on its surface.
+
+    Without start and goal, the way runs through the middle of the surface along its longer side. Where it meets a
+    gap, the start lies before the ramp that leads to it, the finish beyond it, and what is as wide as its ground
+    belongs to the way. Where this way is no open ground, as in a room, it is about the longest straight way over
+    ground that the organism can drive on. Of an exact arena alone, as the truth is, start, pit and finish are those
+    of its course.
+
+    Args:
+        arena: arena to cross.
+        organism: organism that crosses it; its length and reach determine start and finish.
+        start: "floor", before the ramp; "pit", before the pit; or (x, y) or (x, y, z) [m]: z selects one of several
+            storeys; without it, it is the largest drivable one.
+        goal: (x, y) or (x, y, z) to be reached by the head [m].
+        margins: distances from ramp, pit and rim; None for the defaults.
+        pit_search: what counts as a pit on a surface; None for the defaults.
+
+    Raises:
+        ArenaError: the start or the goal lies off the surface or off the ground (the message names the nearest possible
+            place), is no point, or both are the same; or the arena has no pit although the start is "pit", or no
+            straight way as long as the organism.
+    """
+    margins = margins or RouteMargins()
+    course = arena.course
+    if course is not None and isinstance(start, str) and goal is None:
+        if isinstance(course, Course):
+            return _follow_pit_course(course, arena, organism, start, margins)
+        return _follow_stairs(course, arena, organism, start, margins)
+    is_before_pit = isinstance(start, str) and start == "pit"
+    reason = "a goal is given"
+    if isinstance(start, str) and goal is None:
+        try:
+            gap = find_gap(arena, organism, search=pit_search)
+            return _cross_gap(gap, arena, organism, is_before_pit, margins)
+        except TaskError as error:
+            reason = str(error)
+    if is_before_pit:
+        raise ArenaError(
+            f"arena {arena.name!r} has no known pit to start before ({reason}); use start='floor' or (x, y)"
+        )
+    route = _follow_surface(arena, organism, start, goal, margins)
+    if isinstance(start, str) or goal is not None or route.start_height is not None:
+        return route
+    return _finish_beyond_gap(route, arena, organism, pit_search)
+
+
+def _find_lowest(arena: Arena, margins: RouteMargins) -> tuple[float, float]:
+    """Return the height of the lowest ground and that below which a module has fallen off [m]."""
+    low = float(np.asarray(arena.surface.bounds, dtype=np.float64)[0, 2])
+    return low, low - margins.below
+
+
+def _follow_pit_course(
+    course: Course, arena: Arena, organism: Organism, start: StartName, margins: RouteMargins
+) -> Route:
+    scout = organism.scout
+    near, far = course.pit_edges
+    floor, lowest = _find_lowest(arena, margins)
+    starts = {
+        "floor": course.start[0] - margins.before_foot - scout.arm_reach,
+        "pit": near - margins.before_pit - scout.arm_reach,
+    }
+    finish = (far if course.pit > 0.0 else course.goal[0]) + scout.pitch / 2
+    return Route(0.0, starts[start], 0.0, finish, course.width / 2, lowest, (near, far, floor))
+
+
+def _follow_stairs(
+    course: StairsCourse, arena: Arena, organism: Organism, start: StartName, margins: RouteMargins
+) -> Route:
+    if start == "pit":
+        raise ArenaError("stairs have no pit to start before; use start='floor'")
+    scout = organism.scout
+    finish = (course.steps - 1) * course.run + scout.pitch / 2
+    lowest = _find_lowest(arena, margins)[1]
+    return Route(0.0, -margins.before_foot - scout.arm_reach, 0.0, finish, course.width / 2, lowest)
+
+
+def _cross_gap(
+    gap: Gap, arena: Arena, organism: Organism, is_before_pit: bool, margins: RouteMargins
+) -> Route:
+    """Return the way across a gap, from before the ramp that leads to it, or from before the gap."""
+    way, scout = gap.way, organism.scout
+    length = (organism.num_modules - 1) * scout.pitch
+    if is_before_pit:
+        start = gap.near - margins.before_pit - scout.arm_reach
+    elif gap.start > way.begin:
+        start = gap.start - margins.before_foot - scout.arm_reach
+    else:
+        start = way.begin + length + margins.before_rim
+    return Route(
+        heading=way.heading,
+        start=start,
+        lateral=way.lateral,
+        finish=gap.find_finish(organism),
+        half_width=way.half_width,
+        lowest=_find_lowest(arena, margins)[1],
+        pit=(gap.near, gap.far, gap.floor),
+    )
+
+
+def _finish_beyond_gap(route: Route, arena: Arena, organism: Organism, search: GapSearch | None) -> Route:
+    """Return a way from a given start with its finish beyond the first gap on it; the way itself without one."""
+    try:
+        gap = find_gap(arena, organism, route.direction, search, np.array(route.place(route.start)))
+    except TaskError:
+        return route
+    return replace(route, finish=gap.find_finish(organism), pit=(gap.near, gap.far, gap.floor))
+
+
+def refuse_start_beyond_gap(
+    arena: Arena, organism: Organism, start: Point, search: GapSearch | None = None
+) -> None:
+    """Refuse a given start beyond the pit of an arena, where crossing it is done already.
+
+    Args:
+        arena: arena of the pit.
+        organism: body that crosses it.
+        start: (x, y) or (x, y, z) of the head [m].
+        search: what counts as a pit on a surface; None for the defaults.
+
+    Raises:
+        TaskError: the start lies beyond the far edge; the message says where the near one is.
+    """
+    x, y = np.asarray(start, dtype=np.float64)[:2].tolist()
+    if isinstance(arena.course, Course):
+        (near, far), heading, reached = arena.course.pit_edges, 0.0, x
+        if arena.course.pit == 0.0:
+            return
+    else:
+        try:
+            gap = find_gap(arena, organism, search=search)
+        except TaskError:
+            return
+        near, far, heading = gap.near, gap.far, gap.way.heading
+        reached = x * np.cos(heading) + y * np.sin(heading)
+    if reached > far:
+        raise TaskError(
+            f"the start ({x:g}, {y:g}) lies beyond the pit of arena {arena.name!r}, whose far edge is {far:.2f} m "
+            f"along the heading {np.degrees(heading):.0f}°; start before its near edge, at {near:.2f} m, or give a goal"
+        )
+
+
+def _follow_surface(
+    arena: Arena, organism: Organism, start: StartName | Point, goal: Point | None, margins: RouteMargins
+) -> Route:
+    length = (organism.num_modules - 1) * organism.scout.pitch
+    low, high = np.asarray(arena.surface.bounds, dtype=np.float64)
+    middle, extent = (low[:2] + high[:2]) / 2, (high - low)[:2]
+    along = np.array([1.0, 0.0]) if extent[0] >= extent[1] else np.array([0.0, 1.0])
+    room = float(extent @ along) / 2
+    begin = middle - along * max(room - length - margins.before_rim, 0.0)
+    end = middle + along * max(room - margins.goal_to_rim, 0.0)
+    given_start = None if isinstance(start, str) else read_place("start", start)
+    given_goal = None if goal is None else read_place("goal", goal)
+    ends = Ends(begin, end)
+    if arena.course is None:
+        ends = find_ends(arena, organism, ends, given_start, given_goal)
+    else:
+        ends = Ends(
+            begin if given_start is None else given_start[:2], end if given_goal is None else given_goal[:2]
+        )
+    begin, end = ends.start, ends.goal
+    way = end - begin
+    if np.linalg.norm(way) < _SAME_PLACE:
+        raise ArenaError(f"start {begin} and goal {end} are the same place; move one of them")
+    direction = way / np.linalg.norm(way)
+    for name, point in (("start", begin), ("goal", end)):
+        if not np.isfinite(arena.height(point[0], point[1])):
+            raise ArenaError(f"the {name} {point.tolist()} lies off the surface of arena {arena.name!r}")
+    return Route(
+        heading=float(np.arctan2(way[1], way[0])),
+        start=float(begin @ direction),
+        lateral=float(begin @ np.array([-direction[1], direction[0]])),
+        finish=float(end @ direction) - length,
+        half_width=float(np.linalg.norm(extent)),
+        lowest=_find_lowest(arena, margins)[1],
+        start_height=ends.start_height,
+    )

@@ -1,0 +1,81 @@
+"""An arena with the way of a task through it: what a simulation takes place in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.route import Route
+
+if TYPE_CHECKING:
+    import trimesh
+
+_STRIP = 0.05
+"""Width of the strips across x whose greatest heights are known [m]; it changes the time alone."""
+_TRIANGLE_MARGIN = 1e-6
+"""Triangles reach this much farther than they are when the ground of a strip is sought [m]: rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """An arena, who is in it, and the way.
+
+    Attributes:
+        arena: arena of the simulation.
+        organism: organism in it.
+        route: the way to go.
+        map_route: the way on the robot's map, which `stretch` does not change.
+    """
+
+    arena: Arena
+    organism: Organism
+    route: Route
+    map_route: Route
+
+    @property
+    def is_along_x(self) -> bool:
+        """Whether the way runs along x, in the middle."""
+        return self.route.heading == 0.0 and self.route.lateral == 0.0
+
+    @property
+    def start_on_map(self) -> float:
+        """Start on the robot's map, from the middle of the pit, if there is one [m]."""
+        near, far, _ = self.map_route.pit or (0.0, 0.0, 0.0)
+        return self.map_route.start - (near + far) / 2
+
+    @cached_property
+    def _ceiling(self) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, " S+1"]]:
+        return find_ceiling(self.arena.surface)
+
+    def is_above_all(
+        self, x: Float[np.ndarray, " P"], z: Float[np.ndarray, " P"], margin: float
+    ) -> np.ndarray:
+        """Return which places are at least `margin` above the highest ground of their strip across x [m]."""
+        strips, ceiling = self._ceiling
+        return z - ceiling[np.searchsorted(strips, x)] >= margin
+
+    def find_ground(
+        self, x: Float[np.ndarray, " P"], y: Float[np.ndarray, " P"], z: Float[np.ndarray, " P"]
+    ) -> Float[np.ndarray, " P"]:
+        """Return the height of the ground: the surface, or below a ceiling its highest part beneath the places [m]."""
+        if self.route.start_height is None:
+            return self.arena.height(x, y)
+        return self.arena.elevation.height_below(x, y, z)
+
+
+def find_ceiling(surface: trimesh.Trimesh) -> tuple[Float[np.ndarray, " S"], Float[np.ndarray, " S+1"]]:
+    """Return x where strips end [m], and the greatest height of the surface in each strip [m]."""
+    x, height = surface.triangles[:, :, 0], surface.triangles[:, :, 2].max(axis=1) + _TRIANGLE_MARGIN
+    ends = np.arange(x.min() - _STRIP, x.max() + _STRIP, _STRIP)
+    first = np.searchsorted(ends, x.min(axis=1) - _TRIANGLE_MARGIN)
+    last = np.searchsorted(ends, x.max(axis=1) + _TRIANGLE_MARGIN)
+    ceiling = np.full(len(ends) + 1, -np.inf)
+    for step in range((last - first).max() + 1):
+        np.maximum.at(ceiling, np.minimum(first + step, last), height)
+    return ends, ceiling

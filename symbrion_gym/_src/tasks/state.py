@@ -1,0 +1,368 @@
+"""The state of a task in N simulations: what terms read, computed at most once a tick, as arrays over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from symbrion_gym._src.arenas.arena import Arena
+from symbrion_gym._src.robot.organism import Organism
+from symbrion_gym._src.tasks.checked_terms import check_function
+from symbrion_gym._src.tasks.criteria import SuccessCriteria
+from symbrion_gym._src.tasks.host_arrays import HostArrays
+from symbrion_gym._src.tasks.route import Route
+from symbrion_gym._src.tasks.scene import Scene
+
+UPPER_MEASURES = ("progress", "way", "tick", "rear")
+LOWER_MEASURES = ("least_left", "lowest", "least_up", "least_right")
+MEASURES = UPPER_MEASURES + LOWER_MEASURES
+"""What is measured of every simulation in every tick: progress; the way that its tracks have to account for [m]; ticks
+since the start; of the modules the position least far along the way, least far to the left of its middle, the lowest
+height [m], the least z of an up axis, and the position least far to the right [m]. A term may name limits: upper ones
+of the first four, lower ones of the others."""
+_REAR = MEASURES.index("rear")
+_find_least = np.minimum.reduceat
+_add_up = np.add.accumulate
+Initial: TypeAlias = "float | np.ndarray | Callable[[TaskState], np.ndarray]"
+
+
+class Progressing(Protocol):
+    """A goal, as far as the state needs it."""
+
+    def progress(self, state: TaskState) -> Float[np.ndarray, " N"]:
+        """Return how far each body has come."""
+        ...
+
+
+class Views(NamedTuple):
+    """What is read of the physics of N simulations.
+
+    Attributes:
+        position: centers of the modules [m], one physics step behind.
+        rotation: their rotation matrices, row by row, likewise.
+        qvel: generalized velocities.
+        hinge_rate: [rad/s].
+        torque: of the hinges [N m], one physics step behind.
+    """
+
+    position: Float[np.ndarray, "N n 3"]
+    rotation: Float[np.ndarray, "N n 9"]
+    qvel: Float[np.ndarray, "N nv"]
+    hinge_rate: Float[np.ndarray, "N h"]
+    torque: Float[np.ndarray, "N h"]
+
+
+class TaskState(HostArrays):
+    """What the terms of a task see. Rows are simulations; one is a row like any other.
+
+    Attributes:
+        position: `[N, n, 3]` centers of the modules [m].
+        rotation: `[N, n, 9]` their rotation matrices, row by row.
+        up: `[N, n]` z of their up axes.
+        qvel: `[N, nv]` generalized velocities.
+        hinge_rate: `[N, h]` [rad/s].
+        torque: `[N, h]` torque of the hinges [N m].
+        action: `[N, A]` the last action, after clipping.
+        measures: `[8, N]` values of `MEASURES`.
+        progress: `[N]` progress by the goal.
+        previous_progress: `[N]` that of the tick before.
+        start_progress: `[N]` that at the start.
+        start_position: `[N, n, 3]` positions at the start [m].
+        way: `[N]` progress along a straight way; else the distance of the middle of the body from its start, in plan
+            [m].
+        start_way: `[N]` that at the start.
+        was_ahead: `[N]` whether the body was at any time farther ahead of its tracks than a fall explains.
+        tick: `[N]` ticks since the start.
+        rear: `[N]` position of the last module along the way [m].
+        least_left: `[N]` how far to the left of the way's middle the module is that is least so [m].
+        least_right: `[N]` how far to the right the module is that is least so [m].
+        lowest: `[N]` height of the lowest module [m].
+        least_up: `[N]` least z of an up axis.
+        is_sound: `[N]` whether the simulation is numerically stable.
+        success: `[N]` whether the task is done; known to rewards.
+        failed: `[N]` whether it failed; known to rewards.
+        track_speed: `[N]` speed of the tracks in this episode [m/s].
+        dt: length of a tick [s].
+        finish: `[N]` position along the way beyond which the goal lies [m].
+        half_width: `[N]` distance to the side of the way at which the arena ends [m].
+        deepest: `[N]` height below which a module has fallen off [m].
+        criteria: limits of standing, rolling over and so on.
+        power: `[N]` sum over the hinges of the absolute power [W].
+        mean_to_finish: `[N]` mean position of the modules along the way, each counted up to the finish [m].
+        memory: what terms remember, name -> `[N, ...]`; see `remember`.
+        scenes: arena and way of each simulation.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        goal: Progressing,
+        num: int,
+        dt: float,
+        criteria: SuccessCriteria,
+        action: Float[np.ndarray, "N A"],
+    ) -> None:
+        count = scene.organism.num_modules
+        self.num, self.dt, self.criteria, self.action, self._goal = num, dt, criteria, action, goal
+        self._find_progress = check_function(f"progress of {type(goal).__name__}", goal.progress)
+        self.scenes: list[Scene] = [scene] * num
+        self.measures = np.zeros((len(MEASURES), num))
+        self.progress, self.way, self.tick, self.rear = self.measures[: _REAR + 1]
+        self._progress_and_way = self.measures[:2]
+        self._is_straight = getattr(goal, "is_straight", False)
+        self.least_left, self.lowest, self.least_up, self.least_right = self.measures[_REAR + 1 :]
+        self._least = self.measures[_REAR:]
+        places = np.zeros((5, count, num))
+        self._places, self._firsts = places.reshape(5 * count, num), np.arange(0, 5 * count, count)
+        self._coordinates = places[:3].transpose(2, 1, 0)
+        self._ahead, self._beside, _, up, self._right = places
+        self._up = up.T
+        self._share = np.full(num, 1.0 / count)
+        self.mean_to_finish = np.zeros(num)
+        self.previous_progress, self.start_progress, self.start_way, self.track_speed = np.zeros((4, num))
+        self.was_ahead = np.zeros(num, dtype=bool)
+        self.start_position = np.zeros((num, count, 3))
+        self.start_mean = np.zeros(num)
+        self.finish, self.half_width, self.deepest = np.zeros((3, num))
+        self._finish_of_each = np.zeros((count, num))
+        self._ones = np.ones(num)
+        self.is_sound = np.ones(num, dtype=bool)
+        self.success, self.failed = np.zeros((2, num), dtype=bool)
+        self.memory: dict[str, np.ndarray] = {}
+        self._initial: dict[str, Initial] = {}
+        self._cache: dict[str, Any] = {}
+        self._direction = np.zeros((3, num, 1))
+        self._is_along_x = self._was_sound = True
+        self._local = np.zeros((num, count, 3))
+
+    def bind(self, views: Views) -> None:
+        """Read from the physics of this moment, or from views of it that stay valid as it goes on."""
+        self.position, self.rotation, self.qvel, self.hinge_rate, self.torque = views
+        self.up = self.rotation[:, :, 8]
+        hinges, modules = self.torque.shape[1], self.position.shape[1]
+        self._torques, self._hinge_rates = self.torque.T, self.hinge_rate.T
+        self._addends, self._sums = np.zeros((2, 2, max(hinges, modules), self.num))
+        self._clipped, self._powers = self._addends[0, :modules], self._addends[1, :hinges]
+        self._to_finish, self.power = self._sums[0, modules - 1], self._sums[1, -1]
+        self._find_local()
+
+    def _find_local(self) -> None:
+        self.local = self.position if self._is_along_x else self._local
+        self._along, self._left = self.local[:, :, 0], self.local[:, :, 1]
+
+    def begin(self, rows: Sequence[int], scenes: Sequence[Scene], track_speed: Sequence[float]) -> None:
+        """Start episodes in some simulations, from the present physics.
+
+        Args:
+            rows: which simulations.
+            scenes: arena and way of each of them.
+            track_speed: [m/s].
+        """
+        for row, scene, speed in zip(rows, scenes, track_speed, strict=True):
+            route = scene.route
+            self.scenes[row], self.track_speed[row] = scene, speed
+            self.finish[row], self.half_width[row], self.deepest[row] = (
+                route.finish,
+                route.half_width,
+                route.lowest,
+            )
+            self._direction[:, row, 0] = *route.direction, route.lateral
+        self._finish_of_each[:] = self.finish
+        self._is_along_x = all(scene.is_along_x for scene in self.scenes)
+        self._find_local()
+        rows = list(rows)
+        self.tick[rows] = 0.0
+        self.success[rows] = self.failed[rows] = self.was_ahead[rows] = False
+        self.is_sound[rows] = True
+        self.start_position[rows] = self.position[rows]
+        kept = self.progress.copy(), self.previous_progress.copy()
+        self._forget(rows)
+        self.measure()
+        for now, before in zip((self.progress, self.previous_progress), kept, strict=True):
+            before[rows] = self.progress[rows]
+            now[:] = before
+        self.start_progress[rows] = self.progress[rows]
+        self.start_way[rows] = self.way[rows]
+        self.start_mean[rows] = self.find_mean_along()[rows]
+        self._forget(rows)
+
+    def _forget(self, rows: Sequence[int]) -> None:
+        for name, initial in self._initial.items():
+            self.memory[name][rows] = initial(self)[rows] if callable(initial) else initial
+
+    def advance(self, active: Bool[np.ndarray, " N"] | None, is_sound: bool) -> None:
+        """Measure after a tick of the physics.
+
+        Args:
+            active: whether each simulation was stepped; None for all.
+            is_sound: whether all of them are certainly numerically stable.
+        """
+        self.previous_progress[...] = self.progress
+        tick = self.tick
+        np.add(tick, self._ones if active is None else active, tick)
+        self.measure()
+        if not (is_sound and self._was_sound):
+            self._distrust()
+
+    def _distrust(self) -> None:
+        """Find unstable simulations; nothing of them is kept."""
+        self.is_sound[:] = (np.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
+        self._was_sound = bool(self.is_sound.all())
+        unsound = ~self.is_sound
+        tick, progress = self.tick[unsound], self.previous_progress[unsound]
+        self.measures[:, unsound] = 0.0
+        self.tick[unsound], self.progress[unsound] = tick, progress
+        self.power[unsound] = 0.0
+
+    def measure(self) -> None:
+        """Measure the modules; what was computed of the last tick is forgotten."""
+        if self._cache:
+            self._cache.clear()
+        if not self._is_along_x:
+            self._turn()
+        self._coordinates[...] = self.local
+        self._up[...] = self.up
+        np.negative(self._beside, self._right)
+        _find_least(self._places, self._firsts, 0, None, self._least)
+        np.minimum(self._ahead, self._finish_of_each, out=self._clipped)
+        powers = self._powers
+        np.multiply(self._torques, self._hinge_rates, powers)
+        np.absolute(powers, powers)
+        _add_up(self._addends, 1, None, self._sums)  # one after the other, whatever N is
+        np.multiply(self._to_finish, self._share, self.mean_to_finish)
+        if self._is_straight:
+            self._progress_and_way[...] = self._find_progress(self)
+        else:
+            self.progress[...] = self._find_progress(self)
+            x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
+            np.hypot(x, y, self.way)
+
+    def find_pace(self) -> Float[np.ndarray, " N"]:
+        """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
+        return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
+
+    def note_lead(self) -> Float[np.ndarray, " N"]:
+        """Remember the bodies that are farther ahead of their tracks than a fall explains.
+
+        Returns:
+            The way up to which nothing is to be noted from now on [m].
+
+        Beyond the way of its tracks a body slides, pulled by what hangs: where modules have followed the head over an
+        edge, their mean is h below the highest of the body, and this loss of height pays for the work of friction over
+        h / mu at most, where mu is the friction.
+        """
+        pace = self.find_pace()
+        if np.count_nonzero(self.way > pace):
+            height = self.position[:, :, 2]
+            hang = height.max(axis=1) - add_up(height) * (1.0 / height.shape[1])
+            self.was_ahead |= self.way > pace + self.criteria.fall_lead * hang
+        if np.count_nonzero(self.was_ahead):
+            pace[self.was_ahead] = np.inf
+        return pace
+
+    def _turn(self) -> None:
+        (c, s, lateral), x, y = self._direction, self.position[:, :, 0], self.position[:, :, 1]
+        self._local[:, :, 0] = c * x + s * y
+        self._local[:, :, 1] = c * y - s * x - lateral
+        self._local[:, :, 2] = self.position[:, :, 2]
+
+    def remember(self, name: str, initial: Initial) -> np.ndarray:
+        """Return an array `[N, ...]` that a term may change; in each simulation it begins anew with the episode.
+
+        Args:
+            name: unique name, best with that of the term.
+            initial: value at the start: a number, an array of one simulation, or a function state -> `[N, ...]`.
+        """
+        if name not in self.memory:
+            value = initial(self) if callable(initial) else np.asarray(initial)
+            shape = value.shape if callable(initial) else (self.num, *value.shape)
+            self.memory[name] = np.array(np.broadcast_to(value, shape))
+            self._initial[name] = initial
+        return self.memory[name]
+
+    def _once(self, name: str, compute: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what is computed at most once a tick."""
+        if name not in self._cache:
+            self._cache[name] = compute()
+        return self._cache[name]
+
+    @property
+    def along(self) -> Float[np.ndarray, "N n"]:
+        """How far along the way each module is [m]."""
+        return self._along
+
+    @property
+    def left(self) -> Float[np.ndarray, "N n"]:
+        """How far left of the way's middle each module is [m]."""
+        return self._left
+
+    @property
+    def time(self) -> Float[np.ndarray, " N"]:
+        """Time since the start [s]."""
+        return self.tick * self.dt
+
+    @property
+    def height(self) -> Float[np.ndarray, "N n"]:
+        """Height of each module's center above the ground [m]; NaN where there is none."""
+        return self._once("height", lambda: self.find_height(np.arange(self.num)))
+
+    @property
+    def goal_distance(self) -> Float[np.ndarray, " N"]:
+        """Way that is left to the goal [m]."""
+        distance = getattr(self._goal, "distance_to_goal", None)
+        return np.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
+
+    @property
+    def target(self) -> Float[np.ndarray, "N 2"]:
+        """Place (x, y) that each body should head for [m]: the goal's own, or the finish in the middle of the way."""
+        find = getattr(self._goal, "find_target", None)
+        if find is not None:
+            return find(self)
+        c, s, lateral = self._direction[:, :, 0]
+        return np.column_stack([c * self.finish - s * lateral, s * self.finish + c * lateral])
+
+    @property
+    def middle(self) -> Float[np.ndarray, "N 3"]:
+        """Mean position of the modules [m]."""
+        return self._once("middle", lambda: self.position.mean(axis=1))
+
+    @property
+    def arena(self) -> Arena:
+        """Arena of the first simulation; `scenes` has all."""
+        return self.scenes[0].arena
+
+    @property
+    def organism(self) -> Organism:
+        """Organism of all simulations."""
+        return self.scenes[0].organism
+
+    @property
+    def route(self) -> Route:
+        """Way of the first simulation; `scenes` has all."""
+        return self.scenes[0].route
+
+    def find_mean_along(self) -> Float[np.ndarray, " N"]:
+        """Return the mean position of the modules along the way [m]."""
+        return add_up(self._along) * (1.0 / self._along.shape[1])
+
+    def find_height(self, rows: Int[np.ndarray, " M"]) -> Float[np.ndarray, "M n"]:
+        """Return `height` of some simulations alone, as looking for the ground is slow."""
+        heights = np.empty((len(rows), self.position.shape[1]))
+        groups: dict[int, list[int]] = {}
+        for index, row in enumerate(rows):
+            groups.setdefault(id(self.scenes[row]), []).append(index)
+        for members in groups.values():
+            scene, places = self.scenes[rows[members[0]]], self.position[rows[members]]
+            x, y, z = places.reshape(-1, 3).T
+            heights[members] = (z - scene.find_ground(x, y, z)).reshape(len(members), -1)
+        return heights
+
+
+def add_up(values: Float[Any, "N n"]) -> Float[Any, " N"]:
+    """Return the sums of rows, added one value after the other: the same bits whatever N is."""
+    if not isinstance(values, np.ndarray):
+        return values.sum(axis=1)  # of a device
+    return np.add.accumulate(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))

@@ -1,0 +1,131 @@
+"""Tasks as JSON: values by type and fields, functions by module and name.
+
+What a file names is never called as it stands: it must be a dataclass or a plain function of the rooms named in
+`KNOWN_ROOMS`, or of a module that the caller allows. Other modules are not even imported.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Collection
+from dataclasses import fields, is_dataclass
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from symbrion_gym._src.errors import TaskError
+
+KNOWN_ROOMS = ("symbrion_gym._src.tasks",)
+"""Where the tasks, goals, terms and recorders of this project are defined."""
+_PLAIN = (str, int, float, bool, type(None))
+
+
+def describe(value: Any) -> Any:
+    """Return JSON content from which `restore` makes an equal value.
+
+    Args:
+        value: a number, text, tuple, dataclass, class or function of a module, or `functools.partial` of one.
+
+    Raises:
+        TaskError: it cannot be restored, as a lambda or a function inside another.
+    """
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, _PLAIN):
+        return value
+    if isinstance(value, tuple | list):
+        return [describe(each) for each in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        given = {each.name: describe(getattr(value, each.name)) for each in fields(value) if each.init}
+        return {"type": _find_name(type(value)), "fields": given}
+    if isinstance(value, functools.partial):
+        if value.args:
+            raise TaskError(f"{value!r} has positional arguments; give them by name")
+        keywords = {name: describe(each) for name, each in value.keywords.items()}
+        return {"function": _find_name(value.func), "keywords": keywords}
+    if callable(value):
+        return {"function": _find_name(value)}
+    raise TaskError(f"{value!r} cannot be stored; use numbers, texts, tuples, dataclasses and functions")
+
+
+def restore(content: Any, allow: Collection[str] = ()) -> Any:
+    """Return the value of what `describe` returned.
+
+    Args:
+        content: what `describe` returned, perhaps of a file of unknown origin.
+        allow: modules and packages of the user that may be imported.
+
+    Raises:
+        TaskError: a module is not allowed, a name is not there or is neither a dataclass nor a plain function, or
+            does not take these fields.
+    """
+    if isinstance(content, list):
+        return tuple(restore(each, allow) for each in content)
+    if not isinstance(content, dict):
+        return content
+    name = content.get("type", content.get("function"))
+    found = _find_kind(name, allow)
+    fields = content.get("fields" if "type" in content else "keywords", {})
+    if not isinstance(fields, dict):
+        raise TaskError(f"{name}: its fields are {fields!r}; an object is needed")
+    try:
+        if "type" in content:
+            if not isinstance(found, type):
+                raise TaskError(f"{name!r} is no dataclass, so that nothing is made of it")
+            return found(**{key: restore(each, allow) for key, each in fields.items()})
+        if "keywords" in content:
+            return functools.partial(found, **{key: restore(each, allow) for key, each in fields.items()})
+    except TypeError as error:
+        raise TaskError(f"{name} does not take what was stored: {error}") from error
+    return found
+
+
+def _find_name(value: Any) -> str:
+    """Return "module:name" of a class or function; it must be found there."""
+    module, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
+    if not module or not name or module == "__main__" or "<" in name:
+        raise TaskError(
+            f"{value!r} cannot be restored in another process; define it by `def` or `class` at the top of a module "
+            "that can be imported"
+        )
+    path = f"{module}:{name}"
+    if _find(path) is not value:
+        raise TaskError(f"{path} is something else than {value!r}; give each function a name of its own")
+    return path
+
+
+def is_allowed(module: str, allow: Collection[str]) -> bool:
+    """Return whether a module is one of those named, or lies in a package that is."""
+    return any(module == each or module.startswith(f"{each}.") for each in allow)
+
+
+def _find_kind(name: Any, allow: Collection[str]) -> Any:
+    """Return a dataclass or function that a file names, imported only where its module is known or allowed."""
+    module = name.partition(":")[0] if isinstance(name, str) else ""
+    if not is_allowed(module, KNOWN_ROOMS) and not is_allowed(module, allow):
+        raise TaskError(
+            f"{name!r} is not code of this project, and a file runs none unless it is allowed: "
+            f"--allow-code {module}, in Python allow=({module!r},)"
+        )
+    if any(part.startswith("_") for part in name.partition(":")[2].split(".")):
+        raise TaskError(f"{name!r} is private; a file names public code only")
+    found = _find(name)
+    is_kind = isinstance(found, FunctionType) or is_dataclass(found)
+    if not is_kind or found.__module__ != module:
+        raise TaskError(f"{name!r} is no dataclass and no plain function of that module")
+    return found
+
+
+def _find(name: Any) -> Any:
+    module, _, path = name.partition(":") if isinstance(name, str) else ("", "", "")
+    try:
+        found: Any = importlib.import_module(module)
+        for part in path.split("."):
+            found = getattr(found, part)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise TaskError(f"{name!r} is not there: {error}; put its module on the path") from error
+    if not callable(found):
+        raise TaskError(f"{name!r} is no class or function")
+    return found

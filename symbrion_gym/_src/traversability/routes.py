@@ -1,0 +1,320 @@
+"""Routes on a map of drivable ground: start, goal and the path between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from reconstruction._src.base.range_checks import check_not_negative, check_positive
+from symbrion_gym._src.errors import ArenaError, OptionError
+from symbrion_gym._src.traversability.drivable import TraversabilityMap
+from symbrion_gym._src.traversability.footprint import find_hold
+
+_MAY_BE_ZERO = ("snap", "wall_cost", "slope_cost", "slip_cost")
+_SLIPPERY = 0.9
+"""Ground with less than this share of the largest friction is slippery."""
+Place = Sequence[float] | np.ndarray
+"""(x, y), or (x, y, z) where there are several storeys [m]."""
+FindSeen = Callable[[Float[np.ndarray, "N 3"]], Bool[np.ndarray, " N"]]
+"""From places on the ground [m] to whether the scanner saw each."""
+
+
+@dataclass(frozen=True)
+class RouteConfig:
+    """How a route is chosen.
+
+    Attributes:
+        max_length: a route whose start and goal are chosen is no longer [m]: a module drives 10 m in 100 s.
+        ample_room: start and goal are chosen where the distance from walls is this many times the body's reach, or
+            among the half of the region with the most room.
+        wall_cost: ground at the body's reach from walls costs this many times more per length than ground with ample
+            room, so that paths keep off walls where they can.
+        slope_cost: likewise ground as steep as the body climbs, against level ground; less slope costs less, by its
+            square. Slippery ground that is steeper than tracks hold on it costs still more.
+        slip_cost: ground without friction costs this many times more per length than the least slippery ground; what is
+            between, in proportion: paths go around ice where they can.
+        level: start and goal are chosen where the ground around has no more than this share of the slope on which the
+            body stays upright, or among the half of the region with the least.
+        num_ends: places of which start and goal are chosen at most, evenly spread.
+        snap: a given place is moved to drivable ground no farther away than this in plan [m], beside half a cell.
+        storey: a given z is that of ground no farther above or below than this [m]; half a storey is more.
+        look_ahead: the start heads for the path this far ahead [m].
+
+    Raises:
+        OptionError: a number is out of range.
+    """
+
+    max_length: float = 10.0
+    ample_room: float = 2.0
+    wall_cost: float = 3.0
+    slope_cost: float = 3.0
+    slip_cost: float = 6.0
+    level: float = 0.5
+    num_ends: int = 4000
+    snap: float = 0.0
+    storey: float = 0.25
+    look_ahead: float = 0.3
+
+    def __post_init__(self) -> None:
+        names = [each.name for each in fields(self)]
+        check_positive(self, [name for name in names if name not in _MAY_BE_ZERO], OptionError)
+        check_not_negative(self, _MAY_BE_ZERO, OptionError)
+
+
+@dataclass(frozen=True, eq=False)
+class DrivingRoute:
+    """A way over drivable ground, for the middle of a body.
+
+    Attributes:
+        start: (x, y, z) on the ground [m].
+        goal: (x, y, z) on the ground [m].
+        heading: direction in which the path begins [rad].
+        path: `[W, 3]` points on the ground from start to goal, about a cell apart [m].
+        length: length of the path [m].
+        clearance: smallest distance of the path from walls, rims and ground that is too steep [m].
+        region: number of the region on the map.
+    """
+
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+    heading: float
+    path: Float[np.ndarray, "W 3"]
+    length: float
+    clearance: float
+    region: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields, for JSON."""
+        return {each.name: getattr(self, each.name) for each in fields(self)} | {"path": self.path.tolist()}
+
+
+def find_driving_route(
+    ground: TraversabilityMap,
+    start: Place | None = None,
+    goal: Place | None = None,
+    name: str = "arena",
+    config: RouteConfig | None = None,
+    find_seen: FindSeen | None = None,
+    friction: Float[np.ndarray, " P"] | None = None,
+) -> DrivingRoute:
+    """Find a route over drivable ground; what is not given is chosen.
+
+    Without start and goal, they are two places of the largest region that are far apart, with room around them.
+
+    Args:
+        ground: where the body can drive.
+        start: (x, y) or (x, y, z) [m]. Without z, of several storeys the one in the larger region.
+        goal: likewise.
+        name: name of the arena, for messages.
+        config: how the route is chosen; None for the defaults.
+        find_seen: tells which places the scanner saw: start and goal are chosen among them, if there are any in the
+            region; None where that is unknown.
+        friction: sliding friction of the ground at every place of the map; None where it is the same everywhere.
+
+    Raises:
+        ArenaError: there is no drivable ground or too little, a given place is not drivable, or there is no way between
+            both; the message names the nearest place that is possible.
+    """
+    config = config or RouteConfig()
+    if not ground.num_regions:
+        raise ArenaError(
+            f"arena {name!r} has no drivable ground for a body of {ground.footprint.length:.2f} x "
+            f"{ground.footprint.width:.2f} m; give a smaller body or one that climbs more, or, if the scan has another "
+            "axis up than z, say so where it is read (--up y, up='y')"
+        )
+    if start is not None and goal is not None and np.array_equal(start, goal):
+        raise ArenaError(f"start and goal are the same place {goal!r}; move one of them")
+    first = None if start is None else find_drivable_place(ground, "start", start, name, config)
+    region = 0 if first is None else int(ground.region[first])
+    last = None
+    if goal is not None:
+        wanted = None if first is None else region
+        last = find_drivable_place(ground, "goal", goal, name, config, wanted)
+        region = int(ground.region[last])
+    friction = np.ones(len(ground.cell)) if friction is None else friction
+    graph = _make_cost_graph(ground, config, friction)
+    first, last = _choose_ends(ground, region, first, last, config, find_seen, friction)
+    path = _follow(ground, graph, first, last)
+    points = ground.positions[path]
+    for index, given in ((0, start), (-1, goal)):
+        if given is not None:
+            points[index, :2] = np.asarray(given, dtype=np.float64)[:2]
+    return _make_route(points, float(ground.wall_distance[path].min()), region, config)
+
+
+def find_drivable_place(
+    ground: TraversabilityMap,
+    what: str,
+    place: Place,
+    name: str = "arena",
+    config: RouteConfig | None = None,
+    region: int | None = None,
+) -> int:
+    """Return the number of the drivable place at (x, y) or (x, y, z).
+
+    Args:
+        ground: where the body can drive.
+        what: what the place is, for messages.
+        place: (x, y) or (x, y, z) [m].
+        name: name of the arena, for messages.
+        config: how far a place may be moved; None for the defaults.
+        region: the place must lie in this region; None for any.
+
+    Raises:
+        ArenaError: it is no place, or not drivable; the message names the nearest place that is.
+    """
+    config = config or RouteConfig()
+    point = read_place(what, place)
+    is_usable = ground.is_drivable if region is None else ground.region == region
+    usable = np.flatnonzero(is_usable)
+    offset = ground.positions[usable] - np.append(point, 0.0)[:3]
+    flat = np.abs(offset[:, :2]).max(axis=1)
+    is_near = flat <= ground.grid.cell / 2 * (1 + 1e-9) + config.snap
+    if len(point) == 3:
+        is_near &= np.abs(offset[:, 2]) <= config.storey
+    if is_near.any():
+        near = usable[is_near]
+        if len(point) == 3:
+            gap = np.linalg.norm(offset[is_near], axis=1)
+            return int(near[np.argmin(gap)])
+        return int(near[np.lexsort((flat[is_near], ground.region[near]))[0]])
+    distance = np.linalg.norm(offset[:, : len(point)], axis=1)
+    nearest = tuple(np.round(ground.positions[usable[np.argmin(distance)]], 2).tolist())
+    why = "has no drivable ground" if region is None else "is not connected to the start"
+    raise ArenaError(
+        f"the {what} {_show(point)} {why} in arena {name!r}; the nearest possible place is {nearest}"
+    )
+
+
+def read_place(what: str, place: Place) -> Float[np.ndarray, " d"]:
+    """Return (x, y) or (x, y, z) [m] as an array.
+
+    Raises:
+        ArenaError: it is neither.
+    """
+    try:
+        point = np.asarray(place, dtype=np.float64).ravel()
+    except (TypeError, ValueError):
+        point = np.zeros(0)
+    if len(point) not in (2, 3) or not np.isfinite(point).all():
+        raise ArenaError(f"{what} must be a place (x, y) or (x, y, z) in meters, got {place!r}")
+    return point
+
+
+def _show(point: Float[np.ndarray, " d"]) -> str:
+    return str(tuple(np.round(point, 3).tolist()))
+
+
+def _make_cost_graph(
+    ground: TraversabilityMap, config: RouteConfig, friction: Float[np.ndarray, " P"]
+) -> csr_matrix:
+    """Return the graph of drivable places; its lengths are longer near walls, on slopes and on slippery ground."""
+    graph = ground.find_graph(ground.is_drivable).tocoo()
+    ample = config.ample_room * max(ground.footprint.reach, ground.grid.cell)
+    nearness = np.clip(1.0 - (ground.wall_distance - ground.footprint.reach) / ample, 0.0, 1.0)
+    slope, is_slippery = np.nan_to_num(ground.slope), find_slippery(friction)
+    steepness = np.clip(slope / ground.footprint.max_slope, 0.0, 1.0) ** 2
+    steepness = np.where(is_slippery, np.maximum(steepness, (slope / find_hold(friction)) ** 2), steepness)
+    slip = 1.0 - friction / friction.max(initial=0.0)
+    cost = config.wall_cost * nearness + config.slope_cost * steepness + config.slip_cost * slip
+    factor = 1.0 + (cost[graph.row] + cost[graph.col]) / 2
+    return csr_matrix((graph.data * factor, (graph.row, graph.col)), graph.shape)
+
+
+def find_slippery(friction: Float[np.ndarray, " P"]) -> Bool[np.ndarray, " P"]:
+    """Return which places have clearly less friction than the least slippery one."""
+    return friction < _SLIPPERY * friction.max(initial=0.0)
+
+
+def _choose_ends(
+    ground: TraversabilityMap,
+    region: int,
+    first: int | None,
+    last: int | None,
+    config: RouteConfig,
+    find_seen: FindSeen | None,
+    friction: Float[np.ndarray, " P"],
+) -> tuple[int, int]:
+    """Return start and goal; what is missing is chosen far from the other, with room on level ground around it."""
+    if first is not None and last is not None:
+        return first, last
+    is_firm = (ground.region == region) & ~find_slippery(friction)
+    roomy = _find_good_ends(ground, is_firm if is_firm.any() else ground.region == region, config, find_seen)
+    lengths = ground.find_graph(ground.is_drivable)
+    if first is None and last is None:
+        middle = roomy[np.argmax(ground.wall_distance[roomy])]
+        first = _find_far(lengths, int(middle), roomy, np.inf)
+    known = first if first is not None else last
+    assert known is not None
+    other = _find_far(lengths, known, roomy, config.max_length)
+    if other == known:
+        raise ArenaError(
+            f"the drivable region at {_show(ground.positions[known])} has only {ground.region_areas[region]:.2f} m², "
+            "too little for a route; give a smaller body or one that climbs more"
+        )
+    return (known, other) if first is not None else (other, known)
+
+
+def _find_good_ends(
+    ground: TraversabilityMap,
+    inside: Bool[np.ndarray, " P"],
+    config: RouteConfig,
+    find_seen: FindSeen | None,
+) -> Int[np.ndarray, " N"]:
+    """Return places with room around them, on level ground, that the scanner saw, as far as there are such."""
+    ample = config.ample_room * ground.footprint.reach
+    is_good = inside & (ground.wall_distance >= min(ample, np.median(ground.wall_distance[inside])))
+    slope = _find_steepest(ground)
+    level = config.level * ground.footprint.max_roll
+    is_good &= slope <= max(level, np.median(slope[is_good]))
+    good = np.flatnonzero(is_good)
+    good = good[np.unique(np.linspace(0, len(good) - 1, min(len(good), config.num_ends)).astype(np.int64))]
+    is_seen = find_seen(ground.positions[good]) if find_seen is not None else np.zeros(len(good), dtype=bool)
+    return good[is_seen] if is_seen.any() else good
+
+
+def _find_steepest(ground: TraversabilityMap) -> Float[np.ndarray, " P"]:
+    """Return the largest slope of the ground that a body stands on which turns at a place [rad]."""
+    slope = np.nan_to_num(ground.slope)
+    for _ in range(int(np.ceil(ground.footprint.reach / ground.grid.cell))):
+        near = np.where(ground.links >= 0, slope[ground.links], 0.0)
+        slope = np.maximum(slope, near.max(axis=1, initial=0.0))
+    return slope
+
+
+def _find_far(graph: csr_matrix, start: int, candidates: Int[np.ndarray, " N"], most: float) -> int:
+    """Return the candidate that is farthest from the start by length of the way, up to a length."""
+    distance = dijkstra(graph, indices=start)[candidates]
+    return int(candidates[np.argmax(np.where(distance <= most, distance, -1.0))])
+
+
+def _follow(ground: TraversabilityMap, graph: csr_matrix, first: int, last: int) -> Int[np.ndarray, " W"]:
+    """Return the places of the cheapest path."""
+    before = dijkstra(graph, indices=first, return_predecessors=True)[1]
+    path = [last]
+    while path[-1] != first:
+        path.append(int(before[path[-1]]))
+    return np.array(path[::-1])
+
+
+def _make_route(
+    points: Float[np.ndarray, "W 3"], clearance: float, region: int, config: RouteConfig
+) -> DrivingRoute:
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    ahead = points[min(np.searchsorted(travelled, config.look_ahead), len(points) - 1)] - points[0]
+    (start_x, start_y, start_z), (goal_x, goal_y, goal_z) = points[[0, -1]].tolist()
+    return DrivingRoute(
+        start=(start_x, start_y, start_z),
+        goal=(goal_x, goal_y, goal_z),
+        heading=float(np.arctan2(ahead[1], ahead[0])),
+        path=points,
+        length=float(travelled[-1]),
+        clearance=clearance,
+        region=region,
+    )

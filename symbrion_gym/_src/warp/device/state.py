@@ -1,0 +1,270 @@
+"""What the terms of a task see on a device: the quantities of `TaskState` as arrays of JAX, under `jax.jit`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from symbrion_gym._src.errors import TaskError
+from symbrion_gym._src.tasks.criteria import SuccessCriteria
+from symbrion_gym._src.tasks.scene import Scene
+from symbrion_gym._src.warp.device.ground import DeviceGround
+
+
+class Episode(NamedTuple):
+    """What lasts from tick to tick of N episodes. Every field has N rows: of NumPy
+    on the host, of JAX on a device.
+
+    Attributes:
+        target: `[N, h]` commanded angles of the servos [rad].
+        action: `[N, A]` the last action, after clipping.
+        track_speed: `[N]` speed of the tracks at an action of 1 [m/s].
+        track_odometry: `[N]` position of the head by its tracks [m].
+        believed: `[N, 3]` pose of the head by dead reckoning [m, rad].
+        headed: `[N]` number of the place that the body believes to head for.
+        start_head: `[N]` position of the head along the way at the start [m].
+        start_position: `[N, n, 3]` positions at the start [m].
+        start_mean: `[N]` mean position along the way at the start [m].
+        start_progress: `[N]` progress at the start.
+        start_way: `[N]` way at the start [m].
+        progress: `[N]` progress at the last tick.
+        tick: `[N]` ticks since the start.
+        was_ahead: `[N]` whether the body was ever farther ahead of its tracks than a fall explains.
+        held: `[N]` for how many ticks it has arrived.
+        memory: what terms remember, name -> `[N, ...]`.
+        numbers: `[N, K]` numbers of `info`.
+        flags: `[N, F]` flags of `info`.
+        observation: `[N, O]` the last observation.
+    """
+
+    target: Any
+    action: Any
+    track_speed: Any
+    track_odometry: Any
+    believed: Any
+    headed: Any
+    start_head: Any
+    start_position: Any
+    start_mean: Any
+    start_progress: Any
+    start_way: Any
+    progress: Any
+    tick: Any
+    was_ahead: Any
+    held: Any
+    memory: dict[str, Any]
+    numbers: Any
+    flags: Any
+    observation: Any
+
+
+class Course(NamedTuple):
+    """What all simulations have in common.
+
+    Attributes:
+        scene: arena and way.
+        goal: goal of the task.
+        ground: heights of the surface.
+        num: number of simulations.
+        dt: length of a tick [s].
+        criteria: limits of standing, rolling over and so on.
+    """
+
+    scene: Scene
+    goal: Any
+    ground: DeviceGround
+    num: int
+    dt: float
+    criteria: SuccessCriteria
+
+
+class DeviceState:
+    """The state of a task in N simulations; see `TaskState` for the attributes and `HostArrays` for the methods.
+
+    Args:
+        course: what the simulations have in common.
+        episode: what lasts, with the action of this tick.
+        position: centers of the modules [m].
+        rotation: their rotation matrices, row by row.
+        qvel: generalized velocities.
+        hinge_rate: [rad/s].
+        torque: of the hinges [N m].
+    """
+
+    xp: Any = jnp
+
+    def __init__(
+        self,
+        course: Course,
+        episode: Episode,
+        position: Float[jax.Array, "N n 3"],
+        rotation: Float[jax.Array, "N n 9"],
+        qvel: Float[jax.Array, "N nv"],
+        hinge_rate: Float[jax.Array, "N h"],
+        torque: Float[jax.Array, "N h"],
+    ) -> None:
+        self._course, route = course, course.scene.route
+        self.position, self.rotation, self.qvel = position, rotation, qvel
+        self.hinge_rate, self.torque, self.up = hinge_rate, torque, rotation[:, :, 8]
+        self.num, self.dt, self.criteria = course.num, course.dt, course.criteria
+        self.action, self.track_speed = episode.action, episode.track_speed
+        self.start_position, self.start_mean = episode.start_position, episode.start_mean
+        self.start_progress, self.start_way = episode.start_progress, episode.start_way
+        self.was_ahead = episode.was_ahead
+        self.previous_progress, self.tick = episode.progress, episode.tick + 1.0
+        self.memory = dict(episode.memory)
+        self.scenes = [course.scene] * course.num
+        self.finish, self.half_width, self.deepest = (
+            jnp.full(course.num, value, dtype=position.dtype)
+            for value in (route.finish, route.half_width, route.lowest)
+        )
+        self.success = self.failed = jnp.zeros(course.num, dtype=bool)
+        self._measure()
+
+    def _measure(self) -> None:
+        self.is_sound = (jnp.abs(self.qvel) < self.criteria.max_rate).all(axis=1)
+        x, y, z = (self.position[:, :, i] for i in range(3))
+        (c, s), lateral = self._course.scene.route.direction, self._course.scene.route.lateral
+        is_along_x = self._course.scene.is_along_x
+        self.along = x if is_along_x else c * x + s * y
+        self.left = y if is_along_x else c * y - s * x - lateral
+        self.local = jnp.stack([self.along, self.left, z], axis=2)
+        self.rear, self.lowest = self._find_least(self.along), self._find_least(z)
+        self.least_left, self.least_right = self._find_least(self.left), self._find_least(-self.left)
+        self.least_up = self._find_least(self.up)
+        self.power = self._trust(jnp.abs(self.torque * self.hinge_rate).sum(axis=1))
+        self.mean_to_finish = jnp.minimum(self.along, self.finish[:, None]).mean(axis=1)
+        progress = self._course.goal.progress(self)
+        if getattr(self._course.goal, "is_straight", False):
+            self.way = self._trust(progress)
+        else:
+            x, y = (self.middle - self.start_position.mean(axis=1))[:, :2].T
+            self.way = self._trust(jnp.hypot(x, y))
+        self.progress = self._trust(progress, self.previous_progress)
+        self._note_lead()
+
+    def _trust(self, value: jax.Array, other: Any = 0.0) -> jax.Array:
+        """Return a value where the simulation is numerically stable."""
+        return jnp.where(self.is_sound, value, other)
+
+    def _find_least(self, values: Float[jax.Array, "N n"]) -> Float[jax.Array, " N"]:
+        return self._trust(values.min(axis=1))
+
+    def _note_lead(self) -> None:
+        """Remember the bodies that are farther ahead of their tracks than a fall explains."""
+        height = self.position[:, :, 2]
+        hang = height.max(axis=1) - height.mean(axis=1)
+        self.was_ahead |= self.way > self.find_pace() + self.criteria.fall_lead * hang
+
+    def find_pace(self) -> Float[jax.Array, " N"]:
+        """Return how far each body can have come by its tracks, with the slack that the criteria leave [m]."""
+        return self.start_way + self.track_speed * self.time + self.criteria.speed_slack
+
+    def remember(self, name: str, initial: Any) -> jax.Array:
+        """Return what a term remembers; it was begun on the host, with the episode.
+
+        Raises:
+            TaskError: it was not, as the term remembers it under some conditions alone.
+        """
+        del initial
+        if name not in self.memory:
+            raise TaskError(f"a term remembers {name!r} in some ticks alone; call remember() in every tick")
+        return self.memory[name]
+
+    def keep(self, name: str, values: jax.Array, where: Bool[jax.Array, " N"]) -> None:
+        """Change what a term remembers in some simulations."""
+        before = self.memory[name]
+        mask = where.reshape(where.shape + (1,) * (before.ndim - 1))
+        self.memory[name] = jnp.where(mask, values, before).astype(before.dtype)
+
+    def group(self, mask: Bool[jax.Array, " N"]) -> Iterator[tuple[Scene, Int[jax.Array, " N"]]]:
+        """Yield the scene of all simulations, with all of them."""
+        del mask
+        yield self._course.scene, jnp.arange(self.num)
+
+    def write(self, name: str, place: Any, values: Any, where: Bool[jax.Array, " N"]) -> None:
+        """Change entries of what a term remembers, in the simulations where `where` holds."""
+        before, rows = self.memory[name], place[0] if isinstance(place, tuple) else place
+        after = jnp.where(where[rows], values, before[place]).astype(before.dtype)
+        self.memory[name] = before.at[place].set(after, unique_indices=True)
+
+    def may_hold(self, mask: Bool[jax.Array, " N"]) -> bool:
+        """Return True: looking would wait for the device."""
+        del mask
+        return True
+
+    def confirm(
+        self,
+        mask: Bool[jax.Array, " M"],
+        find: Callable[[Int[jax.Array, " M"]], Bool[jax.Array, " M"]],
+    ) -> Bool[jax.Array, " M"]:
+        """Return where something is so and something else as well, which is computed for all or for none."""
+        rows = jnp.arange(len(mask))
+        return jax.lax.cond(mask.any(), lambda: mask & find(rows), lambda: mask)
+
+    def find_low(self, rows: Int[jax.Array, " M"], height: float) -> Bool[jax.Array, " M"]:
+        """Return True for all: a quick look saves nothing here."""
+        del height
+        return jnp.ones(rows.shape, dtype=bool)
+
+    def find_height(self, rows: Int[jax.Array, " M"]) -> Float[jax.Array, "M n"]:
+        """Return the height of the modules above the ground in some simulations [m]; NaN where there is none."""
+        places = self.position[rows]
+        x, y, z = places.reshape(-1, 3).T
+        return (z - self._course.ground.find_ground(x, y, z)).reshape(places.shape[:2])
+
+    def find_mean_along(self) -> Float[jax.Array, " N"]:
+        """Return the mean position of the modules along the way [m]."""
+        return self.along.mean(axis=1)
+
+    @property
+    def time(self) -> Float[jax.Array, " N"]:
+        """Time since the start [s]."""
+        return self.tick * self.dt
+
+    @property
+    def height(self) -> Float[jax.Array, "N n"]:
+        """Height of each module's center above the ground [m]; NaN where there is none."""
+        return self.find_height(jnp.arange(self.num))
+
+    @property
+    def middle(self) -> Float[jax.Array, "N 3"]:
+        """Mean position of the modules [m]."""
+        return self.position.mean(axis=1)
+
+    @property
+    def goal_distance(self) -> Float[jax.Array, " N"]:
+        """Way that is left to the goal [m]."""
+        distance = getattr(self._course.goal, "distance_to_goal", None)
+        return jnp.maximum(self.finish - self.rear, 0.0) if distance is None else distance(self)
+
+    @property
+    def target(self) -> Float[Any, "N 2"]:
+        """Place (x, y) that each body should head for [m]."""
+        find = getattr(self._course.goal, "find_target", None)
+        if find is not None:
+            return find(self)
+        route = self._course.scene.route
+        (c, s), far = route.direction, route.finish
+        place = c * far - s * route.lateral, s * far + c * route.lateral
+        return np.tile(np.asarray(place, dtype=np.float32), (self.num, 1))
+
+    @property
+    def arena(self) -> Any:
+        """Arena of all simulations."""
+        return self._course.scene.arena
+
+    @property
+    def organism(self) -> Any:
+        """Organism of all simulations."""
+        return self._course.scene.organism
+
+    @property
+    def route(self) -> Any:
+        """Way of all simulations."""
+        return self._course.scene.route

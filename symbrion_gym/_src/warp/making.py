@@ -1,0 +1,71 @@
+"""The vector environment of an id, on the engine that the option `backend` names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+from reconstruction._src.base.range_checks import check_choice
+from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
+from symbrion_gym._src.errors import OptionError
+
+if TYPE_CHECKING:
+    from symbrion_gym._src.warp.device.stretched_vector_env import StretchedVectorEnv
+    from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
+
+ENGINES = ("mujoco", "warp")
+"""Engines that step the simulations of a vector environment."""
+ARRAYS = ("numpy", "jax", "torch")
+"""What environments take and return; only "warp" knows others than the first."""
+
+
+def make_vector_env(
+    num_envs: int = 1, backend: str = "mujoco", array: str = "numpy", **options: Any
+) -> OrganismVectorEnv | DeviceVectorEnv | StretchedVectorEnv:
+    """Make a vector environment.
+
+    Args:
+        num_envs: number of simulations.
+        backend: "mujoco": MuJoCo's C engine, on threads; "warp": MuJoCo Warp, on a GPU.
+        array: "numpy"; with "warp" also "jax" or "torch": observations, rewards, endings and automatic resets then
+            stay on the device.
+        options: those of `OrganismVectorEnv`, of `WarpVectorEnv`, or of `DeviceVectorEnv`; several `stretches` with
+            arrays on the device make a `StretchedVectorEnv`.
+
+    Raises:
+        OptionError: there is no such engine, or an option is unknown or out of range.
+        MissingExtraError: the engine needs an extra that is not installed.
+    """
+    check_choice("backend", backend, ENGINES, OptionError)
+    check_choice("array", array, ARRAYS, OptionError)
+    if backend == "mujoco" and array != "numpy":
+        raise OptionError(f"array={array!r} needs backend='warp'; leave out array")
+    if backend == "mujoco":
+        return OrganismVectorEnv(num_envs, **options)
+    if array == "torch" and find_spec("torch") is None:
+        raise OptionError(
+            "array='torch' needs torch, which is not installed: pip install torch, or take 'jax'"
+        )
+    if array != "numpy":
+        from symbrion_gym._src.warp.requirements import import_warp
+
+        import_warp()
+        return _make_device_env(num_envs, array, **options)
+    from symbrion_gym._src.warp.warp_vector_env import WarpVectorEnv
+
+    return WarpVectorEnv(num_envs, **options)
+
+
+def _make_device_env(
+    num_envs: int, array: str, stretches: Sequence[float] | None = None, **options: Any
+) -> DeviceVectorEnv | StretchedVectorEnv:
+    """Make an environment on a device: one, or one for each of several stretches side by side."""
+    from symbrion_gym._src.warp.device.stretched_vector_env import StretchedVectorEnv
+    from symbrion_gym._src.warp.device.vector_env import DeviceVectorEnv
+
+    if stretches is not None and len(stretches) > 1:
+        return StretchedVectorEnv(num_envs, array, stretches, **options)
+    if stretches:
+        options["stretch"] = stretches[0]
+    return DeviceVectorEnv(num_envs, array, **options)
