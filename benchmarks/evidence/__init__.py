@@ -1,0 +1,1 @@
+"""What a user decides by: measured by public names alone, judged by libigl, trimesh and MuJoCo."""

@@ -1,0 +1,107 @@
+"""Measure the evidence: `python -m benchmarks.evidence [NAME ...] [--out FILE]`, then print and write the table.
+
+One process after the other, so that no row disturbs another. Results: benchmarks/results/evidence.json (with commit,
+day and machine) and docs/evidence.md, from which README and docs quote. Environment variables name peers that are built
+elsewhere: GNN_GSRM (the authors' program), OPEN3D_PYTHON (a Python that has Open3D).
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from benchmarks.evidence import contact, evolving, robustness, speed, surfaces  # noqa: F401  (they register rows)
+from benchmarks.evidence.row import ROWS
+
+RESULTS = Path(__file__).parents[1] / "results" / "evidence.json"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
+PACKAGES = ("mujoco", "jax", "numpy", "coacd", "cma", "gymnasium")
+LONGEST = 1200.0
+"""A row that takes longer is ended [s]."""
+
+
+def describe() -> dict[str, Any]:
+    """Return commit, day, machine and versions."""
+    said = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, check=False)
+    names = [
+        line.split(":")[1].strip() for line in _read("/proc/cpuinfo").splitlines() if "model name" in line
+    ]
+    return {
+        "commit": said.stdout.strip() or None,
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "machine": f"{os.cpu_count()} cores of {names[0] if names else platform.machine()}, {platform.system()}",
+        "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
+    }
+
+
+def _read(path: str) -> str:
+    return Path(path).read_text() if Path(path).exists() else ""
+
+
+def measure(name: str) -> dict[str, Any]:
+    """Measure a row in a process of its own."""
+    begin = time.perf_counter()
+    words = [sys.executable, "-m", "benchmarks.evidence", name, "--here"]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, timeout=LONGEST, check=False)
+        lines = done.stdout.strip().splitlines()
+        reason = (done.stderr or "?").strip().splitlines()[-1]
+        found = {"failed": reason} if done.returncode else json.loads(lines[-1])
+    except subprocess.TimeoutExpired:
+        found = {"failed": f"took longer than {LONGEST:.0f} s"}
+    return found | {"wall_s": round(time.perf_counter() - begin, 1)}
+
+
+def make_page(record: dict[str, Any]) -> str:
+    """Return the table as a page of the documentation."""
+    about = record["about"]
+    versions = ", ".join(f"{name} {number}" for name, number in about["versions"].items())
+    lines = ["# Evidence", "", "`make evidence` measures this page.", "",
+             f"Commit {str(about['commit'])[:12]}, {about['date']}, {about['machine']}; {versions}."]  # fmt: skip
+    for group in dict.fromkeys(row.group for row in ROWS.values()):
+        lines += ["", f"## {group}", "", "| what | measured | asked |", "|---|---|---|"]
+        for row in (row for row in ROWS.values() if row.group == group):
+            found = record["rows"].get(row.name, {"missing": "not measured"})
+            said = found.get("said") or f"*{found.get('missing') or found.get('failed')}*"
+            lines.append(f"| {row.what} (`{row.name}`) | {said} | {row.target} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Read the command line, measure, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "names", nargs="*", choices=[[], *ROWS], metavar="NAME", help=f"rows: {', '.join(ROWS)}"
+    )
+    parser.add_argument("--out", type=Path, help="write the results here, and no page")
+    parser.add_argument("--here", action="store_true", help="measure in this process and print JSON")
+    options = parser.parse_args()
+    if options.here:
+        for name in options.names:
+            print(json.dumps(ROWS[name].measure(), default=float))
+        return
+    target = options.out or RESULTS
+    record = json.loads(target.read_text()) if options.names and target.exists() else {"rows": {}}
+    record["about"] = describe()
+    for name in options.names or ROWS:
+        record["rows"][name] = measure(name)
+        print(f"{name}: {record['rows'][name].get('said', record['rows'][name])}", flush=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(json.dumps(record, indent=1) + "\n")
+    if options.out is None:
+        PAGE.write_text(make_page(record))
+
+
+if __name__ == "__main__":
+    main()

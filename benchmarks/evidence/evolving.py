@@ -1,0 +1,71 @@
+"""Does what evolves hold elsewhere, beside doing nothing, one constant action, and chance?"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import evolution as ev
+import symbrion_gym  # noqa: F401  (registers the ids)
+from benchmarks.evidence.row import Figures, row
+
+GROUP = "Does what evolves hold elsewhere?"
+EXAM_SEED = 20_261_123
+"""Seed of the final trials; nothing before has used it."""
+_STARTS = 60
+
+
+@row(GROUP, "SnakePit-v1, nothing evolved: successes with zero actions / all +1 / all -1 / drawn anew each step "
+     f"(of {_STARTS} starts each)", "at most 10 %")  # fmt: skip
+def measure_trivial() -> Figures:
+    """Measure what constant and random actions achieve."""
+    policies = {"zero": 0.0, "plus": 1.0, "minus": -1.0, "random": None}
+    found: Figures = dict.fromkeys(policies, 0)
+    env: Any = gym.make("symbrion_gym/SnakePit-v1", arena="truth", modules=8)
+    for name, value in policies.items():
+        for seed in range(_STARTS):
+            env.reset(seed=seed)
+            env.action_space.seed(seed)
+            ended = False
+            while not ended:
+                action = (
+                    env.action_space.sample()
+                    if value is None
+                    else np.full(env.action_space.shape, value, np.float32)
+                )
+                *_, terminated, truncated, info = env.step(action)
+                ended = terminated or truncated
+            found[name] += bool(info["success"])
+    return found | {"said": " / ".join(str(found[name]) for name in policies)}
+
+
+@row(GROUP, "CMA-ES from zero on the scanned course (8 modules), five seeds: genotypes until a champion is confirmed, "
+     "processor time; successes of 20 fresh trials on the scan and in the truth",
+     "5 of 5 seeds with 18 of 20 in truth")  # fmt: skip
+def measure_champions() -> Figures:
+    """Measure evolution from zero, and judge the champions where evolution has never been."""
+    rows = []
+    for seed in range(5):
+        begin = time.process_time()
+        run = ev.evolve(ev.EvolutionConfig(arena="gsrm", seed=seed, generations=30, workers=2))
+        seconds = time.process_time() - begin
+        judged = {
+            place: ev.judge(run.champion, place, trials=20, seed=EXAM_SEED + seed)
+            for place in ("gsrm", "truth")
+        }
+        rows.append(
+            {
+                "seed": seed,
+                "genotypes": int(run.history["evaluations"][-1]),
+                "confirmed": bool(run.is_solved),
+                "cpu_s": seconds,
+                **{place: outcome.successes for place, outcome in judged.items()},
+            }
+        )
+    hold = sum(each["truth"] >= 18 for each in rows)
+    said = ", ".join(f"{each['genotypes']} ({each['gsrm']}, {each['truth']})" for each in rows)
+    cost = float(np.median([each["cpu_s"] for each in rows]))
+    return {"rows": rows, "hold_in_truth": hold, "said": f"{hold} of 5: {said}; {cost:.0f} s"}
