@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.evolution_runs import Results
 from benchmarks.material.physics_bars import find_bars
 from benchmarks.material.physics_contact import compare_champions, compare_crossings, measure_step_ratio
 from benchmarks.material.physics_energy import (
@@ -47,6 +46,7 @@ from benchmarks.material.physics_theory import (
 )
 from benchmarks.material.physics_wheels import find_step_limit, find_turning_rate, make_contacts
 from benchmarks.material.physics_worlds import IMPRATIOS, World
+from benchmarks.report import Results
 from symbrion_gym._src.environment.config import CONTACTS
 from symbrion_gym._src.robot.sliding_loads import find_load_gain, find_sliding_rate
 

@@ -49,11 +49,6 @@ def describe_versions() -> dict[str, str]:
     return {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
-def load_records() -> dict[str, dict[str, Any]]:
-    """Return the last results of all benchmarks, by name."""
-    return {path.stem: load_record(path.stem) for path in sorted(RESULTS.glob("*.json"))}
-
-
 def load_record(name: str) -> dict[str, Any]:
     """Return the last results of a benchmark; empty `origins` and `results` if there are none.
 
@@ -99,3 +94,23 @@ def write_results(name: str, measured: dict[str, Any]) -> Path:
     with write_atomically(path) as temporary:
         temporary.write_text(json.dumps(record, indent=2) + "\n")
     return path
+
+
+class Results:
+    """The file of results; a new measurement replaces only its own part.
+
+    Args:
+        name: of the file in `benchmarks/results`.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """The present content of the file; another process may have added to it."""
+        return load_record(self._name)["results"]
+
+    def put(self, part: str, figures: dict[str, Any]) -> None:
+        """Write a part."""
+        write_results(self._name, {part: figures})

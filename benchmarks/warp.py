@@ -14,7 +14,6 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from benchmarks.evolution_runs import Results
 from benchmarks.material import warp_ppo
 from benchmarks.material.warp_determinism import measure_determinism
 from benchmarks.material.warp_parity import ARENAS, compare_crossings, compare_ticks
@@ -25,6 +24,7 @@ from benchmarks.material.warp_speed import (
     measure_host,
     measure_networks,
 )
+from benchmarks.report import Results
 from reconstruction._src.base.extras import find_missing, require_extras
 
 WORLDS = (64, 256, 1024, 4096, 16384)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import random
-import signal
 import subprocess
 import sys
 import tempfile
@@ -58,7 +56,7 @@ def measure_kills() -> Figures:
                 time.sleep(0.02)
             time.sleep(rng.uniform(0.0, 0.7 * seconds))
             interrupted += process.poll() is None
-            os.kill(process.pid, signal.SIGKILL)
+            process.kill()
             process.wait()
             _command(["resume", str(path), "--workers", "2", "--quiet"])
             equal += _read(path) == whole

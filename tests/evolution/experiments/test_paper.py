@@ -12,7 +12,7 @@ import evolution as ev
 import symbrion_gym as sg
 from evolution._src.cli.main import run
 from evolution._src.experiments.paper.arenas import RECIPES
-from evolution._src.experiments.paper.benchmark import COARSE, FINES, MODELS, load_benchmark
+from evolution._src.experiments.paper.benchmark import load_benchmark
 from evolution._src.experiments.paper.config import QUICK, PaperConfig
 from evolution._src.experiments.paper.experiments import list_experiments
 from evolution._src.experiments.paper.folder import PaperFolder
@@ -198,13 +198,6 @@ def test_the_benchmark_may_be_absent_or_half_done(tmp_path: Path) -> None:
         "compared": None,
     }
     assert found["date"] == "2026-01-01 to 2026-01-03"
-
-
-def test_the_benchmark_keeps_what_is_looked_for() -> None:
-    from benchmarks import evolution as benchmark
-
-    assert list(benchmark.MODELS) == list(MODELS)
-    assert (benchmark.COARSE, benchmark.FINES) == (COARSE, FINES)
 
 
 def test_powers_of_growth() -> None:
