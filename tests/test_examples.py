@@ -158,3 +158,9 @@ def test_ppo_learns_on_a_device() -> None:
     assert [row["decisions"] for row in curve] == [16, 32]
     assert sum(row["episodes"] for row in curve) > 0
     assert 0 <= example.judge(learner, "truth", trials=2, modules=3, duration=1.0) <= 2
+
+
+@pytest.mark.slow
+def test_a_second_survey_refines_the_model() -> None:
+    before, after = load("refine_a_model").main()
+    assert after < 0.5 * before

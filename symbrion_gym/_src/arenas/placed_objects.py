@@ -124,7 +124,7 @@ def find_object(objects: Iterable[PlacedObject], name: str) -> PlacedObject:
     alike = [each for each in objects if each.name == name]
     if len(alike) == 1:
         return alike[0]
-    known = ", ".join(named) or "none; find them with `symbrion objects SCAN --object FILE --add-to ARENA`"
+    known = ", ".join(named) or "none; find them with `symbrion arena MESH --scan SCAN --object FILE`"
     raise ArenaError(f"{len(alike) or 'no'} objects {name!r} in the arena; there are: {known}")
 
 

@@ -54,7 +54,7 @@ def test_help_teaches(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([name, "--help"]) == 0
     text = capsys.readouterr().out
     assert "--json" in text
-    assert ("--seed" in text) == (name not in ("resume", "compare", "export"))
+    assert ("--seed" in text) == (name not in ("resume", "export"))
     assert "Example" in text
 
 
@@ -191,7 +191,6 @@ def test_a_search_for_bodies_is_replayed_and_has_no_curve(
     assert run(["replay", folder, "--trials", "1", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["trials"], told["arena"]) == (1, arena)
-    assert "see" in refuse(["compare", folder], 2, capsys)
     assert "give --bodies" in refuse(["evolve", "--algorithm", "random", "--folder", f"{folder}2"], 2, capsys)
     for wrong in (["0", "3"], ["8", "1"]):
         assert f"--bodies {' '.join(wrong)}: give" in refuse(["evolve", "--bodies", *wrong], 2, capsys)
@@ -243,7 +242,7 @@ def test_a_damaged_run_is_refused_by_file_and_field(
     content = json.loads(path.read_text())
     content["config"][field] = value
     path.write_text(json.dumps(content))
-    for command in ("resume", "replay", "compare"):
+    for command in ("resume", "replay"):
         message = refuse([command, str(tmp_path / "run")], 1, capsys)
         assert "config.json" in message
         assert field in message

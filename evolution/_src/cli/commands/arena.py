@@ -20,6 +20,7 @@ from evolution._src.cli.command import (
 )
 from evolution._src.cli.console import Console
 from evolution._src.cli.quality_table import make_quality_rows
+from evolution._src.cli.scan_source import is_scan_log
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.quantities import format_count, format_extents
@@ -60,6 +61,10 @@ class Arena(SeededCommand):
     """Axis of a mesh file that points up. Default: what the file says, otherwise z."""
     scale: float = 1.0
     """Factor on all lengths of a mesh file."""
+    object: tuple[str, ...] = ()
+    """Meshes of known objects in meters, as FILE or NAME=FILE, found in --scan and placed; x points to their front."""
+    scan: Path | None = None
+    """Scan log, cloud or mesh file in which known objects are found, in the frame of MESH."""
     picture: Path | None = None
     """Draw where contact and surface differ in this file (.png)."""
     strict: bool = False
@@ -70,6 +75,7 @@ class Arena(SeededCommand):
         require_file(self.mesh, "MESH")
         self._check_mesh()
         require_writable_folder(self.out, "--out")
+        self._check_objects()
         try:
             from symbrion_gym._src.arenas.saving import find_own_files
 
@@ -109,6 +115,19 @@ class Arena(SeededCommand):
                 "symbrion reconstruct"
             )
 
+    def _check_objects(self) -> None:
+        """Refuse objects without a scan, and files that are not there.
+
+        Raises:
+            UsageError: naming the option.
+        """
+        if bool(self.object) != (self.scan is not None):
+            raise UsageError("--object and --scan belong together: give both or none")
+        for name, path in self._list_object_files().items():
+            require_file(path, f"--object {name}:")
+        if self.scan is not None:
+            require_file(self.scan, "--scan")
+
     def run(self, console: Console) -> dict[str, Any]:
         """Make the arena, write it, print its quality.
 
@@ -117,10 +136,12 @@ class Arena(SeededCommand):
         """
         if self.picture is not None:
             require_extras("`symbrion arena --picture`", "report")
+        if self.object:
+            require_extras("`symbrion arena --object`", "objects")
         from symbrion_gym._src.arenas.accuracy import report_accuracy
 
         with console.track(f"Arena from {self.mesh.name}") as step:
-            arena, kept = self._keep_objects(self._make(step.progress))
+            arena = self._place_objects(self._make(step.progress), step.progress)
             arena.save(self.out)
         report = report_accuracy(arena)
         if self.picture is not None:
@@ -129,8 +150,8 @@ class Arena(SeededCommand):
         contact = format_count(len(arena.pieces), "piece") if arena.height_field is None else "a height field"
         console.print_line(f"{contact} in {self.out}; to view it: symbrion view {self.out}")
         console.print_line(f"it extends over {format_extents(*arena.surface.bounds.tolist())}")
-        if kept:
-            console.print_line(kept)
+        for each in arena.objects:
+            console.print_line(f"{each.name} at {', '.join(f'{x:.3f}' for x in each.position)} m")
         console.show_table(
             "Quality of the contact geometry",
             ["measure", "value"],
@@ -169,22 +190,37 @@ class Arena(SeededCommand):
             **options,
         )
 
-    def _keep_objects(self, arena: "sg.Arena") -> tuple["sg.Arena", str]:
-        """Return the arena with the known objects of the one that it replaces, and what happened to them."""
-        from symbrion_gym._src.arenas.saving import count_objects
+    def _place_objects(self, arena: "sg.Arena", progress: "rc.Progress") -> "sg.Arena":
+        """Return the arena with the objects found in the scan.
 
-        number = count_objects(self.out)
-        if not number:
-            return arena, ""
-        former = sg.Arena.load(self.out)
-        if np.array_equal(former.offset, arena.offset):
-            return dataclasses.replace(
-                arena, objects=former.objects
-            ), f"known objects that were there: {number} kept"
-        return arena, (
-            f"known objects that were there: {number} dropped, as the surface lies in another frame; find them "
-            f"again by symbrion objects SCAN --object FILE --add-to {self.out}"
+        Raises:
+            ScanError: a file cannot be read.
+        """
+        if self.scan is None:
+            return arena
+        meshes = {name: rc.load_mesh(path) for name, path in self._list_object_files().items()}
+        if rc.is_mesh(self.scan):
+            scan = rc.load_mesh(self.scan)
+        else:
+            scan = rc.load_scan_log(self.scan) if is_scan_log(self.scan) else rc.load_cloud(self.scan)
+        return sg.place_objects(
+            arena, rc.find_objects(scan, meshes, seed=self.seed, progress=progress), meshes
         )
+
+    def _list_object_files(self) -> dict[str, Path]:
+        """Return name -> file of the objects.
+
+        Raises:
+            UsageError: two have one name.
+        """
+        files: dict[str, Path] = {}
+        for each in self.object:
+            name, _, path = each.rpartition("=")
+            name = name or Path(path).stem
+            if name in files:
+                raise UsageError(f"--object: two objects are called {name!r}; give NAME=FILE")
+            files[name] = Path(path)
+        return files
 
     def _draw(self, arena: "sg.Arena") -> None:
         assert self.picture is not None

@@ -1,1 +1,0 @@
-"""`symbrion live`: a robot updates the model of a place that has changed."""
