@@ -1,9 +1,7 @@
 """Commands overwrite only their own files, and after a kill there is the old or the new file."""
 
-import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -19,11 +17,9 @@ import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
 from evolution._src.cli.main import run
-from evolution._src.experiments.demo.demo import OUTPUTS as DEMO_OUTPUTS
-from evolution._src.experiments.demo.demo import DemoConfig, claim_folder
-from evolution._src.experiments.paper import robots
-from evolution._src.experiments.paper.config import QUICK
-from evolution._src.experiments.paper.folder import OUTPUTS, PaperFolder, write_json
+from evolution._src.experiments.demo import OUTPUTS as DEMO_OUTPUTS
+from evolution._src.experiments.demo import DemoConfig, claim_folder
+from evolution._src.experiments.paper import OUTPUTS, write_json
 from evolution._src.report.page import Page
 
 
@@ -81,33 +77,6 @@ def test_the_paper_refuses_to_overwrite_other_files(
     assert name in error
     assert "name another folder" in error
     assert read_all(tmp_path) == before
-
-
-def test_the_paper_restarts_a_damaged_run_and_keeps_other_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun = []
-    monkeypatch.setattr(robots.ev, "evolve", lambda config, progress: begun.append(read_all(tmp_path)))
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for name in ("config.json", "record.npz", "notes.txt"):
-        (folder / name).write_text("damaged")
-    robots.evolve_champion(tmp_path, "gsrm", "run", QUICK, 3, 1)
-    assert begun == [{"run/notes.txt": b"damaged", "run/.lock": b""}]
-
-
-def test_the_paper_removes_no_run_that_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*arguments: object, **options: object) -> None:
-        raise ev.RunError("the disk is full")
-
-    monkeypatch.setattr(robots, "_can_resume", lambda wanted, run_folder: True)
-    monkeypatch.setattr(robots.ev, "resume", refuse)
-    put_user_file(tmp_path, "run/record.npz")
-    with pytest.raises(ev.RunError, match="disk is full"):
-        robots.evolve_champion(tmp_path, "gsrm", "run", QUICK, 3, 1)
-    assert read_all(tmp_path) == {"run/record.npz": b"mine"}
 
 
 def test_arenas_replace_only_arenas(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -200,31 +169,6 @@ def test_a_kill_leaves_the_old_file_or_the_new_one(
     for _ in kill_at_each_moment(lambda: path.exists() and prepare(), lambda: write(path, 2)):
         seen.add(path.read_bytes() if path.exists() else None)
     assert seen == {old, new}
-
-
-def test_the_demo_knows_the_folder_of_an_earlier_version(tmp_path: Path) -> None:
-    config = DemoConfig(tmp_path)
-    claim_folder(config)
-    content = json.loads((tmp_path / "demo.json").read_text())
-    del content["trials"]
-    (tmp_path / "demo.json").write_text(json.dumps(content))
-    (tmp_path / "survey.npz").touch()
-    claim_folder(config)
-
-
-def test_after_a_kill_the_paper_continues_in_its_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
-    folder = tmp_path / "paper"
-
-    def work() -> None:
-        PaperFolder(folder, QUICK).keep("cloud", lambda: {"a": 1})
-
-    for _ in kill_at_each_moment(lambda: shutil.rmtree(folder, ignore_errors=True), work):
-        found = PaperFolder(folder, QUICK).find("cloud")
-        assert found is None or found["figures"] == {"a": 1}
-        work()
 
 
 PROGRAM = "import sys; from evolution._src.cli.main import main; main(sys.argv[1:])"

@@ -11,8 +11,6 @@ from evil_json import DEEP, find_trouble, mutate
 
 from evolution._src.backends.trials import Randomization, Scoring
 from evolution._src.errors import RunError
-from evolution._src.experiments.paper.config import QUICK
-from evolution._src.experiments.paper.folder import PaperFolder
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.loop import evolve, load_run, resume
 from evolution._src.search.run import RunFolder, load_champion
@@ -176,20 +174,3 @@ def test_a_champion_is_whole(folder):
     ):
         with pytest.raises(RunError, match=next(iter(changes))):
             replace(champion, **changes)
-
-
-def test_every_field_of_the_papers_config_is_checked(tmp_path):
-    PaperFolder(tmp_path, QUICK)
-    path = tmp_path / "config.json"
-    content = json.loads(path.read_text())
-    troubles = find_trouble(mutate(content), path, lambda: PaperFolder(tmp_path, QUICK), RunError)
-    assert not troubles, "\n".join(troubles)
-
-
-def test_every_field_of_an_experiment_is_checked(tmp_path):
-    folder = PaperFolder(tmp_path, QUICK)
-    folder.keep("cloud", lambda: {"points": 3})
-    path = tmp_path / "experiments" / "cloud.json"
-    content = json.loads(path.read_text())
-    troubles = find_trouble(mutate(content), path, lambda: folder.find("cloud"), RunError)
-    assert not troubles, "\n".join(troubles)

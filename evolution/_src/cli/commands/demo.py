@@ -37,8 +37,8 @@ class Demo(SeededCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion demo`", "scan", "report")
-        from evolution._src.experiments.demo.demo import DemoConfig, run_pipeline
-        from evolution._src.experiments.demo.page import write_demo_page
+        from evolution._src.experiments.demo import DemoConfig, run_pipeline
+        from evolution._src.experiments.demo_page import write_demo_page
 
         config = DemoConfig(
             self.out, self.seed, modules=self.modules, generations=self.generations, workers=self.workers

@@ -34,37 +34,26 @@ class Paper(SeededCommand):
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion paper`", "scan", "report")
-        from evolution._src.experiments.paper.benchmark import load_benchmark
-        from evolution._src.experiments.paper.config import QUICK, PaperConfig
-        from evolution._src.experiments.paper.experiments import run_experiments
-        from evolution._src.experiments.paper.folder import PaperFolder, write_json
-        from evolution._src.experiments.paper.page.page import write_paper_page
-        from evolution._src.report.provenance import describe_machine
+        from evolution._src.experiments.paper import claim_folder, lock_folder, run_experiments, write_json
+        from evolution._src.experiments.paper_page import PaperPage
 
-        config = dataclasses.replace(QUICK if self.quick else PaperConfig(), seed=self.seed)
-        folder = PaperFolder(self.out, config)
         report = self.out / "report.html"
-        with folder.lock():
-            records = run_experiments(folder, console.track, self.workers)
-            results = {
-                "machine": describe_machine(),
-                "config": config.to_json(),
-                "experiments": records,
-                "benchmark": load_benchmark(),
-            }
+        claim_folder(self.out, {"quick": self.quick, "seed": self.seed})
+        with lock_folder(self.out):
+            results = run_experiments(self.out, self.quick, self.seed, console.track, self.workers)
             write_json(self.out / "results.json", results)
             with console.track("figures and page"):
-                write_paper_page(self.out, config, records, report)
+                PaperPage(self.out, self.quick, self.seed, results).write(report)
         console.print_line(f"report: {report.resolve()}")
-        return {"report": report, "results": self.out / "results.json", **_summarize(records)}
+        return {"report": report, "results": self.out / "results.json", **_summarize(results)}
 
 
-def _summarize(records: dict[str, Any]) -> dict[str, Any]:
+def _summarize(results: dict[str, Any]) -> dict[str, Any]:
     """Return the main results."""
     return {
-        "held_in_truth": records["evolution"]["figures"]["judged"]["truth"],
-        "physics_ratio": records["physics"]["figures"]["ratios"]["gg"]["physics_us"],
-        "laser_ratio": records["laser"]["figures"]["ratios"]["tree"]["gg"],
-        "seconds": {name: record["seconds"] for name, record in records.items()},
-        "cpu_seconds": {name: record.get("cpu_seconds") for name, record in records.items()},
+        "held_in_truth": results["evolution"]["figures"]["judged"]["truth"],
+        "physics_ratio": results["physics"]["figures"]["ratios"]["gg"]["physics_us"],
+        "laser_ratio": results["laser"]["figures"]["ratios"]["tree"]["gg"],
+        "seconds": {name: record["seconds"] for name, record in results.items()},
+        "cpu_seconds": {name: record.get("cpu_seconds") for name, record in results.items()},
     }

@@ -10,7 +10,7 @@ import numpy as np
 
 import evolution as ev
 import symbrion_gym as sg
-from evolution._src.experiments.demo.demo import Track as Steps
+from evolution._src.experiments.demo import Track as Steps
 from evolution._src.experiments.output_folder import refuse_foreign_files
 from evolution._src.experiments.run_champion import find_run_champion
 from evolution._src.experiments.swarm.config import BASELINE_TIME, StoryConfig, SwarmRunConfig

@@ -14,7 +14,6 @@ from jaxtyping import Float, UInt8
 import evolution as ev
 import reconstruction as rc
 import symbrion_gym as sg
-from evolution._src.experiments.demo.truth import paint_truth
 from evolution._src.experiments.output_folder import refuse_foreign_files
 from evolution._src.search.run import RunFolder
 from reconstruction._src.base.atomic_write import write_atomically
@@ -25,8 +24,6 @@ MARKER = "demo.json"
 """The file that the demo writes first; it shows that the folder is a demo's."""
 OUTPUTS = ("survey.npz", "cloud.ply", "gsrm.npz", "gg.npz", "arenas/gsrm", "arenas/gg", "run", "report.html")
 """Files and folders that the demo makes."""
-ADDED_FIELDS = {"trials"}
-"""Fields of `DemoConfig` that the `demo.json` of an earlier version lacks."""
 
 
 class Step(Protocol):
@@ -172,6 +169,11 @@ def run_pipeline(config: DemoConfig, track: Track) -> DemoResult:
     )
 
 
+def paint_truth() -> sg.Arena:
+    """Return the true arena with colors: the robot's camera sees them, its bodies do not feel them."""
+    return sg.Arena.from_course(sg.Course(color_pattern="checker"), "truth")
+
+
 def claim_folder(config: DemoConfig) -> None:
     """Write `demo.json`, which allows a later demo to replace the files of this one.
 
@@ -192,7 +194,7 @@ def _refuse_foreign_marker(path: Path) -> None:
     except JsonError:
         content = ()
     names = {field.name for field in dataclasses.fields(DemoConfig)}
-    is_demo = isinstance(content, dict) and names - ADDED_FIELDS <= set(content) <= names
+    is_demo = isinstance(content, dict) and set(content) == names
     if content is not None and not is_demo:
         raise ev.RunError(f"{path} was not written by a demo; name another folder, or move it")
 

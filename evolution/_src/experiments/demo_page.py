@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import symbrion_gym as sg
-from evolution._src.experiments.demo.truth import paint_truth
+from evolution._src.experiments.demo import paint_truth
 from evolution._src.report.arena_view import draw_arena
 from evolution._src.report.error_map import draw_error_map
 from evolution._src.report.figures import (
@@ -21,7 +21,7 @@ from evolution._src.report.provenance import describe_machine, describe_selectio
 from evolution._src.report.video import encode_video
 
 if TYPE_CHECKING:
-    from evolution._src.experiments.demo.demo import DemoResult
+    from evolution._src.experiments.demo import DemoResult
 
 NAMES = {"gsrm": "Growing self-reconstruction map", "gg": "Growing grid"}
 MILLIMETERS = 1000.0

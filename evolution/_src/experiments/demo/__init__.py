@@ -1,1 +1,0 @@
-"""The demo: from a survey to a champion and its report."""

@@ -1,1 +1,0 @@
-"""The HTML page of the paper's experiments: figures, tables, text."""
