@@ -20,21 +20,15 @@ if TYPE_CHECKING:
     from evolution._src.controllers.protocol import Controller, OutOfBoundsWarning
     from evolution._src.dispatch import evolve
     from evolution._src.errors import EvolutionError, RunError
-    from evolution._src.search.archive import ArchiveConfig
     from evolution._src.search.cmaes import CmaesConfig
     from evolution._src.search.config import EvolutionConfig
-    from evolution._src.search.elites_of_record import find_elites
     from evolution._src.search.evaluation import Evaluation, Evaluator, evaluate
-    from evolution._src.search.grid import Grid, evaluate_grid
-    from evolution._src.search.islands import IslandsConfig
     from evolution._src.search.loop import load_run, resume
     from evolution._src.search.run import Run, load_champion
-    from evolution._src.search.side_by_side import evolve_side_by_side
     from evolution._src.search.stages import Stage
     from evolution._src.search.validation import Champion, Validation
 
 __all__ = [
-    "ArchiveConfig",
     "BodiesConfig",
     "BodyEvolutionConfig",
     "BodyGenome",
@@ -47,8 +41,6 @@ __all__ = [
     "Evaluator",
     "EvolutionConfig",
     "EvolutionError",
-    "Grid",
-    "IslandsConfig",
     "LearningConfig",
     "OutOfBoundsWarning",
     "Outcome",
@@ -62,12 +54,9 @@ __all__ = [
     "Validation",
     "confirm",
     "evaluate",
-    "evaluate_grid",
     "evolve",
     "evolve_bodies",
-    "evolve_side_by_side",
     "find_controller",
-    "find_elites",
     "judge",
     "load_bodies",
     "load_champion",

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from reconstruction._src.scans.formats import load_points, save_points
     from reconstruction._src.scans.frames import FrameConfig, describe_odd_size
     from reconstruction._src.scans.leveling import LevelingConfig
-    from reconstruction._src.scans.localization import LocalizationConfig, localise, localize
+    from reconstruction._src.scans.localization import LocalizationConfig, localize
     from reconstruction._src.scans.mesh_files import is_mesh, load_mesh
     from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction._src.scans.noise_priors import NoisePriors
@@ -97,7 +97,6 @@ __all__ = [
     "load_mesh",
     "load_points",
     "load_scan_log",
-    "localise",
     "localize",
     "make_log_cloud",
     "measure_quality",

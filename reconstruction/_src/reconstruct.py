@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.input_cloud import align, make_cloud
 from reconstruction._src.methods import find_method, make_config
@@ -24,7 +23,6 @@ def reconstruct(
     seed: int = 0,
     mode: str = "batch",
     progress: Progress = silent,
-    viewpoint: ArrayLike | None = None,
     *,
     viewpoints: ArrayLike | None = None,
     seen_from: ArrayLike | None = None,
@@ -46,7 +44,6 @@ def reconstruct(
         seed: equal seeds give equal meshes, byte for byte.
         mode: "batch" (fast) or "paper" (the literal sequential rules, slow).
         progress: called with each step and the fraction done.
-        viewpoint: deprecated name of `viewpoints`.
         viewpoints: `[3]` or `[K, 3]` positions of the sensor, in the frame of the points [m]: the surface looks to
             where it was seen from. Without them sheets look up (along z), closed surfaces outwards.
         seen_from: `[N]` index of the viewpoint that each point was seen from; without it, of several viewpoints the
@@ -59,9 +56,6 @@ def reconstruct(
     Raises:
         ReconstructionError: the points hold no surface, or an argument is out of its range.
     """
-    if viewpoint is not None and viewpoints is not None:
-        raise ReconstructionError("viewpoint is the deprecated name of viewpoints; give only viewpoints")
-    viewpoints = viewpoint if viewpoints is None else viewpoints
     cloud = make_cloud(points, viewpoints=viewpoints, seen_from=seen_from, colors=colors)
     network, config_type = find_method(method)
     selected = options if mode == "batch" else {"mode": mode, **options}

@@ -90,7 +90,7 @@ def test_a_run_whose_controller_is_gone_is_refused(tmp_path, monkeypatch):
         run.is_solved,
     )
     with pytest.raises(SystemExit) as end:
-        main(["compare", str(folder)])
+        main(["replay", str(folder), "--help"])
     assert not end.value.code
     assert "vanishing_controller" not in sys.modules
     with pytest.raises(ev.RunError, match="'vanishing_controller' cannot be imported"):

@@ -154,7 +154,6 @@ def test_only_what_is_far_is_recentered(shift, extent, is_moved):
         ({"viewpoints": "here"}, "viewpoints must be"),
         ({"viewpoints": np.zeros((0, 3))}, "viewpoints must be"),
         ({"viewpoints": [0, 0, np.nan]}, "viewpoints must be"),
-        ({"viewpoint": [0, 0, 1], "viewpoints": [0, 0, 1]}, "deprecated name"),
         ({"seen_from": np.zeros(1000, int)}, "needs viewpoints"),
         ({"viewpoints": [0, 0, 1], "seen_from": np.ones(1000, int)}, "1 viewpoint"),
         ({"colors": np.zeros((3, 3))}, "colors must be"),

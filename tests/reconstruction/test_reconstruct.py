@@ -43,7 +43,7 @@ def test_one_call_gives_a_sound_mesh_with_normals_up(ground):
 
 
 def test_normals_point_to_the_scanner():
-    below = reconstruct(make_ground(), "gg", units=150, viewpoint=[0, 0, -3])
+    below = reconstruct(make_ground(), "gg", units=150, viewpoints=[0, 0, -3])
     assert (below.mesh.face_normals[:, 2] < 0).mean() > 0.99
 
 
@@ -61,7 +61,7 @@ def test_a_saved_network_is_the_same_network(ground, tmp_path):
 
 def test_options_and_viewpoint_survive_saving(tmp_path):
     result = reconstruct(
-        make_ground(), "gg", triangles=60, insertion="distant", fit_sigmas=(0.8, 0.5), viewpoint=[0, 0, 2]
+        make_ground(), "gg", triangles=60, insertion="distant", fit_sigmas=(0.8, 0.5), viewpoints=[0, 0, 2]
     )
     result.save(tmp_path / "a.npz")
     loaded = Reconstruction.load(tmp_path / "a.npz")

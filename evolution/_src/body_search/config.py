@@ -14,10 +14,9 @@ from evolution._src.backends.making import EXACT_BACKENDS
 from evolution._src.backends.nested import Nested
 from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig, take_environment
 from evolution._src.backends.scoring import Scoring, find_scoring
-from evolution._src.backends.trials import Randomization, TrialConfig, Trials
+from evolution._src.backends.trials import TrialConfig, Trials
 from evolution._src.bodies.genome import BodyGenome, make_row, parse_genome
 from evolution._src.bodies.variation import OPERATORS, BodyLimits
-from evolution._src.body_search.descriptors import DESCRIPTORS
 from evolution._src.body_search.learning import LearningConfig
 from evolution._src.controllers.drive import count_tracks
 from evolution._src.controllers.finding import refer_to_controller
@@ -44,21 +43,9 @@ from reconstruction._src.base.range_checks import check_choice, coerce_floats, c
 from symbrion_gym._src.robot.organism import Organism
 from symbrion_gym._src.robot.scout_constants import ScoutConfig
 
-ALGORITHMS = (
-    "freeze_thaw",
-    "niches",
-    "surrogate",
-    "halving",
-    "genetic",
-    "map_elites",
-    "cma_mae",
-    "random",
-    "exhaustive",
-)
+ALGORITHMS = ("surrogate", "random", "exhaustive")
 RUNTIME_FIELDS = ("iterations", "max_seconds", "workers", "backend", "address", "folder")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
-_ADDED = ("axes", "dofs", "founders", "founder_genes")
-"""Fields that earlier versions lacked: by default they are left out of a digest, so that their runs keep theirs."""
 _FOUNDERLESS = ("random", "exhaustive")
 _BODY_FIELDS = ("modules", "organism", "body_lengths")
 
@@ -68,12 +55,8 @@ class BodiesConfig:
     """Which bodies are searched, and how.
 
     Attributes:
-        algorithm: "freeze_thaw" (a prediction from the shapes of bodies says which body learns its next rung),
-            "niches" (as "halving", and each against those of its number of modules), "surrogate" (as
-            "halving", and a prediction from the shapes of bodies chooses who learns), "halving" (a genetic algorithm
-            whose bodies learn in rungs, each against those of its rung),
-            "genetic" (without rungs), "map_elites", "cma_mae" (with an archive whose thresholds rise slowly), "random"
-            or "exhaustive" (all bodies, the small ones first).
+        algorithm: "surrogate" (bodies learn in budget levels, and a prediction from their shapes chooses who learns),
+            "random" or "exhaustive" (all bodies, the small ones first).
         smallest: smallest number of modules.
         largest: largest number of modules.
         dofs: rotational degrees of freedom of each module: 1 (the hinge), or 2 (and the rotation of the arm, which
@@ -83,14 +66,10 @@ class BodiesConfig:
         founder_genes: name and value of genes at which founders begin to learn; the others begin as every body does.
             With `is_inherited` their descendants take them over.
         children: new bodies of an iteration.
-        population_size: bodies that "genetic" keeps; of the others, all are kept.
+        population_size: bodies of the first iteration, and fittest ones that may become parents.
         crossover_share: share of children by crossover rather than mutation.
         random_share: share of children that are new random bodies.
         tournament_size: bodies of which the fittest becomes a parent.
-        promoted_share: share of the bodies of a rung that learn on, in "niches", "halving" and "surrogate"; None: such
-            that all rungs cost the same, as in successive halving.
-        axes: of the archive of "map_elites" and "cma_mae": "modules", "width_to_length", "hinges" (those that are
-            used) and "energy".
         operators: mutations, see `evolution._src.bodies.variation`.
         max_seconds: simulated time after which no new iteration begins [s]; None: `iterations` decide alone. A resumed
             run may have another one.
@@ -99,7 +78,7 @@ class BodiesConfig:
         RunError: a value is out of range.
     """
 
-    algorithm: str = "freeze_thaw"
+    algorithm: str = "surrogate"
     smallest: int = 1
     largest: int = 8
     dofs: int = 1
@@ -110,8 +89,6 @@ class BodiesConfig:
     crossover_share: float = 0.25
     random_share: float = 0.12
     tournament_size: int = 3
-    promoted_share: float | None = None
-    axes: tuple[str, ...] = ("modules", "width_to_length")
     operators: tuple[str, ...] = tuple(OPERATORS)
     max_seconds: float | None = None
 
@@ -123,17 +100,10 @@ class BodiesConfig:
         limits |= dict.fromkeys(("smallest", "largest"), (1, MAX_MODULES))
         limits["dofs"] = (1, 2)
         coerce_integers(self, limits, RunError)
-        shares = ["crossover_share", "random_share"]
-        if self.promoted_share is not None:
-            shares.append("promoted_share")
-        coerce_floats(self, dict.fromkeys(shares, (0.0, 1.0)), RunError)
+        coerce_floats(self, dict.fromkeys(("crossover_share", "random_share"), (0.0, 1.0)), RunError)
         if self.max_seconds is not None:
             coerce_floats(self, {"max_seconds": (MIN_POSITIVE, MAX_MAGNITUDE)}, RunError)
         object.__setattr__(self, "operators", tuple(self.operators))
-        object.__setattr__(self, "axes", tuple(self.axes))
-        strange = [name for name in self.axes if name not in DESCRIPTORS]
-        if strange or not self.axes or len(set(self.axes)) < len(self.axes):
-            raise RunError(f"axes is {self.axes}; different ones of {', '.join(DESCRIPTORS)} are needed")
         unknown = [name for name in self.operators if name not in OPERATORS]
         if unknown or not self.operators:
             raise RunError(f"operators is {self.operators}; some of {', '.join(OPERATORS)} are needed")
@@ -205,8 +175,6 @@ KINDS: Kinds = {name: kind for name, kind in SHARED_KINDS.items() if name not in
     "crossover_share": float,
     "random_share": float,
     "tournament_size": int,
-    "promoted_share": float | None,
-    "axes": tuple[str, ...],
     "operators": tuple[str, ...],
     "max_seconds": float | None,
     "learning": LearningConfig,
@@ -306,21 +274,7 @@ class BodyEvolutionConfig(Nested):
 
     def digest(self) -> str:
         """Return a fingerprint of all that decides the results of a run."""
-        return self._digest(RUNTIME_FIELDS)
-
-    def former_digest(self) -> str:
-        """Return the fingerprint of earlier versions, of which the limit of simulated time was a part."""
-        return self._digest(tuple(name for name in RUNTIME_FIELDS if name != "max_seconds"))
-
-    def _digest(self, left_out: tuple[str, ...]) -> str:
-        content = {name: value for name, value in self.to_json().items() if name not in left_out}
-        for name in _ADDED:
-            if getattr(self.bodies, name) == getattr(BodiesConfig, name):
-                del content[name]
-        if self.trial.randomization.patch_friction == Randomization.patch_friction:
-            content["randomization"] = {
-                k: v for k, v in content["randomization"].items() if k != "patch_friction"
-            }
+        content = {name: value for name, value in self.to_json().items() if name not in RUNTIME_FIELDS}
         content = drop_none(list(content.items()))
         return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
 

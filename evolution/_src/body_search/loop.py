@@ -18,7 +18,7 @@ from evolution._src.backends.making import Backend, make_backend
 from evolution._src.backends.prepared_arenas import prepare_arena
 from evolution._src.backends.rollout import warm_up
 from evolution._src.backends.simulation import Simulate
-from evolution._src.body_search.algorithms.making import make_algorithm
+from evolution._src.body_search.algorithms import make_algorithm
 from evolution._src.body_search.config import RUNTIME_FIELDS, BodyEvolutionConfig
 from evolution._src.body_search.learner import Learner, OnTried, Tried
 from evolution._src.body_search.learning import Lesson

@@ -80,14 +80,13 @@ class BodyRecord:
         return json.dumps(content, separators=(",", ":")).encode()
 
     @classmethod
-    def from_bytes(cls, content: bytes, digest: str, source: str, former_digest: str = "") -> BodyRecord:
+    def from_bytes(cls, content: bytes, digest: str, source: str) -> BodyRecord:
         """Read the content of the file.
 
         Args:
             content: as returned by `to_bytes`.
             digest: digest of the configuration of the run.
             source: its name, for messages.
-            former_digest: that of the same configuration by earlier versions.
 
         Raises:
             RunError: damaged, of another format or of a run with another configuration.
@@ -97,7 +96,7 @@ class BodyRecord:
             if read["format"] != FORMAT:
                 raise RunError(f"{source} has format {read['format']!r}, not {FORMAT!r}; resume it with the release "
                                "that began it, or start again in another folder")  # fmt: skip
-            if read["digest"] not in (digest, former_digest):
+            if read["digest"] != digest:
                 raise RunError(f"{source} belongs to another configuration; restore config.json from a copy")
             record = cls()
             for each in read["lessons"]:

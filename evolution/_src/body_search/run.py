@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 from evolution._src.backends.parts import BodyConfig
 from evolution._src.body_search.config import BodyEvolutionConfig
-from evolution._src.body_search.descriptors import DESCRIPTORS
 from evolution._src.body_search.fresh_trials import FreshTrials
 from evolution._src.body_search.learning import Lesson
 from evolution._src.body_search.record import BodyRecord
@@ -119,29 +118,16 @@ class BodyRun:
             control=self.config.control,
         )
 
-    def find_elites(self, axes: tuple[str, ...] | None = None) -> dict[tuple[int, ...], Lesson]:
-        """Return the fittest body of each cell of an archive, among those that have learned most.
-
-        Args:
-            axes: names of descriptors; None for those of the run.
-        """
-        config = self.config.bodies
-        chosen = [DESCRIPTORS[name] for name in axes or config.axes]
-        elites: dict[tuple[int, ...], Lesson] = {}
-        lessons = self.record.lessons
-        most = max((lesson.rung for lesson in lessons), default=0)
-        for lesson in lessons:
-            if lesson.rung != most:
-                continue
-            cell = []
-            for axis in chosen:
-                count, low, high = axis.limits(config.smallest, config.largest)
-                share = (axis.measure(lesson) - low) / (high - low)
-                cell.append(min(int(share * count), count - 1))
-            key = tuple(cell)
-            if key not in elites or lesson.fitness > elites[key].fitness:
-                elites[key] = lesson
-        return dict(sorted(elites.items()))
+    def list_fittest(self) -> list[Lesson]:
+        """Return the lessons of the bodies that have learned most, the fittest first, each body once."""
+        most = max((lesson.rung for lesson in self.record.lessons), default=0)
+        last = sorted(
+            (lesson for lesson in self.record.lessons if lesson.rung == most), key=lambda each: -each.fitness
+        )
+        fittest: dict[str, Lesson] = {}
+        for lesson in last:
+            fittest.setdefault(lesson.pupil.body.canonical_text, lesson)
+        return list(fittest.values())
 
     @property
     def has_all_iterations(self) -> bool:
@@ -203,7 +189,7 @@ def read_folder(folder: Path) -> tuple[BodyEvolutionConfig, BodyRecord]:
     except OSError as error:
         raise RunError(f"{folder / RECORD} cannot be read ({error}); restore it from a copy") from error
     source = str(folder / RECORD)
-    return config, BodyRecord.from_bytes(content, config.digest(), source, config.former_digest())
+    return config, BodyRecord.from_bytes(content, config.digest(), source)
 
 
 def write_run(folder: Path, run: BodyRun) -> None:

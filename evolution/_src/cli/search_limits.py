@@ -56,7 +56,7 @@ def describe_interruption(folder: Path) -> str:
 
 def find_longest_iteration(config: ev.BodyEvolutionConfig) -> tuple[int, int, float]:
     """Return the bodies and the trials of the first iteration, and the longest time that a trial can take [s]."""
-    from evolution._src.body_search.algorithms.making import make_algorithm
+    from evolution._src.body_search.algorithms import make_algorithm
     from symbrion_gym._src.environment.config import EnvironmentConfig
 
     assignments = make_algorithm(config).ask()

@@ -1,4 +1,4 @@
-"""The page of a search for bodies: a grid of the fittest body of each kind; a click shows how it drives."""
+"""The page of a search for bodies: a grid of the fittest ones; a click shows how it drives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from evolution._src.body_search.description import (
     find_effort_weight,
     format_fitness,
 )
-from evolution._src.body_search.descriptors import DESCRIPTORS
 from evolution._src.body_search.learning import Lesson
 from evolution._src.body_search.run import BodyRun
 from evolution._src.champions.playback import play
@@ -24,6 +23,8 @@ from reconstruction._src.base.quantities import format_count, format_energy
 
 FILM_SPEED = 5.0
 """Playback speed of films, relative to real time."""
+MOST_CARDS = 24
+"""Bodies on a page."""
 
 
 def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Progress = silent) -> Page:
@@ -38,10 +39,9 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
     Raises:
         RunError: no body has learned yet.
     """
-    elites = sorted(run.find_elites().values(), key=lambda lesson: -lesson.fitness)
-    if not elites:
+    fittest = run.list_fittest()[:MOST_CARDS]
+    if not fittest:
         raise RunError("no body has learned yet; resume the run")
-    axes = " and ".join(name.replace("_", " ") for name in run.config.bodies.axes)
     bodies = format_count(len({each.pupil.key for each in run.record.lessons}), "body", "bodies")
     page = Page(
         title="Bodies that evolved",
@@ -53,9 +53,9 @@ def make_body_page(run: BodyRun, num_films: int = 0, seed: int = 0, progress: Pr
     page.add_verdict(
         f"The best body: {describe_success(run)}.", good=champion.successes > champion.trials / 2
     )
-    page.add_section("The fittest body of each kind", f"A kind is a cell of {axes}.")
+    page.add_section("The fittest bodies")
     page.add_list(_explain(run))
-    cards = _make_cards(run, elites, num_films, seed, progress)
+    cards = _make_cards(run, fittest, num_films, seed, progress)
     page.add_cards(
         cards, "From above, ahead is up; the free arm of the root is red. A click on a body opens its card."
     )
@@ -79,13 +79,13 @@ def _explain(run: BodyRun) -> list[str]:
 
 
 def _make_cards(
-    run: BodyRun, elites: Sequence[Lesson], num_films: int, seed: int, progress: Progress
+    run: BodyRun, fittest: Sequence[Lesson], num_films: int, seed: int, progress: Progress
 ) -> list[Card]:
-    """Return the card of the champion, then one for each elite that is not the champion."""
+    """Return the card of the champion, then one for each of the fittest that is not the champion."""
     champion = run.best if run.confirmation is None else run.confirmation.lesson
     assert champion is not None
     others = [
-        lesson for lesson in elites if (lesson.pupil.key, lesson.rung) != (champion.pupil.key, champion.rung)
+        lesson for lesson in fittest if (lesson.pupil.key, lesson.rung) != (champion.pupil.key, champion.rung)
     ]
     cards = []
     for number, lesson in enumerate([champion, *others]):
@@ -107,11 +107,9 @@ def _make_card(run: BodyRun, lesson: Lesson, film: bytes | None, is_champion: bo
             found = run.confirmation.champion
             rate = f"{found.successes} of {found.trials} fresh trials"
     fitness = format_fitness(run, lesson.fitness)
-    values = {name: axis.measure(lesson) for name, axis in DESCRIPTORS.items()}
     work = format_energy(lesson.effort / find_effort_weight(run.config))
     text = (
-        f"{format_count(body.num_modules, 'module')}, of whose hinges {values['hinges']:.0f} are used; width to length "
-        f"{values['width_to_length']:.2f}; work of the hinges {work}, as a mean over trials.\n"
+        f"{format_count(body.num_modules, 'module')}; work of the hinges {work}, as a mean over trials.\n"
         f"Exam: {exam} succeeded, {fitness}; it learned in {lesson.seconds:.0f} s of robot time in its last rung.\n"
         f"Body plan {body.to_plan()}, genome {body.text}"
     )

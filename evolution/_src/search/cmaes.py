@@ -12,7 +12,7 @@ References:
 """
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
@@ -20,7 +20,6 @@ from types import ModuleType
 import numpy as np
 from jaxtyping import Float, Int
 
-from evolution._src.backends.outcome import Outcome
 from evolution._src.errors import RunError
 from evolution._src.limits import MAX_TRIALS
 from reconstruction._src.base.range_checks import as_range, coerce_integers
@@ -150,7 +149,6 @@ class Strategy:
         genotypes: Float[np.ndarray, "P G"],
         fitness: Float[np.ndarray, " P"],
         reevaluated: Mapping[int, float] | None = None,
-        outcomes: Sequence[Outcome] = (),
     ) -> None:
         """Update the distribution; restart with twice the population where the search has converged.
 
@@ -158,7 +156,6 @@ class Strategy:
             genotypes: exactly as returned by `ask`.
             fitness: finite, higher is better.
             reevaluated: second fitness of those that were re-evaluated, by index.
-            outcomes: not used; other searches sort genotypes by them.
         """
         costs = list(-np.asarray(fitness, dtype=float))  # pycma minimizes: the one place of negation
         with self._own_random_state():

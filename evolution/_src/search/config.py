@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,15 +18,12 @@ from evolution._src.backends.parts import (
     take_environment,
 )
 from evolution._src.backends.scoring import Scoring, find_scoring
-from evolution._src.backends.trials import Randomization, RolloutConfig, TrialConfig
-from evolution._src.controllers.controller import ControllerConfig
+from evolution._src.backends.trials import TrialConfig
 from evolution._src.controllers.drive import count_tracks
 from evolution._src.controllers.finding import check_genotype, refer_to_controller
 from evolution._src.errors import RunError
 from evolution._src.limits import MAX_SEED
-from evolution._src.search.archive import ArchiveConfig
 from evolution._src.search.cmaes import CmaesConfig
-from evolution._src.search.islands import IslandsConfig
 from evolution._src.search.search_config import ExecutionConfig, SearchConfig
 from evolution._src.search.stages import Stage
 from evolution._src.search.stored_config import (
@@ -38,15 +35,12 @@ from evolution._src.search.stored_config import (
     to_json,
     to_text,
 )
-from evolution._src.search.validation import FORMER_VALIDATION_NAMES, Validation
+from evolution._src.search.validation import Validation
 from reconstruction._src.base.quantities import format_count
 from reconstruction._src.base.range_checks import coerce_integers
-from reconstruction._src.deprecation import accept_former_fields, rename_keys
 
 RUNTIME_FIELDS = ("generations", "workers", "backend", "address", "folder", "stop_when_solved")
 """Fields that may change when a run is resumed: they decide its length and where it runs, not its results."""
-FORMER_NAMES = {"randomisation": "randomization"}
-"""Former name -> present name of fields of `EvolutionConfig`."""
 KINDS: Kinds = SHARED_KINDS | {
     "arena": str,
     "stages": tuple[Stage, ...],
@@ -61,8 +55,6 @@ KINDS: Kinds = SHARED_KINDS | {
     "is_start_tried": bool,
     "initial_genotype": tuple[float, ...],
     "cmaes": CmaesConfig,
-    "islands": IslandsConfig,
-    "archive": ArchiveConfig,
     "validation": Validation,
     "generations": int,
     "workers": int,
@@ -72,24 +64,8 @@ KINDS: Kinds = SHARED_KINDS | {
     "stop_when_solved": bool,
 }
 """Types of the fields in a file."""
-_NAMES_IN_DIGEST = {present: former for former, present in (FORMER_NAMES | FORMER_VALIDATION_NAMES).items()}
-"""A digest is computed with the former names, so that runs of earlier versions keep theirs."""
-_ADDED = {
-    "is_start_tried": False,
-    "initial_genotype": (),
-    "cmaes": asdict(CmaesConfig(), dict_factory=drop_none),
-    "islands": asdict(IslandsConfig(), dict_factory=drop_none),
-    "archive": asdict(ArchiveConfig(), dict_factory=drop_none),
-    "success_threshold": Validation.success_threshold,
-    "controller_config": asdict(ControllerConfig(), dict_factory=drop_none),
-    "rollout": asdict(RolloutConfig(), dict_factory=drop_none),
-    "descriptors": [],
-    "patch_friction": Randomization.patch_friction,
-}
-"""Fields that earlier versions lacked, and what these did instead: with this value they are left out of a digest."""
 
 
-@accept_former_fields(**FORMER_NAMES)
 @dataclass(frozen=True, init=False)
 class EvolutionConfig(Nested):
     """A run of evolution. The run folder stores every field.
@@ -154,10 +130,6 @@ class EvolutionConfig(Nested):
         self.set_field("stages", tuple(self.stages))
         self.set_field("scoring", find_scoring(self.scoring))
         coerce_integers(self, {"seed": (0, MAX_SEED)}, RunError)
-        if self.archive.axes and (self.stages or self.body_lengths is not None):
-            raise RunError(
-                "archive: elites of another arena or body mean nothing; leave out stages and body_lengths"
-            )
         self._check_control()
 
     def _check_control(self) -> None:
@@ -201,11 +173,8 @@ class EvolutionConfig(Nested):
         return self.validation.start if isinstance(start, str) else start
 
     def digest(self) -> str:
-        """Return a fingerprint of all that decides the results of a run.
-
-        Options that are None are left out: a run from before an option existed keeps its fingerprint.
-        """
-        content = to_json(self, KINDS, _collect_for_digest) | {"start": self.episode.find_start()}
+        """Return a fingerprint of all that decides the results of a run."""
+        content = to_json(self, KINDS) | {"start": self.episode.find_start()}
         content = {name: value for name, value in content.items() if name not in RUNTIME_FIELDS}
         content = drop_none(list(content.items()))
         return hashlib.sha256(to_text(content, is_sorted=True).encode()).hexdigest()
@@ -230,16 +199,11 @@ class EvolutionConfig(Nested):
 
     @classmethod
     def from_json(cls, content: object) -> "EvolutionConfig":
-        """Return the configuration described by `to_json`, also of an earlier version; this imports nothing.
+        """Return the configuration described by `to_json`; this imports nothing.
 
         Raises:
             RunError: a field is unknown or its value of the wrong kind.
         """
-        content = rename_keys(content, FORMER_NAMES)
-        if isinstance(content, dict):  # a run from before this option existed never restarts
-            content = {"restart_after": None} | content
-            if "validation" in content:
-                content["validation"] = rename_keys(content["validation"], FORMER_VALIDATION_NAMES)
         return cls(**read_content(content, KINDS, "config"))
 
     def restore(self, allow: Collection[str] = ()) -> "EvolutionConfig":
@@ -249,11 +213,3 @@ class EvolutionConfig(Nested):
             RunError: something cannot be imported, or has changed since the run began.
         """
         return restore(self, allow)
-
-
-def _collect_for_digest(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    return {
-        _NAMES_IN_DIGEST.get(name, name): value
-        for name, value in pairs
-        if value is not None and not (name in _ADDED and value == _ADDED[name])
-    }

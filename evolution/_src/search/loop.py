@@ -231,7 +231,7 @@ class _Evolution:
         indices = self._strategy.find_reevaluations(fitness)
         repeated = self._try(REEVALUATION, [(int(index), genotypes[index]) for index in indices], count)
         second = {entry.index: entry.fitness for entry in repeated}
-        self._strategy.tell(genotypes, fitness, second, [entry.outcome for entry in samples])
+        self._strategy.tell(genotypes, fitness, second)
         validated = self._validate(samples, mean)
         entries = samples + repeated + validated
         self._wall_seconds += time.perf_counter() - began

@@ -9,10 +9,9 @@ from jaxtyping import Float
 from evolution._src.backends.parts import BodyConfig
 from evolution._src.controllers.finding import check_genotype
 from evolution._src.controllers.protocol import Controller
-from evolution._src.search.cmaes import Space
+from evolution._src.search.cmaes import Space, Strategy
 from evolution._src.search.config import EvolutionConfig
 from evolution._src.search.record import SAMPLE, Entry
-from evolution._src.search.strategy import SearchStrategy, make_strategy
 from evolution._src.search.validation import Champion
 
 logger = logging.getLogger(__name__)
@@ -35,7 +34,16 @@ class RestartingSearch:
         organism = config.body.find_organism(self._max_modules)
         self.controller = config.control.make_controller(organism, config.episode)
         space = _make_space(config, self.controller)
-        self.strategy: SearchStrategy = make_strategy(config.search, space, config.seed)
+        self.strategy = Strategy(
+            space,
+            config.sigma,
+            config.population_size,
+            config.seed,
+            handle_noise=config.handle_noise,
+            config=config.cmaes,
+        )
+        if config.is_start_tried:
+            self.strategy.inject(np.asarray(space.initial, dtype=float))
         self._first_generation = self._last_improvement = self._max_successes = 0
 
     def count_modules(self, genotype: Float[np.ndarray, " G"]) -> int:
@@ -91,7 +99,7 @@ class RestartingSearch:
             generation: the next one.
         """
         restart_after = self._config.restart_after
-        if restart_after is None or self._config.archive.axes:
+        if restart_after is None:
             return
         samples = [
             entry for entry in entries if entry.kind == SAMPLE and entry.generation >= self._first_generation

@@ -13,9 +13,7 @@ from evolution._src.limits import (
     MAX_WORKERS,
     MIN_POSITIVE,
 )
-from evolution._src.search.archive import ArchiveConfig
 from evolution._src.search.cmaes import CmaesConfig
-from evolution._src.search.islands import IslandsConfig
 from reconstruction._src.base.range_checks import as_floats, check_choice, coerce_floats, coerce_integers
 
 _MAX_SIGMA = 1000.0
@@ -41,8 +39,6 @@ class SearchConfig:
             samples around it, and hinges held straight may be better than all of its neighbors.
         initial_genotype: genes at which the search begins, such as those of a champion; empty: as `origin` says.
         cmaes: restarts of CMA-ES after convergence, and limits of noise handling.
-        islands: several populations that exchange their fittest genotypes.
-        archive: the grid of behaviors of MAP-Elites, which replaces CMA-ES where it has axes.
     """
 
     population_size: int = 12
@@ -54,8 +50,6 @@ class SearchConfig:
     is_start_tried: bool = False
     initial_genotype: tuple[float, ...] = ()
     cmaes: CmaesConfig = field(default_factory=CmaesConfig)
-    islands: IslandsConfig = field(default_factory=IslandsConfig)
-    archive: ArchiveConfig = field(default_factory=ArchiveConfig)
 
     def __post_init__(self) -> None:
         limits = {"population_size": (4, MAX_GENOTYPES), "trials": (1, MAX_TRIALS)}
@@ -65,14 +59,6 @@ class SearchConfig:
         object.__setattr__(self, "initial_genotype", genes)
         if self.restart_after is not None:
             coerce_integers(self, {"restart_after": (1, MAX_GENERATIONS)}, RunError)
-        asked = {
-            "handle_noise": self.handle_noise,
-            "islands": self.islands.count > 1,
-            "archive": bool(self.archive.axes),
-        }
-        if sum(asked.values()) > 1:
-            both = " and ".join(name for name, is_asked in asked.items() if is_asked)
-            raise RunError(f"{both} do not go together; leave all but one of them out")
 
 
 @dataclass(frozen=True)

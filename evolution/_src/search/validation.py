@@ -39,7 +39,6 @@ from reconstruction._src.base.range_checks import (
     coerce_floats,
     coerce_integers,
 )
-from reconstruction._src.deprecation import accept_former_fields
 from symbrion_gym._src.environment.config import STARTS
 
 MAX_ROUNDS = 100
@@ -59,11 +58,8 @@ CHAMPION_KINDS: Kinds = {
     },
 }
 """Types of the fields of `champion.json`."""
-FORMER_VALIDATION_NAMES = {"centre": "mean_share", "go_on": "continue_share", "solved": "solved_share"}
-"""Former name -> present name of fields of `Validation`."""
 
 
-@accept_former_fields(**FORMER_VALIDATION_NAMES)
 @dataclass(frozen=True)
 class Validation:
     """Rules by which candidates for the champion are validated.

@@ -10,7 +10,7 @@ from evolution._src.backends.making import make_backend
 from evolution._src.backends.simulation import Simulate
 from evolution._src.errors import RunError
 from evolution._src.search.run import describe_origin
-from evolution._src.suite.baselines.methods import find_method, run_baseline
+from evolution._src.suite.baselines import find_method, run_baseline
 from evolution._src.suite.submission import Entry, Submission, load_submission
 from evolution._src.suite.tasks import BUDGET, SUITE, SuiteTask, find_suite_task
 from reconstruction._src.base.progress import Progress, silent
@@ -32,7 +32,7 @@ def run_suite(
     """Return what a baseline finds.
 
     Args:
-        method: one of `evolution._src.suite.baselines.methods.METHODS`.
+        method: one of `evolution._src.suite.baselines.METHODS`.
         seeds: seeds of the method.
         tasks: names of the tasks; empty for all that suit the method.
         budget: simulated time for a task and seed [s].

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from evolution._src.backends.parts import BodyConfig
 from evolution._src.backends.trials import Randomization, Trials
 from evolution._src.errors import RunError
-from evolution._src.landscape.places import PLACES, SUITE_PLACES, find_published_arena, make_true_arena
+from evolution._src.suite.places import PLACES, find_published_arena, make_true_arena
 from symbrion_gym._src.arenas.arena import Arena
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class SuiteTask:
 
     Attributes:
         name: its name.
-        arena: what a method may use: the name of a ready-made arena, or of a place of the landscape.
+        arena: what a method may use: the name of a ready-made arena, or of a place.
         truth: what the arena was scanned from, which judges alone; None for the exact place of the same name.
         body: body plan, name or number of modules; None: the method chooses, up to five modules.
         options: of the environment.
@@ -117,7 +117,7 @@ def find_suite_task(name: str) -> SuiteTask:
 def find_arena(task: SuiteTask, in_truth: bool) -> ArenaSource:
     """Return the arena of a task."""
     if not in_truth:
-        is_place = task.arena in (*PLACES, *SUITE_PLACES)
+        is_place = task.arena in PLACES
         return str(find_published_arena(task.arena)) if is_place else task.arena
     return _make_true(task.arena) if task.truth is None else task.truth
 

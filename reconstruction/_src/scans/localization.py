@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -118,16 +117,6 @@ def _use_priors(config: LocalizationConfig, priors: NoisePriors | None) -> Local
 def _find_vibration(log: ScanLog, config: LocalizationConfig) -> float:
     """Return the sway of the robot [rad], estimated from the floor that its scans show."""
     return max(estimate_shake(find_declination(log, config.leveling)), _LEAST_VIBRATION)
-
-
-def localise(log: ScanLog, progress: Progress = silent) -> ScanLog:
-    """Do what `localize` does; deprecated name of it.
-
-    Raises:
-        ScanError: see `localize`.
-    """
-    warnings.warn("localise is deprecated, use localize", DeprecationWarning, stacklevel=2)
-    return localize(log, progress)
 
 
 def measure_localization(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 
 from reconstruction._src.base.progress import Progress
 from reconstruction._src.base.range_checks import check_choice, check_not_negative, check_positive
-from reconstruction._src.deprecation import accept_former_fields
 from symbrion_gym._src.arenas.checks import FRICTION_LIMITS
 from symbrion_gym._src.assets import NAMED_ARENAS
 from symbrion_gym._src.environment.organism_options import check_organism_options
@@ -48,8 +46,6 @@ MAX_MODULES = 50
 """More than any organism in use; the time of a step grows faster than their number."""
 MAX_TIMESTEP = 0.02
 """Contacts are not resolved by longer physics steps [s]."""
-RENAMED_OPTIONS = {"randomise": "randomize", "abyss": "bottomless"}
-"""Old name -> new name of options; the old ones are deprecated."""
 TASK_OPTIONS = (
     "start",
     "goal",
@@ -80,7 +76,6 @@ _NOT_NEGATIVE_IF_GIVEN = (
 _POSITIVE_IF_GIVEN = ("friction", "duration", "stuck_time")
 
 
-@accept_former_fields(abyss="bottomless")
 @dataclass(frozen=True)
 class EnvironmentConfig:
     """What an environment is made of.
@@ -227,12 +222,6 @@ class EnvironmentConfig:
             OrganismError: an impossible number of modules.
         """
         given = dict(options)
-        for old, new in RENAMED_OPTIONS.items():
-            if old in given and new in given:
-                raise OptionError(f"the options {old!r} and {new!r} are the same; give {new!r} alone")
-            if old in given:
-                warnings.warn(f"option {old!r} is now called {new!r}", DeprecationWarning, stacklevel=3)
-                given[new] = given.pop(old)
         usual_body = given.pop("default_organism", None)
         if usual_body is not None and given.get("modules") is None and given.get("organism") is None:
             given["organism"] = usual_body

@@ -25,7 +25,7 @@ def make_config(arena):
         task="traverse",
         track_control="skid",
         duration=2.0,
-        bodies=ev.BodiesConfig(algorithm="genetic", largest=4, population_size=2, founders=(ROW, WIDE)),
+        bodies=ev.BodiesConfig(largest=4, population_size=2, founders=(ROW, WIDE)),
         learning=ev.LearningConfig(rungs=(1, 2), population_size=4),
         iterations=1,
     )

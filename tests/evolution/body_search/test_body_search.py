@@ -3,7 +3,6 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -18,12 +17,11 @@ from evolution._src.body_search.loop import evolve_bodies, load_bodies, resume_b
 from evolution._src.body_search.record import BodyRecord
 from evolution._src.errors import RunError
 from evolution._src.search.loop import load_run
-from reconstruction._src.base.extras import MissingExtraError
 
 BEST = "b(b(.)m(.))"
 """The best body of the made landscape."""
 LEARNING = LearningConfig(population_size=4, rungs=(1, 2, 4), exam_trials=2)
-BODIES = BodiesConfig(algorithm="halving", largest=6, children=6, population_size=6)
+BODIES = BodiesConfig(algorithm="surrogate", largest=6, children=6, population_size=6)
 
 
 def landscape(jobs: Sequence[Job], threads: int) -> list[Outcome]:
@@ -59,18 +57,7 @@ def find_bytes(run):
     return run.record.to_bytes(run.config.digest())
 
 
-@pytest.mark.parametrize(
-    "algorithm",
-    [
-        "freeze_thaw",
-        "niches",
-        "surrogate",
-        "halving",
-        "genetic",
-        "random",
-        "exhaustive",
-    ],
-)
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     config = make_config(bodies=replace(BODIES, algorithm=algorithm), iterations=3)
     first, second = (evolve_bodies(config, simulate=landscape) for _ in range(2))
@@ -79,9 +66,8 @@ def test_equal_seeds_give_equal_runs_and_others_do_not(algorithm):
     assert find_bytes(other) != find_bytes(first)
 
 
-@pytest.mark.parametrize("algorithm", ["freeze_thaw", "niches", "surrogate", "halving"])
-def test_a_resumed_run_equals_one_that_never_stopped(tmp_path, algorithm):
-    bodies = replace(BODIES, algorithm=algorithm)
+def test_a_resumed_run_equals_one_that_never_stopped(tmp_path):
+    bodies = BODIES
     whole = evolve_bodies(make_config(folder=tmp_path / "whole", bodies=bodies), simulate=landscape)
     evolve_bodies(make_config(folder=tmp_path / "parts", iterations=3, bodies=bodies), simulate=landscape)
     resumed = resume_bodies(tmp_path / "parts", iterations=8, simulate=landscape)
@@ -109,8 +95,7 @@ def test_a_kill_within_an_iteration_loses_only_that(tmp_path):
     assert find_bytes(resumed) == find_bytes(evolve_bodies(make_config(), simulate=landscape))
 
 
-@pytest.mark.parametrize("algorithm", ["halving", pytest.param("genetic", marks=pytest.mark.slow)])
-def test_a_search_finds_what_random_bodies_do_not(algorithm):
+def test_a_search_finds_what_random_bodies_do_not():
     """Over five seeds, at equal simulated time; doing nothing but drawing bodies is the comparison."""
 
     def find(name, seed):
@@ -118,7 +103,7 @@ def test_a_search_finds_what_random_bodies_do_not(algorithm):
         run = evolve_bodies(make_config(bodies=bodies, seed=seed, iterations=200), simulate=landscape)
         return run.history[-1][1]
 
-    searched, drawn = ([find(name, seed) for seed in range(5)] for name in (algorithm, "random"))
+    searched, drawn = ([find(name, seed) for seed in range(5)] for name in ("surrogate", "random"))
     assert np.median(searched) > np.median(drawn) + 0.1
     assert np.median(searched) > 0.9
 
@@ -140,10 +125,9 @@ def test_what_a_body_learns_depends_on_no_other():
 
 
 def test_successive_halving_spends_little_on_most_bodies():
-    bodies = replace(BODIES, promoted_share=0.34)
-    run = evolve_bodies(make_config(iterations=20, bodies=bodies), simulate=landscape)
+    run = evolve_bodies(make_config(iterations=20), simulate=landscape)
     counts = [sum(lesson.rung == rung for lesson in run.record.lessons) for rung in range(3)]
-    assert counts[0] > 2 * counts[1] > 4 * counts[2] > 0
+    assert counts[0] > counts[1] > counts[2] > 0
 
 
 def test_as_many_learn_on_as_make_all_rungs_cost_the_same():
@@ -257,21 +241,8 @@ def test_rungs_rise(rungs):
         LearningConfig(rungs=rungs)
 
 
-@pytest.mark.parametrize("algorithm", ["map_elites", "cma_mae"])
-def test_archives_keep_an_elite_of_each_kind(algorithm):
-    config = make_config(bodies=replace(BODIES, algorithm=algorithm))
-    if find_spec("ribs") is None:
-        with pytest.raises(MissingExtraError, match=r"symbrion-gym\[ribs\]"):
-            evolve_bodies(config, simulate=landscape)
-        pytest.skip("the extra 'ribs' is not installed")
-    run = evolve_bodies(config, simulate=landscape)
-    again = evolve_bodies(run.config, simulate=landscape)
-    assert find_bytes(run) == find_bytes(again)
-    assert len({lesson.pupil.body.num_modules for lesson in run.record.lessons}) > 3
-
-
 def test_every_algorithm_has_a_maker():
-    from evolution._src.body_search.algorithms.making import _MAKERS
+    from evolution._src.body_search.algorithms import _MAKERS
 
     assert tuple(_MAKERS) == ALGORITHMS
 
@@ -302,7 +273,7 @@ def test_the_start_is_tried_first_and_alone():
         return landscape(jobs, threads)
 
     run = evolve_bodies(
-        replace(config, bodies=replace(BODIES, algorithm="genetic", children=1)), simulate=watch
+        replace(config, bodies=replace(BODIES, algorithm="random", children=1)), simulate=watch
     )
     assert len({str(genes.tolist()) for genes in tried[0] if not genes.any()}) == len(
         {len(g) for g in tried[0]}

@@ -48,7 +48,7 @@ class Physics:
 
 
 def make_config(**changes):
-    bodies = ev.BodiesConfig(algorithm="halving", largest=3, children=4, population_size=4)
+    bodies = ev.BodiesConfig(largest=3, children=4, population_size=4)
     return made_bodies.make_config(**{"bodies": bodies, "iterations": 4} | changes)
 
 

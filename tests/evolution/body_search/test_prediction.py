@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from evolution._src.bodies.enumeration import enumerate_bodies
 from evolution._src.bodies.genome import parse_genome
-from evolution._src.body_search.algorithms.surrogate import SurrogateSearch
+from evolution._src.body_search.algorithms import SurrogateSearch
 from evolution._src.body_search.config import BodiesConfig
 from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil
 from evolution._src.body_search.prediction import MAX_LESSONS, Prediction, describe_shape
-from evolution._src.landscape.making import list_bodies
 
-BODIES = list_bodies(4)
+BODIES = [body for count in range(1, 5) for body in enumerate_bodies(count)]
 
 
 def make_lesson(body, fitness, rung=1):

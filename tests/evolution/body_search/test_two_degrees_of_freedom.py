@@ -20,7 +20,7 @@ def make_config(**changes):
     return made_bodies.make_config(**{"bodies": BODIES, "learning": learning, "iterations": 3} | changes)
 
 
-@pytest.mark.parametrize("algorithm", ["freeze_thaw", "surrogate", "halving", "genetic", "random"])
+@pytest.mark.parametrize("algorithm", ["surrogate", "random"])
 def test_every_trial_has_modules_with_both_joints(algorithm):
     tried = []
 

@@ -103,20 +103,6 @@ def test_a_run_configured_with_integers_is_resumed(tmp_path):
     assert len(resume(tmp_path / "run", generations=2, simulate=toys.bowl).history) == 2
 
 
-def test_fingerprints_of_runs_that_exist_stay():
-    """Were they others, no run from before could be resumed."""
-    usual = EvolutionConfig(controller="reactive", origin="hint", sigma=0.15, restart_after=None)
-    staged = replace(
-        usual,
-        arena="simple",
-        stages=(Stage("simple", 5), Stage("truth")),
-        body_lengths=(4, 9),
-        environment={"pit": 0.35, "abyss": True},  # pyright: ignore[reportArgumentType]
-    )
-    assert usual.digest().startswith("f87bed95a632b9e9")
-    assert staged.digest().startswith("6368e8626df69a12")
-
-
 @pytest.mark.parametrize(
     "arguments",
     [

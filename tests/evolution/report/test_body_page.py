@@ -1,4 +1,4 @@
-"""The page of bodies: a card for each elite, which opens."""
+"""The page of bodies: a card for each of the fittest, which opens."""
 
 from dataclasses import replace
 
@@ -14,13 +14,13 @@ from evolution._src.errors import RunError
 from evolution._src.report.body_page import make_body_page
 
 
-def test_every_elite_has_a_card_with_its_plan(tmp_path):
+def test_each_of_the_fittest_has_a_card_with_its_plan(tmp_path):
     run = ev.evolve(made_bodies.make_config(), simulate=made_bodies.simulate)
     make_body_page(run).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
-    elites = run.find_elites()
-    assert html.count("<details") == len(elites)
-    assert all(lesson.pupil.body.to_plan() in html for lesson in elites.values())
+    fittest = run.list_fittest()
+    assert html.count("<details") == len(fittest)
+    assert all(lesson.pupil.body.to_plan() in html for lesson in fittest)
     assert "<video" not in html
 
 
@@ -31,13 +31,13 @@ def test_a_run_without_bodies_has_no_page():
 
 def test_bodies_of_an_unfinished_rung_are_shown(tmp_path):
     learning = ev.LearningConfig(population_size=4, rungs=(1, 2), exam_trials=1)
-    bodies = ev.BodiesConfig(algorithm="halving", largest=3, children=3)
+    bodies = ev.BodiesConfig(largest=3, children=3)
     run = ev.evolve(made_bodies.make_config(learning=learning, bodies=bodies), simulate=made_bodies.simulate)
-    elites = run.find_elites()
-    assert {lesson.rung for lesson in elites.values()} == {0}
+    fittest = run.list_fittest()
+    assert {lesson.rung for lesson in fittest} == {0}
     make_body_page(run).write(tmp_path / "bodies.html")
     html = (tmp_path / "bodies.html").read_text()
-    assert html.count("<details") == len(elites)
+    assert html.count("<details") == len(fittest)
     assert "champion, not confirmed" in html
 
 
@@ -68,5 +68,5 @@ def test_the_confirmed_champion_has_a_card_of_its_own(tmp_path, monkeypatch):
     assert "succeeded in 48 of 48 fresh trials" in html
     assert "Fitness, in meters" in html
     champion = (run.confirmation.lesson.pupil.key, run.confirmation.lesson.rung)
-    elites = {(lesson.pupil.key, lesson.rung) for lesson in run.find_elites().values()}
-    assert len(others) + 1 == len(elites | {champion})
+    fittest = {(lesson.pupil.key, lesson.rung) for lesson in run.list_fittest()}
+    assert len(others) + 1 == len(fittest | {champion})

@@ -10,7 +10,6 @@ from histories import TOY, find_samples, without_times
 from evolution._src.controllers.controller import REACTIVE_HINT
 from evolution._src.errors import RunError
 from evolution._src.search.config import EvolutionConfig
-from evolution._src.search.islands import IslandsConfig
 from evolution._src.search.loop import evolve, resume
 from evolution._src.search.record import SAMPLE, VALIDATION
 from evolution._src.search.stages import Stage
@@ -23,11 +22,9 @@ def test_a_search_may_begin_from_zero():
     assert np.allclose(hint.record.columns()["genotype"], REACTIVE_HINT, atol=1e-4)
 
 
-@pytest.mark.parametrize("where", ["alone", "islands", "stages"])
+@pytest.mark.parametrize("where", ["alone", "stages"])
 def test_the_genotype_at_which_a_search_begins_is_tried_if_asked(where):
-    changes = {"islands": {"islands": IslandsConfig(2)}, "stages": {"stages": (Stage("truth"),)}}.get(
-        where, {}
-    )
+    changes = {"stages": (Stage("truth"),)} if where == "stages" else {}
     plain = replace(TOY, generations=2, origin="zero", **changes)
     tried = replace(plain, is_start_tried=True)
     runs = [evolve(config, simulate=toys.bowl) for config in (plain, tried)]

@@ -11,11 +11,11 @@ from evolution._src.backends.outcome import Outcome
 from evolution._src.cli.command import UsageError
 from evolution._src.cli.commands.bench_suite import BenchSuite
 from evolution._src.errors import RunError
-from evolution._src.landscape.places import GAP, find_published_arena, make_true_arena
 from evolution._src.suite import submission as submission_module
 from evolution._src.suite import tasks as tasks_module
 from evolution._src.suite import verification
 from evolution._src.suite.leaderboard import SHARED, count_wins, find_overview, format_rows, make_page, rank
+from evolution._src.suite.places import GAP, find_published_arena, make_true_arena
 from evolution._src.suite.running import run_suite
 from evolution._src.suite.submission import Score, Submission, load_submission
 from evolution._src.suite.tasks import EXAM_TRIALS, SUITE, find_suite_task

@@ -10,7 +10,6 @@ from reconstruction._src.geometry.pose import make_pose
 from reconstruction._src.scans.localization import (
     LocalizationConfig,
     find_pitch,
-    localise,
     localize,
     match_scans,
     measure_localization,
@@ -116,14 +115,6 @@ def test_the_truth_is_never_read():
 def test_a_log_without_horizontal_scans_is_refused():
     with pytest.raises(ScanError, match="horizontal"):
         localize(ScanLog(np.ones((2, 3)), np.zeros(3), np.tile(np.eye(4), (2, 1, 1))))
-
-
-def test_the_old_name_is_deprecated():
-    scans, true = make_drive(num_scans=5)
-    log = ScanLog(np.ones((5, 3)), np.zeros(3), make_pose(*true.T), horizontal=scans)
-    with pytest.warns(DeprecationWarning, match="use localize"):
-        done = localise(log)
-    np.testing.assert_array_equal(done.poses, localize(log).poses)
 
 
 def test_the_settings_are_used():

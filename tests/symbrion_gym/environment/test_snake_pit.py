@@ -15,9 +15,8 @@ from side_by_side import FLAGS, NUMBERS
 
 import symbrion_gym as sg
 from symbrion_gym._src.arenas.scanned_surface import make_scanned_surface
-from symbrion_gym._src.environment.config import DEFAULT_SENSORS, SnakePitConfig
+from symbrion_gym._src.environment.config import DEFAULT_SENSORS
 from symbrion_gym._src.environment.snake_pit import SnakePitEnv
-from symbrion_gym._src.errors import OptionError
 from symbrion_gym._src.registration import ENVIRONMENTS
 from symbrion_gym._src.robot.organism import cross
 from symbrion_gym._src.robot.sensor_noise import SensorNoise
@@ -210,20 +209,6 @@ def test_track_speeds_can_be_part_of_the_action(control):
     back = [env.step(np.r_[0, 0, -np.ones(count)])[4]["x_position"] for _ in range(50)]
     assert ahead[-1] - ahead[0] == pytest.approx(0.098, abs=0.02)
     assert back[-1] < back[0] - 0.07
-
-
-def test_the_old_name_of_an_option_works_and_warns():
-    with pytest.warns(DeprecationWarning, match="'randomise' is now called 'randomize'"):
-        env = SnakePitEnv(modules=1, randomise={"yaw": 0.1})
-    assert env.config.randomize == {"yaw": 0.1}
-    with pytest.raises(OptionError, match="are the same"):
-        SnakePitEnv(modules=1, randomise={}, randomize={})
-    with pytest.warns(DeprecationWarning, match="'abyss' is now called 'bottomless'"):
-        env = SnakePitEnv(modules=1, abyss=True)
-    with pytest.warns(DeprecationWarning, match="abyss is now called bottomless"):
-        assert env.config.abyss  # pyright: ignore[reportAttributeAccessIssue]
-    with pytest.warns(DeprecationWarning, match="abyss is now called bottomless"):
-        assert SnakePitConfig(abyss=True).bottomless  # pyright: ignore[reportCallIssue]
 
 
 def test_sensor_noise_can_be_chosen():

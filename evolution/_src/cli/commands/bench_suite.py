@@ -11,7 +11,7 @@ from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.quantities import format_count
 
-METHODS = Literal["zero", "random", "cmaes", "genetic", "map_elites", "cma_mae", "surrogate", "niches"]
+METHODS = Literal["zero", "random", "cmaes", "surrogate"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -38,7 +38,7 @@ class Replay(SeededCommand, TrustingCommand):
     video: Path | None = None
     """Record one trial without randomization in this file (.mp4)."""
     page: Path | None = None
-    """Of a search for bodies: write a page (.html), a grid of the fittest body of each kind; a click shows it drive."""
+    """Of a search for bodies: write a page (.html), a grid of the fittest bodies; a click shows it drive."""
     films: int = 6
     """Films on that page, of the fittest bodies."""
     viewer: bool = False

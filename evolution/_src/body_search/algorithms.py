@@ -1,0 +1,182 @@
+"""Searches for bodies: led by a prediction, random, exhaustive. An algorithm asks for lessons and is told them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from math import ceil
+from typing import Protocol
+
+import numpy as np
+
+from evolution._src.bodies.enumeration import enumerate_bodies
+from evolution._src.bodies.genome import parse_genome
+from evolution._src.bodies.variation import cross_over, make_random_body, mutate
+from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
+from evolution._src.body_search.learner import Assignment
+from evolution._src.body_search.learning import LearningConfig, Lesson, Pupil, inherit
+from evolution._src.body_search.prediction import Prediction
+
+CANDIDATES = 30
+"""Children bred for each that learns, of which the prediction chooses."""
+OPTIMISM = 1.0
+"""Standard deviations added to a prediction: what is unknown is tried."""
+
+
+class Algorithm(Protocol):
+    """A search for bodies. It draws from a generator of its own, so that equal lessons give equal proposals."""
+
+    def ask(self) -> list[Assignment]:
+        """Return what shall be learned next; nothing where the search has come to its end."""
+        ...
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Take what was learned, in the order of the assignments."""
+        ...
+
+
+class Breeder:
+    """Make children of parents, as the configuration says.
+
+    Args:
+        config: shares of crossover and random bodies, mutations, sizes.
+        learning: whether what was learned is inherited.
+        rng: drawn from.
+    """
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._learning, self._rng = config, learning, rng
+        self._founders = [parse_genome(text) for text in reversed(config.founders)]
+
+    def make_random(self) -> Pupil:
+        """Return a random body."""
+        return Pupil(make_random_body(self._rng, self._config.limits))
+
+    def breed(self, parents: Sequence[Lesson]) -> Pupil:
+        """Return a child of one or two parents that win tournaments; founders and random bodies where there is none.
+
+        Args:
+            parents: those that may take part, the fittest first.
+        """
+        if self._founders:
+            return Pupil(self._founders.pop(), self._config.founder_genes)
+        if not parents or self._rng.random() < self._config.random_share:
+            return self.make_random()
+        first = self._select(parents)
+        if self._rng.random() < self._config.crossover_share:
+            second = self._select(parents)
+            child = cross_over(first.pupil.body, second.pupil.body, self._rng, self._config.limits)
+        else:
+            child = mutate(first.pupil.body, self._rng, self._config.limits, self._config.operators)
+        return Pupil(child, inherit(first) if self._learning.is_inherited else ())
+
+    def _select(self, parents: Sequence[Lesson]) -> Lesson:
+        """Return the winner of a tournament: of those drawn, the first in the order of fitness."""
+        return parents[int(self._rng.integers(len(parents), size=self._config.tournament_size).min())]
+
+
+class SurrogateSearch:
+    """A genetic algorithm in rungs in which a Gaussian process over shapes of bodies chooses.
+
+    Many children are bred; those of the highest upper confidence bound learn the first rung, and likewise those that
+    learn on, so that a body is not judged by its first trials alone, and a young one has the credit of its relatives.
+
+    References:
+        Srinivas, Krause, Kakade, Seeger (2010), Gaussian process optimization in the bandit setting, ICML.
+        Li and others (2020), A system for massively parallel hyperparameter tuning (ASHA), MLSys.
+    """
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._last = config, len(learning.rungs) - 1
+        self._breeder = Breeder(config, learning, rng)
+        self._layers: list[dict[str, Lesson]] = [{} for _ in learning.rungs]
+        self._shares = [learning.find_promoted_share(rung) for rung in range(self._last)]
+        self._lessons: list[Lesson] = []
+
+    def ask(self) -> list[Assignment]:
+        """Return promotions of each rung, the highest first, then children; random bodies at first."""
+        if not self._lessons:
+            return [Assignment(each, 0) for each in self._breed_new([], self._config.population_size)]
+        prediction = Prediction(self._lessons, self._last)
+        fittest = sorted(self._lessons, key=lambda each: (-each.rung, -each.fitness, each.pupil.key))
+        parents = fittest[: self._config.population_size]
+        children = self._breed_new(parents, CANDIDATES * self._config.children)
+        assignments = []
+        for rung in reversed(range(self._last)):
+            layer, promoted = self._layers[rung], self._layers[rung + 1]
+            count = ceil(self._shares[rung] * len(layer)) - len(promoted)
+            waiting = [lesson.pupil for key, lesson in layer.items() if key not in promoted]
+            least = 0 if children else 1  # where no body is new, more learn on
+            assignments += [
+                Assignment(each, rung + 1) for each in _choose(prediction, waiting, max(count, least))
+            ]
+        assignments += [Assignment(each, 0) for each in _choose(prediction, children, self._config.children)]
+        return assignments or [Assignment(self._breeder.make_random(), 0)]
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Put each lesson into the layer of its rung."""
+        for lesson in lessons:
+            if lesson.pupil.key not in self._layers[lesson.rung]:
+                self._lessons.append(lesson)
+            self._layers[lesson.rung][lesson.pupil.key] = lesson
+
+    def _breed_new(self, parents: Sequence[Lesson], count: int) -> list[Pupil]:
+        """Return children that have not learned yet, each once."""
+        bred = [self._breeder.breed(parents) for _ in range(count)]
+        return list({each.key: each for each in bred if each.key not in self._layers[0]}.values())
+
+
+def _choose(prediction: Prediction, pupils: Sequence[Pupil], count: int) -> list[Pupil]:
+    """Return the pupils of the highest upper confidence bounds."""
+    if not pupils or not count:
+        return []
+    mean, spread = prediction.predict([each.body for each in pupils])
+    order = np.argsort(-(mean + OPTIMISM * spread), kind="stable")
+    return [pupils[index] for index in order[:count]]
+
+
+class RandomSearch:
+    """Random bodies, each of which learns to the last rung."""
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._last = config, len(learning.rungs) - 1
+        self._breeder = Breeder(config, learning, rng)
+
+    def ask(self) -> list[Assignment]:
+        """Return the bodies of an iteration."""
+        return [Assignment(self._breeder.make_random(), self._last) for _ in range(self._config.children)]
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Nothing is learned from lessons."""
+
+
+class ExhaustiveSearch:
+    """All bodies, the small ones first, each of which learns to the last rung."""
+
+    def __init__(self, config: BodiesConfig, learning: LearningConfig, rng: np.random.Generator) -> None:
+        self._config, self._last = config, len(learning.rungs) - 1
+        self._bodies = self._list()
+
+    def ask(self) -> list[Assignment]:
+        """Return the bodies of an iteration; nothing after the last."""
+        bodies = (next(self._bodies, None) for _ in range(self._config.children))
+        return [Assignment(pupil, self._last) for pupil in bodies if pupil is not None]
+
+    def tell(self, lessons: Sequence[Lesson]) -> None:
+        """Nothing depends on lessons."""
+
+    def _list(self) -> Iterator[Pupil]:
+        for count in range(self._config.smallest, self._config.largest + 1):
+            yield from (Pupil(body) for body in enumerate_bodies(count))
+
+
+_MAKERS: dict[str, Callable[..., Algorithm]] = {
+    "surrogate": SurrogateSearch,
+    "random": RandomSearch,
+    "exhaustive": ExhaustiveSearch,
+}
+
+
+def make_algorithm(config: BodyEvolutionConfig) -> Algorithm:
+    """Return the algorithm of a run, with a random generator of its own."""
+    rng = np.random.default_rng((config.seed, *config.bodies.algorithm.encode()))
+    return _MAKERS[config.bodies.algorithm](config.bodies, config.learning, rng)

@@ -1,1 +1,0 @@
-"""Algorithms that propose bodies, behind one interface."""

@@ -1,0 +1,242 @@
+"""The baselines of the suite: doing nothing, chance, CMA-ES over genes, and the surrogate search for bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from evolution._src.backends.making import Backend
+from evolution._src.backends.parts import read_organism
+from evolution._src.backends.trials import Job, Randomization, find_trial_controller
+from evolution._src.bodies.variation import BodyLimits, make_random_body
+from evolution._src.body_search.algorithms import make_algorithm
+from evolution._src.body_search.config import BodiesConfig, BodyEvolutionConfig
+from evolution._src.body_search.learner import Learner
+from evolution._src.body_search.learning import LearningConfig, Lesson
+from evolution._src.body_search.record import BodyRecord
+from evolution._src.controllers.protocol import Controller
+from evolution._src.errors import RunError
+from evolution._src.search.cmaes import Space, Strategy
+from evolution._src.suite.submission import SCORING, Entry, find_score
+from evolution._src.suite.tasks import BUDGET, EXAM_SEED, LARGEST, SuiteTask, find_arena
+from reconstruction._src.base.range_checks import check_choice
+from symbrion_gym._src.robot.body_plans import organism_to_text
+from symbrion_gym._src.robot.organism import Organism
+
+CONTROLLER = "oscillators"
+"""The law of these baselines: it fits any body."""
+POPULATION = 8
+"""Genotypes of a generation."""
+SIGMA = 0.5
+"""Initial step size of CMA-ES, and spread of random genotypes."""
+RESTING_BODY = 3
+"""Modules in a row, where the body is free and nothing is searched."""
+BODIES_DRAWN = 4
+"""Random bodies that CMA-ES shares its budget between, where the body is free."""
+LEARNING = LearningConfig(population_size=6, rungs=(1, 2, 4), exam_trials=1, is_examined_early=False)
+"""Of the bodies of the surrogate search; the first budget level is the zero genotype alone."""
+CHILDREN, PARENTS = 4, 6
+"""Bodies of an iteration of the surrogate search, and parents."""
+
+
+class Found(NamedTuple):
+    """The best genotype so far.
+
+    Attributes:
+        fitness: of its best trial while learning.
+        body: its body.
+        genotype: its genes.
+    """
+
+    fitness: float
+    body: Organism
+    genotype: Float[np.ndarray, " G"]
+
+
+class Practice:
+    """A task, a budget and the best genotype that was tried in the scanned arena.
+
+    Each generation has conditions of its own, equal for its genotypes. A generation that has begun is finished.
+
+    Args:
+        task: what is to be learned.
+        backend: runs the trials.
+        budget: simulated time that may be spent [s].
+    """
+
+    def __init__(self, task: SuiteTask, backend: Backend, budget: float) -> None:
+        self.task, self.backend, self.budget = task, backend, budget
+        self.seconds, self.generation = 0.0, 0
+        self.best: Found | None = None
+
+    def has_time(self, share: float = 1.0) -> bool:
+        """Return whether less than a share of the budget is spent."""
+        return self.seconds < share * self.budget
+
+    def try_all(self, body: Organism, genotypes: Float[np.ndarray, "P G"]) -> Float[np.ndarray, " P"]:
+        """Try each genotype once, keep the best, and return the fitness of each."""
+        self.generation += 1  # from 1: a seed that ends in 0 would be that of the exam
+        trials = self.task.make_trials(body, CONTROLLER, 1, (*EXAM_SEED, self.generation))
+        outcomes = self.backend.run([Job(genotype, trials) for genotype in genotypes])
+        self.seconds += sum(outcome.seconds for outcome in outcomes)
+        fitness = np.array([SCORING.score(outcome, 0) for outcome in outcomes])
+        self.offer(body, genotypes, fitness)
+        return fitness
+
+    def offer(
+        self, body: Organism, genotypes: Float[np.ndarray, "P G"], fitness: Float[np.ndarray, " P"]
+    ) -> None:
+        """Keep the best genotype if it is better than the one that is kept."""
+        index = int(np.argmax(fitness))
+        if self.best is None or fitness[index] > self.best.fitness:
+            self.best = Found(float(fitness[index]), body, np.array(genotypes[index]))
+
+    def make_controller(self, body: Organism) -> Controller:
+        """Return the controller of a body."""
+        return find_trial_controller(self.task.make_trials(body, CONTROLLER, 1, EXAM_SEED))
+
+    def draw_body(self, rng: np.random.Generator) -> Organism:
+        """Return the body of the task; a random one where it is free."""
+        if self.task.body is not None:
+            return read_organism(self.task.body)
+        return make_random_body(rng, BodyLimits(1, LARGEST)).to_organism()
+
+
+def run_zero(practice: Practice, rng: np.random.Generator) -> None:
+    """Offer the zero genotype, untried: tracks full speed ahead, hinges straight."""
+    body = read_organism(RESTING_BODY if practice.task.body is None else practice.task.body)
+    practice.offer(body, np.zeros((1, len(practice.make_controller(body).parameters))), np.zeros(1))
+
+
+def run_random(practice: Practice, rng: np.random.Generator) -> None:
+    """Draw genotypes around zero, and a body with each generation where it is free."""
+    while practice.has_time():
+        body = practice.draw_body(rng)
+        law = practice.make_controller(body)
+        genotypes = rng.normal(0.0, SIGMA, (POPULATION, len(law.parameters)))
+        practice.try_all(body, np.clip(genotypes, law.lower, law.upper))
+
+
+def run_cmaes(practice: Practice, rng: np.random.Generator) -> None:
+    """Let CMA-ES learn, of several random bodies one after the other where the body is free.
+
+    The zero genotype is tried first: it drives straight ahead, and CMA-ES samples around it only, so that a small
+    budget would end below a baseline that does nothing.
+    """
+    count = BODIES_DRAWN if practice.task.body is None else 1
+    for number in range(count):
+        body = practice.draw_body(rng)
+        law = practice.make_controller(body)
+        genes = len(law.parameters)
+        space = Space(law.parameters, law.lower, law.upper, (0.0,) * genes, (1.0,) * genes)
+        strategy = Strategy(space, SIGMA, POPULATION, int(rng.integers(2**31)))
+        practice.try_all(body, np.zeros((1, genes)))
+        while practice.has_time((number + 1) / count):
+            genotypes = strategy.ask()
+            strategy.tell(genotypes, practice.try_all(body, genotypes))
+
+
+def run_surrogate(practice: Practice, rng: np.random.Generator) -> None:
+    """Let the search of `symbrion evolve --bodies` propose bodies; the one that did best in its exam is kept."""
+    config = BodyEvolutionConfig(
+        arena=find_arena(practice.task, in_truth=False),
+        seed=int(rng.integers(2**31)),
+        controller=CONTROLLER,
+        randomization=Randomization(stretch=(1.0,)),
+        scoring=SCORING,
+        bodies=BodiesConfig(
+            algorithm="surrogate", largest=LARGEST, children=CHILDREN, population_size=PARENTS
+        ),
+        learning=LEARNING,
+        **practice.task.make_options(),
+    )
+    record = BodyRecord()
+    search, learner = make_algorithm(config), Learner(config, record, practice.backend)
+    paid: set[tuple[str, int]] = set()
+    while practice.has_time():
+        lessons: list[Lesson] = []
+        for assignment in search.ask():
+            if not practice.has_time():
+                return
+            lessons += learner.learn([assignment])
+            for level in record.find_until(lessons[-1]):
+                if (level.pupil.key, level.rung) not in paid:
+                    paid.add((level.pupil.key, level.rung))
+                    practice.seconds += level.seconds
+            last = lessons[-1]
+            practice.offer(last.pupil.body.to_organism(), np.array([last.genotype]), np.array([last.fitness]))
+        search.tell(lessons)
+
+
+Baseline: TypeAlias = Callable[[Practice, np.random.Generator], None]
+"""Spends the budget of a practice, which keeps the best genotype."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A baseline.
+
+    Attributes:
+        run: the baseline.
+        is_for_free_bodies: whether it suits only tasks in which the method chooses the body.
+    """
+
+    run: Baseline
+    is_for_free_bodies: bool = False
+
+    def suits(self, task: SuiteTask) -> bool:
+        """Return whether it can run on a task."""
+        return task.body is None or not self.is_for_free_bodies
+
+
+METHODS: Mapping[str, Method] = {
+    "zero": Method(run_zero),
+    "random": Method(run_random),
+    "cmaes": Method(run_cmaes),
+    "surrogate": Method(run_surrogate, is_for_free_bodies=True),
+}
+"""Baselines by name."""
+
+
+def find_method(name: str) -> Method:
+    """Return a baseline.
+
+    Raises:
+        RunError: there is none of this name.
+    """
+    check_choice("method", name, tuple(METHODS), RunError)
+    return METHODS[name]
+
+
+def run_baseline(name: str, task: SuiteTask, seed: int, backend: Backend, budget: float = BUDGET) -> Entry:
+    """Return what a baseline finds for a task.
+
+    Args:
+        name: one of `METHODS`.
+        task: the task.
+        seed: seed of the method.
+        backend: runs the trials.
+        budget: simulated time that it may spend [s]; a generation that has begun is finished.
+
+    Raises:
+        RunError: there is no such baseline, or it does not suit the task.
+    """
+    method = find_method(name)
+    if not method.suits(task):
+        raise RunError(
+            f"the baseline {name!r} searches bodies, and {task.name!r} gives one; leave the task out"
+        )
+    practice = Practice(task, backend, budget)
+    method.run(practice, np.random.default_rng((seed, *task.name.encode(), *name.encode())))
+    found = practice.best
+    assert found is not None
+    plan = organism_to_text(found.body)
+    scan, truth = (
+        find_score(task, plan, CONTROLLER, found.genotype, in_truth, backend) for in_truth in (False, True)
+    )
+    genes = tuple(float(gene) for gene in found.genotype)
+    return Entry(task.name, seed, plan, CONTROLLER, genes, practice.seconds, scan, truth)
