@@ -13,21 +13,17 @@ if TYPE_CHECKING:
     from reconstruction._src.networks.gsrm.gsrm import GSRMConfig
     from reconstruction._src.objects.config import ObjectsConfig
     from reconstruction._src.objects.finding import FoundObject, find_objects
-    from reconstruction._src.resolution import ResolutionConfig, choose_units
-    from reconstruction._src.scans.cells import SparsePointsConfig
+    from reconstruction._src.resolution import choose_units
     from reconstruction._src.scans.cloud import Cloud
     from reconstruction._src.scans.cloud_file import load_cloud, make_log_cloud, recenter
     from reconstruction._src.scans.cloud_preprocess import preprocess_cloud
     from reconstruction._src.scans.depth_image import Intrinsics, load_depth_image
     from reconstruction._src.scans.formats import load_points, save_points
-    from reconstruction._src.scans.frames import FrameConfig, describe_odd_size
-    from reconstruction._src.scans.leveling import LevelingConfig
+    from reconstruction._src.scans.frames import describe_odd_size
     from reconstruction._src.scans.localization import LocalizationConfig, localize
     from reconstruction._src.scans.mesh_files import is_mesh, load_mesh
-    from reconstruction._src.scans.mixed_pixels import MixedPixelsConfig
     from reconstruction._src.scans.noise_priors import NoisePriors
     from reconstruction._src.scans.preprocess import (
-        PreprocessConfig,
         level_floor,
         preprocess,
         remove_mixed_pixels,
@@ -35,60 +31,36 @@ if TYPE_CHECKING:
     )
     from reconstruction._src.scans.scan import ScanLog
     from reconstruction._src.scans.scan_log_file import load_scan_log
-    from reconstruction._src.scans.selection import CropConfig, crop, find_crop_box, thin
-    from reconstruction._src.scans.smoothing import SmoothingConfig
-    from reconstruction._src.slip.drags import DragConfig, FrictionReadings, SlipPriors, find_friction
-    from reconstruction._src.slip.patches import (
-        EstimatedPatch,
-        FrictionEstimate,
-        FrictionPatchConfig,
-        find_friction_patches,
-    )
+    from reconstruction._src.scans.selection import crop, find_crop_box, thin
+    from reconstruction._src.slip.drags import SlipPriors
     from reconstruction._src.slip.readings import SlipReadings
     from reconstruction._src.surfaces.quality import Quality, measure_quality
     from reconstruction._src.tiles.config import TilesConfig
-    from reconstruction._src.tiles.folder import TiledSurface
     from reconstruction._src.tiles.tiling import reconstruct_tiles
 
 __all__ = [
     "Cloud",
-    "CropConfig",
-    "DragConfig",
-    "EstimatedPatch",
     "FoundObject",
-    "FrameConfig",
-    "FrictionEstimate",
-    "FrictionPatchConfig",
-    "FrictionReadings",
     "GSRMConfig",
     "GrowingGridConfig",
     "Intrinsics",
-    "LevelingConfig",
     "LocalizationConfig",
-    "MixedPixelsConfig",
     "NoisePriors",
     "ObjectsConfig",
-    "PreprocessConfig",
     "Progress",
     "Quality",
     "Reconstruction",
     "ReconstructionError",
     "ReconstructionPackageError",
-    "ResolutionConfig",
     "ScanError",
     "ScanLog",
     "SlipPriors",
     "SlipReadings",
-    "SmoothingConfig",
-    "SparsePointsConfig",
-    "TiledSurface",
     "TilesConfig",
     "choose_units",
     "crop",
     "describe_odd_size",
     "find_crop_box",
-    "find_friction",
-    "find_friction_patches",
     "find_objects",
     "is_mesh",
     "level_floor",

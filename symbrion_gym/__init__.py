@@ -21,115 +21,64 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.loading import load_arena
     from symbrion_gym._src.arenas.making import make_arena
     from symbrion_gym._src.arenas.object_placing import place_objects
-    from symbrion_gym._src.arenas.placed_objects import PlacedObject
-    from symbrion_gym._src.arenas.texture_atlas import AtlasConfig
     from symbrion_gym._src.arenas.tiles import load_tiles
     from symbrion_gym._src.arenas.updating import update_arena
-    from symbrion_gym._src.assets import NAMED_ARENAS
-    from symbrion_gym._src.environment.config import EnvironmentConfig, SnakePitConfig
     from symbrion_gym._src.environment.organism_env import OrganismEnv
-    from symbrion_gym._src.environment.organism_vector_env import OrganismVectorEnv
     from symbrion_gym._src.environment.snake_pit import SnakePitEnv
     from symbrion_gym._src.environment.vector import SnakePitVectorEnv
-    from symbrion_gym._src.errors import (
-        ArenaError,
-        OptionError,
-        OrganismError,
-        SurveyError,
-        SymbrionGymError,
-        TaskError,
-    )
-    from symbrion_gym._src.robot.belts import Tracks, TracksConfig, add_tracks
+    from symbrion_gym._src.errors import ArenaError, OrganismError, SymbrionGymError, TaskError
+    from symbrion_gym._src.robot.belts import add_tracks
     from symbrion_gym._src.robot.body_plans import load_organism, organism_to_text
-    from symbrion_gym._src.robot.organism import Docking, Organism, cross, letter_h, snake
+    from symbrion_gym._src.robot.organism import Organism, cross, snake
     from symbrion_gym._src.robot.random_organism import make_random_organism
     from symbrion_gym._src.robot.scout import ScoutConfig, make_scout
-    from symbrion_gym._src.robot.sensor_noise import SensorNoise
     from symbrion_gym._src.sensing.camera import CameraConfig
-    from symbrion_gym._src.sensing.friction_robot import FrictionRobot, SlipNoise
+    from symbrion_gym._src.sensing.friction_robot import SlipNoise
     from symbrion_gym._src.sensing.laser_scanner import LaserScanner
     from symbrion_gym._src.sensing.rangefinder import RangeFinder
     from symbrion_gym._src.sensing.scout_camera import Camera
     from symbrion_gym._src.sensing.survey import survey
     from symbrion_gym._src.sensing.survey_robot import SurveyRobot
-    from symbrion_gym._src.sensing.survey_world import SurveyRoom
-    from symbrion_gym._src.sensing.timing import Timing, timing
-    from symbrion_gym._src.tasks.audit import Audit, AuditLimits, Trajectory, audit
+    from symbrion_gym._src.sensing.timing import timing
+    from symbrion_gym._src.tasks.audit import audit
     from symbrion_gym._src.tasks.catalog import make_task
-    from symbrion_gym._src.tasks.criteria import SuccessCriteria
-    from symbrion_gym._src.tasks.features.gap import GapSearch, PitSearch
-    from symbrion_gym._src.tasks.route import RouteMargins
-    from symbrion_gym._src.tasks.starts import Start
-    from symbrion_gym._src.tasks.state import TaskState
     from symbrion_gym._src.tasks.task import Task, read_task
-    from symbrion_gym._src.tasks.terms import Goal, Reward, Termination
+    from symbrion_gym._src.tasks.terms import Reward, Termination
     from symbrion_gym._src.traversability.drawing import draw_traversability
-    from symbrion_gym._src.traversability.drivable import TraversabilityMap
-    from symbrion_gym._src.traversability.footprint import Footprint, TraversabilityConfig
-    from symbrion_gym._src.traversability.routes import DrivingRoute, RouteConfig
+    from symbrion_gym._src.traversability.footprint import Footprint
 
 register()
 
 __all__ = [
-    "NAMED_ARENAS",
     "Arena",
     "ArenaError",
-    "AtlasConfig",
-    "Audit",
-    "AuditLimits",
     "Camera",
     "CameraConfig",
     "Course",
-    "Docking",
-    "DrivingRoute",
-    "EnvironmentConfig",
     "Footprint",
     "FrictionMap",
     "FrictionPatch",
-    "FrictionRobot",
-    "GapSearch",
-    "Goal",
     "LaserScanner",
-    "OptionError",
     "Organism",
     "OrganismEnv",
     "OrganismError",
-    "OrganismVectorEnv",
-    "PitSearch",
-    "PlacedObject",
     "RangeFinder",
     "Reward",
-    "RouteConfig",
-    "RouteMargins",
     "ScoutConfig",
-    "SensorNoise",
     "SlipNoise",
-    "SnakePitConfig",
     "SnakePitEnv",
     "SnakePitVectorEnv",
     "StairsCourse",
-    "Start",
-    "SuccessCriteria",
-    "SurveyError",
     "SurveyRobot",
-    "SurveyRoom",
     "SymbrionGymError",
     "Task",
     "TaskError",
-    "TaskState",
     "Termination",
-    "Timing",
-    "Tracks",
-    "TracksConfig",
-    "Trajectory",
-    "TraversabilityConfig",
-    "TraversabilityMap",
     "add_tracks",
     "audit",
     "color_arena",
     "cross",
     "draw_traversability",
-    "letter_h",
     "load_arena",
     "load_organism",
     "load_tiles",

@@ -15,7 +15,7 @@ SOURCES = {
     for path in sorted((ROOT / package).rglob("*.py"))
 }
 """Name of each module -> its text."""
-MOST_NAMES = 75
+MOST_NAMES = 45
 WRITERS = {
     "write_text",
     "write_bytes",

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 import symbrion_gym as sg
+from symbrion_gym._src.robot.belts import Tracks
 
 HEIGHT, GAUGE, WIDTH, WHEELBASE = 0.18094, 0.397, 0.09728, 0.5
 """Of the main belts [m]."""
@@ -98,7 +99,7 @@ def find_angles(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 2"]:
     return np.array([np.arctan2(matrix[3], matrix[0]), -np.arcsin(np.clip(matrix[6], -1.0, 1.0))])
 
 
-def make_robot(friction: float, timestep: float) -> tuple[mujoco.MjModel, list[sg.Tracks]]:
+def make_robot(friction: float, timestep: float) -> tuple[mujoco.MjModel, list[Tracks]]:
     """Return the robot on its ground with the obstacles, and the handles of its belts and front flippers."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False

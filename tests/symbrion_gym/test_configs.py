@@ -4,24 +4,31 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
+from symbrion_gym._src.errors import OptionError, SurveyError
+from symbrion_gym._src.robot.sensor_noise import SensorNoise
+from symbrion_gym._src.sensing.survey_world import SurveyRoom
+from symbrion_gym._src.tasks.audit import AuditLimits
+from symbrion_gym._src.tasks.criteria import SuccessCriteria
+from symbrion_gym._src.tasks.features.gap import GapSearch
+from symbrion_gym._src.tasks.route import RouteMargins
 
 
 @pytest.mark.parametrize(
     ("kind", "change"),
     [
-        (sg.SuccessCriteria, {"hold_time": -0.1}),
-        (sg.SuccessCriteria, {"upright": 1.5}),
-        (sg.SuccessCriteria, {"ground_band": (0.1, 0.1)}),
-        (sg.SuccessCriteria, {"max_rate": 0.0}),
-        (sg.RouteMargins, {"before_pit": -0.1}),
-        (sg.GapSearch, {"step": 0.0}),
-        (sg.GapSearch, {"wall_steps": 0}),
-        (sg.GapSearch, {"agreement": 0.0}),
-        (sg.SensorNoise, {"laser": np.nan}),
-        (sg.SurveyRoom, {"height": 0.0}),
-        (sg.SurveyRoom, {"pilaster_width": (0.5, 0.2)}),
-        (sg.AuditLimits, {"max_speed": "fast"}),
-        (sg.AuditLimits, {"rolled_over": -2.0}),
+        (SuccessCriteria, {"hold_time": -0.1}),
+        (SuccessCriteria, {"upright": 1.5}),
+        (SuccessCriteria, {"ground_band": (0.1, 0.1)}),
+        (SuccessCriteria, {"max_rate": 0.0}),
+        (RouteMargins, {"before_pit": -0.1}),
+        (GapSearch, {"step": 0.0}),
+        (GapSearch, {"wall_steps": 0}),
+        (GapSearch, {"agreement": 0.0}),
+        (SensorNoise, {"laser": np.nan}),
+        (SurveyRoom, {"height": 0.0}),
+        (SurveyRoom, {"pilaster_width": (0.5, 0.2)}),
+        (AuditLimits, {"max_speed": "fast"}),
+        (AuditLimits, {"rolled_over": -2.0}),
         (sg.ScoutConfig, {"laser_beams": 0}),
         (sg.LaserScanner, {"noise": None}),
     ],
@@ -35,7 +42,7 @@ def test_impossible_numbers_are_refused(kind, change):
 
 
 def test_errors_have_one_base():
-    for error in (sg.ArenaError, sg.OrganismError, sg.OptionError, sg.SurveyError):
+    for error in (sg.ArenaError, sg.OrganismError, OptionError, SurveyError):
         assert issubclass(error, sg.SymbrionGymError)
         assert issubclass(error, ValueError)
     with pytest.raises(sg.SymbrionGymError, match="no 'wings'"):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-import symbrion_gym as sg
 from evolution._src.cli.command import UsageError
+from symbrion_gym._src.assets import NAMED_ARENAS
 
 
 def check_arena(arena: str) -> None:
@@ -12,10 +12,10 @@ def check_arena(arena: str) -> None:
     Raises:
         UsageError: the message lists the names.
     """
-    if arena in sg.NAMED_ARENAS or Path(arena).exists():
+    if arena in NAMED_ARENAS or Path(arena).exists():
         return
     raise UsageError(
-        f"no arena '{arena}'; give one of {', '.join(sg.NAMED_ARENAS)}, an arena folder or a mesh file"
+        f"no arena '{arena}'; give one of {', '.join(NAMED_ARENAS)}, an arena folder or a mesh file"
     )
 
 
@@ -25,7 +25,7 @@ def check_arena_folder(arena: str) -> None:
     Raises:
         ArenaError: the message names the file and the field.
     """
-    if arena not in sg.NAMED_ARENAS and Path(arena).is_dir():
+    if arena not in NAMED_ARENAS and Path(arena).is_dir():
         from evolution._src.backends.prepared_arenas import prepare_arena
 
         prepare_arena(arena)

@@ -12,6 +12,7 @@ from jaxtyping import Float
 import reconstruction as rc
 from evolution._src.cli.command import SeededCommand, UsageError, require_file
 from reconstruction._src.base.bounded_read import MAX_BYTES, UnreadableFileError, find_npz_names
+from reconstruction._src.scans.frames import FrameConfig
 
 Box = tuple[float, float, float, float, float, float]
 Position = tuple[float, float, float]
@@ -189,7 +190,7 @@ class ScanCommand(SeededCommand):
             self.scale,
             self._max_bytes,
             self.viewpoint or None,
-            rc.FrameConfig(**ANY_SIZE),
+            FrameConfig(**ANY_SIZE),
         )
         odd = rc.describe_odd_size(cloud.points)
         if odd and not (self.unit or self.crop or self.scale != 1):

@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 import symbrion_gym as sg
+from symbrion_gym._src.arenas.placed_objects import PlacedObject
 from symbrion_gym._src.contact.local_changes import UpdateConfig, find_local_changes
 
 
@@ -55,7 +56,7 @@ def test_a_saved_and_loaded_arena_has_not_changed(plain, tmp_path):
 def test_objects_stay_and_those_where_the_surface_changed_are_named(plain, caplog):
     box = trimesh.creation.box((0.2, 0.2, 0.2))
     places = [(1.0, 1.0, 0.1), (-1.5, 1.5, 0.1)]
-    objects = tuple(sg.PlacedObject("box", np.array(place), np.eye(3), box) for place in places)
+    objects = tuple(PlacedObject("box", np.array(place), np.eye(3), box) for place in places)
     updated = sg.update_arena(replace(plain, objects=objects), make_floor(bump=0.2, hole=0.3))
     assert updated.objects == objects
     assert "object_box_0 stays where the surface has changed" in caplog.text

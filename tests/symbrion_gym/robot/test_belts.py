@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import symbrion_gym as sg
-from symbrion_gym._src.robot.belts import BELT_MODELS
+from symbrion_gym._src.robot.belts import BELT_MODELS, Tracks
 from symbrion_gym._src.robot.skid_steering import find_turning_rate
 
 STEPS = 1000
 
 
-def make_rover(friction: float = 0.7, slope: float = 0.0, **sizes: Any) -> tuple[mujoco.MjSpec, sg.Tracks]:
+def make_rover(friction: float = 0.7, slope: float = 0.0, **sizes: Any) -> tuple[mujoco.MjSpec, Tracks]:
     """Return a rover of 4 kg on a plane that rises ahead by a slope [rad]."""
     spec = mujoco.MjSpec()
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -25,9 +25,7 @@ def make_rover(friction: float = 0.7, slope: float = 0.0, **sizes: Any) -> tuple
     return spec, sg.add_tracks(spec, "rover", friction=friction, **sizes)
 
 
-def drive(
-    model: mujoco.MjModel, tracks: sg.Tracks, left: float, right: float
-) -> tuple[np.ndarray, np.ndarray]:
+def drive(model: mujoco.MjModel, tracks: Tracks, left: float, right: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean velocity of the body [m/s] and its mean rates [rad/s], after it has settled."""
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)

@@ -12,6 +12,7 @@ from evolution._src.cli.scan_source import ScanCommand
 from evolution._src.cli.tile_options import TileOptions
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.quantities import format_extents
+from reconstruction._src.slip.patches import FrictionEstimate
 
 if TYPE_CHECKING:
     import trimesh
@@ -116,7 +117,7 @@ class Reconstruct(TileOptions, ScanCommand):
         }
 
 
-def describe_friction(felt: "rc.FrictionEstimate | None") -> list[str]:
+def describe_friction(felt: "FrictionEstimate | None") -> list[str]:
     """Return a line for the friction of each patch that robots felt."""
     return [
         f"friction {patch.friction:.2f} ± {patch.half_width:.2f} of {patch.num_readings} readings, "
