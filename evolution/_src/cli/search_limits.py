@@ -74,7 +74,7 @@ def warn_of_limit(config: ev.BodyEvolutionConfig) -> None:
     if trials * longest > limit:
         logger.warning(
             "--max-seconds %g may be exceeded: an iteration is always finished, and the first one has %d trials of %s, "
-            "up to %g s each, %g s in all; for shorter ones give --children %d, or --environment duration %g",
+            "up to %g s each, %g s in all; for shorter ones give --population %d, or --environment duration %g",
             *(limit, trials, format_count(bodies, "body", "bodies"), longest, trials * longest),
             *(max(config.bodies.children // 3, 1), ceil(longest / 4)),
         )

@@ -103,7 +103,6 @@ def test_view_tells_ground_and_route(sheet: Path, capsys: pytest.CaptureFixture[
     [
         (["--accuracy", "0"], "--accuracy 0"),
         (["--max-pieces", "0"], "--max-pieces 0"),
-        (["--time-limit", "0"], "--time-limit 0"),
         (["--viewpoint", "nan", "0", "0"], "not finite"),
         (["--picture", "a.jpg"], ".png"),
     ],

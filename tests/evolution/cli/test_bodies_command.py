@@ -36,18 +36,6 @@ def test_the_champion_is_confirmed_and_said_to_be(tmp_path, capsys, made):
     assert ev.load_bodies(tmp_path / "run").champion == champion
 
 
-def test_confirmation_can_be_left_out_and_made_up_for(tmp_path, capsys, made):
-    assert search(tmp_path / "run", "--no-confirm", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["confirmed"], told["champion"]["trials"]) == (False, 4)
-    assert not (tmp_path / "run" / "confirmation.json").exists()
-    assert run(["resume", str(tmp_path / "run"), "--no-confirm"]) == 0
-    assert "not confirmed by fresh trials" in capsys.readouterr().out
-    assert run(["resume", str(tmp_path / "run"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["confirmed"], told["champion"]["trials"]) == (True, 8)
-
-
 def test_the_limit_of_time_can_be_raised_and_lifted(tmp_path, capsys, made):
     assert search(tmp_path / "run", "--generations", "3", "--json") == 0
     assert json.loads(capsys.readouterr().out)["iterations"] == 1
@@ -64,20 +52,19 @@ def test_the_limit_of_time_can_be_raised_and_lifted(tmp_path, capsys, made):
 
 @pytest.mark.parametrize("limit", ["0", "-3", "nan"])
 def test_what_is_no_time_is_refused(tmp_path, capsys, made, limit):
-    assert search(tmp_path / "run", "--no-confirm") == 0
+    assert search(tmp_path / "run") == 0
     capsys.readouterr()
     assert run(["resume", str(tmp_path / "run"), "--max-seconds", limit]) == 2
     assert "give more than 0, or unlimited" in capsys.readouterr().err
 
 
 def test_options_of_bodies_are_refused_elsewhere(tmp_path, capsys):
-    assert run(["evolve", "--no-confirm", "--folder", str(tmp_path / "run")]) == 2
-    assert "--no-confirm are of a search for bodies" in capsys.readouterr().err
+    assert run(["evolve", "--max-seconds", "5", "--folder", str(tmp_path / "run")]) == 2
+    assert "--max-seconds are of a search for bodies" in capsys.readouterr().err
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "config.json").write_text("{}")
-    for option in (["--max-seconds", "5"], ["--no-confirm"]):
-        assert run(["resume", str(tmp_path / "run"), *option]) == 2
-        assert "is none; leave them out" in capsys.readouterr().err
+    assert run(["resume", str(tmp_path / "run"), "--max-seconds", "5"]) == 2
+    assert "is none; leave it out" in capsys.readouterr().err
 
 
 def test_successes_are_said_in_plain_words(tmp_path):

@@ -84,7 +84,6 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         (["evolve", "--modules", "0"], "--modules 0"),
         (["evolve", "--body-lengths", "8", "4"], "--body-lengths 8 4"),
         (["evolve", "--body-lengths", "1", "4"], "--body-lengths 1 4"),
-        (["evolve", "--restart-after", "0"], "--restart-after 0"),
         (["evolve", "--arena", "nowhere"], "no arena 'nowhere'"),
         (["evolve", "--generations", "0"], "--generations 0"),
         (["evolve", "--goal", "1"], "`FLOAT FLOAT`; see symbrion"),

@@ -11,7 +11,7 @@ import evolution as ev
 from evolution._src.cli.main import run
 from evolution._src.cli.search_limits import describe_stop, find_longest_iteration, warn_of_limit
 
-SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2", "--no-confirm"]
+SEARCH = ["evolve", "--arena", "truth", "--task", "cross_gap", "--bodies", "1", "2"]
 
 
 @pytest.fixture(autouse=True)
@@ -40,7 +40,7 @@ def test_the_command_that_is_proposed_goes_on(tmp_path, capsys, limits, stops):
     command = re.search("to go on: symbrion (.*)", printed)
     assert command is not None
     before = len(ev.load_bodies(folder).history)
-    assert run([*shlex.split(command[1]), "--no-confirm"]) == 0
+    assert run([*shlex.split(command[1])]) == 0
     assert len(ev.load_bodies(folder).history) > before
 
 
@@ -99,14 +99,16 @@ def test_a_limit_below_an_iteration_is_warned_of(caplog):
             warn_of_limit(made_bodies.make_config(arena="truth", duration=5.0, max_seconds=limit))
         assert len(caplog.records) == lines
     assert (
-        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --children 6"
+        "20 trials of 10 bodies, up to 5 s each, 100 s in all; for shorter ones give --population 6"
         in caplog.text
     )
 
 
 def test_fewer_children_make_an_iteration_shorter(tmp_path, capsys):
     words = ["--bodies", "3", "--environment", "track_control", "skid", "--generations", "1", "--max-seconds"]
-    assert run([*SEARCH[:5], *words, "unlimited", "--children", "2", "--folder", str(tmp_path / "run")]) == 0
+    assert (
+        run([*SEARCH[:5], *words, "unlimited", "--population", "2", "--folder", str(tmp_path / "run")]) == 0
+    )
     found = ev.load_bodies(tmp_path / "run")
     assert found.config.max_seconds is None
     assert {lesson.pupil.body.num_modules for lesson in found.record.lessons} == {3}

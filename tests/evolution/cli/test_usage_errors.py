@@ -9,7 +9,7 @@ from evolution._src.cli.main import run
     ("words", "line"),
     [
         ("evolve --seed x", "--seed: 'x' is not a whole number; see symbrion evolve --help"),
-        ("evolve --scoring.module x", "--scoring.module: 'x' is not a number; see symbrion evolve --help"),
+        ("evolve --trials x", "--trials: 'x' is not a whole number; see symbrion evolve --help"),
         ("evolve --bodies x", "--bodies: 'x' is not whole numbers; see symbrion evolve --help"),
         (
             "evolve --bodies 2 1",

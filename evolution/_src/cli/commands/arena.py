@@ -50,8 +50,6 @@ class Arena(SeededCommand):
     Mixed: boxes, spheres, cylinders and rectangles in place of triangles, for rays, too."""
     max_pieces: int | None = None
     """Largest number of convex pieces. More follow rough ground better and make a step slower."""
-    time_limit: float | None = None
-    """Emergency stop [s]: the best arena so far is written, with a warning."""
     viewpoint: tuple[tuple[float, float, float], ...] = ()
     """Position X Y Z of the scanner [m], in the frame of the file with z up; several: X Y Z X Y Z. Contact grows away
     from it."""
@@ -88,8 +86,6 @@ class Arena(SeededCommand):
             )
         if self.max_pieces is not None and self.max_pieces < 1:
             raise UsageError(f"--max-pieces {self.max_pieces} is too few; give 1 or more")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise UsageError(f"--time-limit {self.time_limit} is not a time; give seconds above 0")
         if not np.isfinite(np.ravel(self.viewpoint)).all():
             raise UsageError(f"--viewpoint {self.viewpoint} is not finite; give positions in meters")
         if self.picture is not None:
@@ -172,11 +168,7 @@ class Arena(SeededCommand):
         return summary | ({"exit_code": MISSED} if self.strict and not report.is_reached else {})
 
     def _make(self, progress: "rc.Progress") -> "sg.Arena":
-        options = {
-            name: getattr(self, name)
-            for name in ("max_pieces", "time_limit")
-            if getattr(self, name) is not None
-        }
+        options: dict[str, Any] = {} if self.max_pieces is None else {"max_pieces": self.max_pieces}
         return sg.make_arena(
             self.mesh,
             accuracy=self.accuracy,

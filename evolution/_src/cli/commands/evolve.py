@@ -1,8 +1,10 @@
 """`symbrion evolve` and `symbrion resume`: search for a controller that does a task."""
 
 import dataclasses
+import json
 import os
 import shlex
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,9 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 import evolution as ev
-from evolution._src.backends.parts import BodyConfig, ControlConfig, EpisodeConfig
-from evolution._src.backends.scoring import Scoring
-from evolution._src.backends.trials import TrialConfig
+from evolution._src.backends.making import BACKENDS
 from evolution._src.body_search.config import ALGORITHMS, BodiesConfig
 from evolution._src.body_search.run import has_bodies
 from evolution._src.cli.arguments import check_arena, check_arena_folder
@@ -23,15 +23,19 @@ from evolution._src.cli.command import (
     find_modules_here,
     require_writable_folder,
 )
-from evolution._src.cli.commands.evolve_bodies import make_bodies_config, resume_run_of_bodies, run_bodies
-from evolution._src.cli.config_options import make_config, make_options, read_environment
+from evolution._src.cli.commands.evolve_bodies import (
+    make_bodies_config,
+    name_flag,
+    resume_run_of_bodies,
+    run_bodies,
+)
 from evolution._src.cli.console import Console
 from evolution._src.cli.search_limits import describe_interruption, warn_of_limit
 from evolution._src.cli.way_warning import warn_of_way
-from evolution._src.search.search_config import ExecutionConfig, SearchConfig
-from evolution._src.search.validation import Validation
+from evolution._src.search.search_config import SearchConfig
 from reconstruction._src.base.quantities import format_count
 from symbrion_gym._src.assets import SCANNED_PITS
+from symbrion_gym._src.environment.config import STARTS
 from symbrion_gym._src.robot.organism import snake
 
 if TYPE_CHECKING:
@@ -39,28 +43,15 @@ if TYPE_CHECKING:
 
 MODELS_OF_TRUTH = ("truth", "simple", *SCANNED_PITS)
 """Named arenas that are the true course or models of it."""
-
-
-BodyOptions, EpisodeOptions, ControlOptions, TrialOptions, SearchOptions = (
-    make_options(kind, **defaults)
-    for kind, defaults in (
-        (BodyConfig, {"modules": None}),
-        (EpisodeConfig, {"start": None}),
-        (ControlConfig, {}),
-        (TrialConfig, {}),
-        (SearchConfig, {}),
-    )
-)
-ExecutionOptions = make_options(ExecutionConfig, folder="runs/latest", workers=os.cpu_count() or 1)
-_PART = tyro.conf.arg(name="")
-"""The options of a part have no prefix."""
+Place = tuple[float, float]
+"""x and y [m]."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Evolve(SeededCommand):
-    """Evolve the controller of a body of docked robots with CMA-ES; an interrupted run can be resumed.
+    """Evolve the controller of a body of docked robots with CMA-ES, or bodies; an interrupted run can be resumed.
 
-    The options are the fields of `EvolutionConfig`.
+    What else a run can be told (scoring, validation, randomization, restarts) are fields of `ev.EvolutionConfig`.
 
     Example: symbrion evolve --arena gsrm --folder runs/a
 
@@ -75,60 +66,68 @@ class Evolve(SeededCommand):
     """A named arena (truth, simple, gsrm, gg, stairs), an arena folder, or a file that `symbrion arena` takes."""
     stages: tuple[str, ...] = ()
     """Several arenas one after the other, coarse to fine; replaces --arena."""
-    body: Annotated[BodyOptions, _PART] = dataclasses.field(default_factory=BodyOptions)  # pyright: ignore[reportInvalidTypeForm]
-    episode: Annotated[EpisodeOptions, _PART] = dataclasses.field(default_factory=EpisodeOptions)  # pyright: ignore[reportInvalidTypeForm]
-    control: Annotated[ControlOptions, _PART] = dataclasses.field(default_factory=ControlOptions)  # pyright: ignore[reportInvalidTypeForm]
-    search: Annotated[SearchOptions, _PART] = dataclasses.field(default_factory=SearchOptions)  # pyright: ignore[reportInvalidTypeForm]
-    execution: Annotated[ExecutionOptions, _PART] = dataclasses.field(default_factory=ExecutionOptions)  # pyright: ignore[reportInvalidTypeForm]
-    trial: Annotated[TrialOptions, _PART] = dataclasses.field(default_factory=TrialOptions)  # pyright: ignore[reportInvalidTypeForm]
+    modules: int | None = None
+    """Number of modules of the snake. Default: 8."""
+    body_lengths: tuple[int, int] | None = None
+    """Evolve the number of modules, too: the smallest and the largest."""
+    organism: str | None = None
+    """The body in place of --modules: a body plan, the name of a shape (cross, H), or a file of one."""
+    task: str | None = None
+    """What to do: cross_gap, climb, traverse, reach, recover or explore, or "module:name" of a task of yours."""
+    start: Literal[STARTS] | Place | None = None  # pyright: ignore[reportInvalidTypeForm]
+    """Where a trial begins: a name, or X Y [m]."""
+    goal: Place | str | None = None
+    """Where it ends: X Y [m], or the name of a known object."""
+    environment: Annotated[tuple[tuple[str, str], ...], tyro.conf.arg(metavar="NAME VALUE ...")] = ()
+    """Options of the environment, such as pit 0.35 or duration 30."""
+    controller: str | None = None
+    """Control law (reactive, path, oscillators, network, posture), or "module:name" of one of yours."""
     fitness: str | None = None
-    """The scoring, "module:name" of a function of (outcome, body); replaces the weights of --scoring."""
-    scoring: Scoring = dataclasses.field(default_factory=Scoring)
-    validation: Validation = dataclasses.field(default_factory=Validation)
+    """The scoring, "module:name" of a function of (outcome, body)."""
     bodies: Annotated[tuple[int, ...] | None, tyro.conf.arg(metavar="MIN MAX")] = None
     """Search for bodies of this many modules at least and at most (one number: both); each learns its controller."""
     algorithm: Literal[ALGORITHMS] = BodiesConfig.algorithm  # pyright: ignore[reportInvalidTypeForm]
     """How --bodies are searched."""
-    children: int = BodiesConfig.children
-    """New bodies of an iteration of --bodies. With fewer, an iteration is shorter and knows less when it ends."""
     max_seconds: float | Literal["unlimited"] | None = None
     """Simulated time after which no new iteration of --bodies begins [s]. The iteration that is running then is always
-    finished, so that a run can take much longer: see --children. `symbrion resume` can raise it."""
-    dofs: Literal[1, 2] = 1
-    """Rotational degrees of freedom of each module of --bodies: 2 adds the rotation of the arm."""
-    confirm: bool = True
-    """Whether the fittest of --bodies are tried again at the end: up to 48 fresh trials of each of 8 select the
-    champion. They may take longer than an iteration, and --max-seconds does not count them."""
+    finished. `symbrion resume` can raise it."""
+    population: int | None = None
+    """Genotypes of a generation, or new bodies of an iteration of --bodies. Default: 12, or 9 bodies."""
+    trials: int = SearchConfig.trials
+    """Trials of each genotype."""
+    generations: int | None = None
+    """Limit on the generations, or on the iterations of --bodies. Default: 50; 20 with --bodies."""
+    workers: int = os.cpu_count() or 1
+    """Threads, processes or actors; the results do not depend on their number."""
+    backend: Literal[BACKENDS] = "batch"  # pyright: ignore[reportInvalidTypeForm]
+    """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp)."""
+    address: str | None = None
+    """Address of an existing Ray cluster."""
+    folder: Path = Path("runs/latest")
+    """The run folder."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        task, controller = self.episode.task, self.control.controller  # pyright: ignore[reportAttributeAccessIssue]
-        find_modules_here(*(each for each in (task, controller, self.fitness) if ":" in str(each)))
+        find_modules_here(*(each for each in (self.task, self.controller, self.fitness) if ":" in str(each)))
         for arena in self.stages or (self.arena,):
             check_arena(arena)
-        if self.execution.generations < 1:
-            raise UsageError(f"--generations {self.execution.generations} is too few; give 1 or more")
-        require_writable_folder(self._folder, "--folder")
-        _check_goal(self.episode.goal)  # pyright: ignore[reportAttributeAccessIssue]
+        if self.generations is not None and self.generations < 1:
+            raise UsageError(f"--generations {self.generations} is too few; give 1 or more")
+        require_writable_folder(self.folder, "--folder")
+        _check_goal(self.goal)
         if self.bodies is None:
-            own = (self.algorithm, self.children, self.max_seconds, self.dofs, self.confirm)
-            if own != (BodiesConfig.algorithm, BodiesConfig.children, None, 1, True):
+            if (self.algorithm, self.max_seconds) != (BodiesConfig.algorithm, None):
                 raise UsageError(
-                    "--algorithm, --children, --max-seconds, --dofs and --no-confirm are of a search for bodies; give "
-                    "--bodies MIN MAX"
+                    "--algorithm and --max-seconds are of a search for bodies; give --bodies MIN MAX"
                 )
             self.make_config()
         else:
             self.make_bodies_config()
 
-    @property
-    def _folder(self) -> Path:
-        return Path(self.execution.folder)
-
     def explain_interruption(self) -> str:
-        return describe_interruption(self._folder)
+        return describe_interruption(self.folder)
 
     def make_config(self) -> "ev.EvolutionConfig":
         """Return the configuration of the run.
@@ -136,19 +135,19 @@ class Evolve(SeededCommand):
         Raises:
             UsageError: a value is refused.
         """
-        parts = (self.body, self.episode, self.control, self.trial, self.search, self.execution)
-        fields = {each.name: getattr(part, each.name) for part in parts for each in dataclasses.fields(part)}
-        if fields["modules"] is None:
-            del fields["modules"]
-        fields |= {
-            "environment": read_environment(fields["environment"]),
-            "arena": self.arena,
+        fields = self._list_common() | {
+            "body_lengths": self.body_lengths,
+            "organism": self.organism,
             "stages": tuple(ev.Stage(arena) for arena in self.stages),
-            "seed": self.seed,
-            "scoring": self.fitness or self.scoring,
-            "validation": self.validation,
+            "trials": self.trials,
         }
-        return make_config(fields)
+        optional = {
+            "modules": self.modules,
+            "population_size": self.population,
+            "generations": self.generations,
+        }
+        fields |= {name: value for name, value in optional.items() if value is not None}
+        return _make(ev.EvolutionConfig, fields)
 
     def make_bodies_config(self) -> "ev.BodyEvolutionConfig":
         """Return the configuration of a search for bodies.
@@ -156,19 +155,41 @@ class Evolve(SeededCommand):
         Raises:
             UsageError: a value is refused, or an option has no meaning where bodies are searched.
         """
-        if self.stages or self.tensorboard or self.validation != Validation():
-            raise UsageError(
-                "--stages, --tensorboard and --validation have no meaning with --bodies; leave them out"
-            )
-        names = ("bodies", "algorithm", "children", "max_seconds", "dofs", "arena", "seed")
-        fields = {name: getattr(self, name) for name in names}
-        fields["environment"] = read_environment(self.episode.environment)  # pyright: ignore[reportAttributeAccessIssue]
-        fields["scoring"] = self.fitness or (self.scoring if self.scoring != Scoring() else None)
-        parts = {
-            name: getattr(self, name)
-            for name in ("body", "episode", "control", "trial", "search", "execution")
+        for name in ("modules", "body_lengths", "organism", "stages", "tensorboard"):
+            value = getattr(self, name)
+            if value:
+                flag = f"--{name.replace('_', '-')}"
+                raise UsageError(
+                    f"{flag} is of one body, and --bodies searches for bodies; leave out one of them"
+                )
+        if self.trials != SearchConfig.trials:
+            raise UsageError("--trials is of one body; see `ev.LearningConfig` for what a body may learn")
+        assert self.bodies is not None
+        return make_bodies_config(
+            self._list_common(),
+            bodies=self.bodies,
+            algorithm=self.algorithm,
+            max_seconds=None if self.max_seconds == "unlimited" else self.max_seconds,
+            iterations=self.generations,
+            children=self.population,
+        )
+
+    def _list_common(self) -> dict[str, Any]:
+        """Return the fields of both kinds of search."""
+        fields: dict[str, Any] = {
+            "arena": self.arena,
+            "seed": self.seed,
+            "task": self.task,
+            "start": self.start,
+            "goal": self.goal,
+            "environment": read_environment(self.environment),
+            "workers": self.workers,
+            "backend": self.backend,
+            "address": self.address,
+            "folder": str(self.folder),
         }
-        return make_bodies_config(fields, parts)
+        optional = {"controller": self.controller, "scoring": self.fitness}
+        return fields | {name: value for name, value in optional.items() if value is not None}
 
     def run(self, console: Console) -> dict[str, Any]:
         for arena in self.stages or (self.arena,):
@@ -177,16 +198,40 @@ class Evolve(SeededCommand):
             found = self.make_bodies_config()
             warn_of_limit(found)
             warn_of_way(found, snake(found.bodies.smallest), snake(found.bodies.largest))
-            return run_bodies(found, console, self.confirm)
+            return run_bodies(found, console)
         config = self.make_config()
         shortest, longest = config.body_lengths or (config.modules, config.modules)
         warn_of_way(config, config.body.find_organism(shortest), config.body.find_organism(longest))
         with (
             console.track(f"Evolution, {describe_body(config)}") as step,
-            _open_tensorboard(self._folder, self.tensorboard) as callback,
+            _open_tensorboard(self.folder, self.tensorboard) as callback,
         ):
             run = ev.evolve(config, on_generation=callback, progress=step.progress)
         return report_run(run, console)
+
+
+def read_environment(pairs: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    """Return options of the environment, their values read as JSON where they are such."""
+
+    def read(text: str) -> Any:
+        try:
+            return json.loads(text)
+        except ValueError:
+            return text
+
+    return {name: read(text) for name, text in pairs}
+
+
+def _make(kind: Callable[..., Any], fields: dict[str, Any]) -> Any:
+    """Return a configuration.
+
+    Raises:
+        UsageError: a value is refused; the message begins with the flag and what was given.
+    """
+    try:
+        return kind(**fields)
+    except ev.RunError as error:
+        raise UsageError(name_flag(str(error), fields)) from error
 
 
 def _check_goal(goal: object) -> None:
@@ -216,8 +261,6 @@ class Resume(TrustingCommand):
     max_seconds: float | Literal["unlimited"] | None = None
     """New limit on the simulated time of a search for bodies [s], or unlimited; an iteration is always finished.
     Default: as recorded."""
-    confirm: bool = True
-    """Whether the fittest bodies of a search for bodies are tried again at the end, as by `symbrion evolve`."""
     workers: int = os.cpu_count() or 1
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray", "warp"] | None = None
@@ -232,9 +275,9 @@ class Resume(TrustingCommand):
         require_run(self.folder)
         if self.workers < 1:
             raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
-        if (self.max_seconds, self.confirm) != (None, True) and not has_bodies(self.folder):
+        if self.max_seconds is not None and not has_bodies(self.folder):
             raise UsageError(
-                f"--max-seconds and --no-confirm are of a search for bodies, and {self.folder} is none; leave them out"
+                f"--max-seconds is of a search for bodies, and {self.folder} is none; leave it out"
             )
         if isinstance(self.max_seconds, float) and not self.max_seconds > 0:
             raise UsageError(f"--max-seconds {self.max_seconds:g} is no time; give more than 0, or unlimited")
@@ -249,7 +292,7 @@ class Resume(TrustingCommand):
         if has_bodies(self.folder):
             if self.max_seconds is not None:
                 changes["max_seconds"] = None if self.max_seconds == "unlimited" else self.max_seconds
-            return resume_run_of_bodies(self.folder, changes, console, self.confirm)
+            return resume_run_of_bodies(self.folder, changes, console)
         with (
             console.track(f"Evolution in {self.folder}") as step,
             _open_tensorboard(self.folder, self.tensorboard) as callback,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,6 @@ import evolution as ev
 from evolution._src.backends.making import EXACT_BACKENDS
 from evolution._src.body_search.description import describe_success, format_fitness
 from evolution._src.cli.command import UsageError
-from evolution._src.cli.config_options import name_flag
 from evolution._src.cli.console import Console
 from evolution._src.cli.search_limits import describe_stop, find_stops
 from evolution._src.errors import RunError
@@ -24,64 +24,67 @@ if TYPE_CHECKING:
     from evolution._src.body_search.learning import Lesson
     from evolution._src.body_search.run import BodyRun
 
-DEFAULT_CONTROLLER = "oscillators"
-"""The law of bodies of any shape, unless another is named."""
-_PART_NAMES = ("episode", "control", "trial", "execution")
 PICTURE = "bodies.png"
-"""The fittest bodies, in the run folder."""
+"""Of the fittest bodies, in the run folder."""
 MAX_DRAWN = 24
-_OTHER_PARTS = ("body", "search")
-"""Options that are those of one body alone."""
 
 
-def make_bodies_config(fields: Mapping[str, Any], parts: Mapping[str, Any]) -> ev.BodyEvolutionConfig:
+def make_bodies_config(
+    fields: Mapping[str, Any],
+    *,
+    bodies: tuple[int, ...],
+    algorithm: str,
+    max_seconds: float | None,
+    iterations: int | None,
+    children: int | None,
+) -> ev.BodyEvolutionConfig:
     """Return the configuration of the options of `symbrion evolve --bodies`.
 
     Args:
-        fields: `bodies` (smallest and largest number of modules, or the one number of all), `algorithm`,
-            `children`, `max_seconds`, `dofs`, `arena`, `seed`, `scoring` and `environment` as they are given.
-        parts: the options by the name of their part.
+        fields: those of both kinds of search, by the names of the configuration.
+        bodies: smallest and largest number of modules, or the one number of all.
+        algorithm: of the search.
+        max_seconds: limit on the simulated time [s].
+        iterations: limit on the iterations; None for the default.
+        children: new bodies of an iteration; None for the default.
 
     Raises:
-        UsageError: a value is refused, or an option is given that has no meaning where bodies are searched.
+        UsageError: a value is refused.
     """
-    for name in _OTHER_PARTS:
-        _refuse_changes(parts[name])
-    own = {
-        name: getattr(part, name)
-        for part in (parts[each] for each in _PART_NAMES)
-        for name in _list_names(part)
-    }
-    own["iterations"] = own.pop("generations")
-    del own["stop_when_solved"]
-    if own["controller"] == type(parts["control"])().controller:
-        own["controller"] = DEFAULT_CONTROLLER
-    smallest, largest = _read_sizes(fields["bodies"])
-    if parts["execution"].backend not in EXACT_BACKENDS:
-        raise UsageError(
-            f"--backend {parts['execution'].backend}: --bodies needs one of {', '.join(EXACT_BACKENDS)}"
-        )
+    smallest, largest = _read_sizes(bodies)
+    if fields["backend"] not in EXACT_BACKENDS:
+        raise UsageError(f"--backend {fields['backend']}: --bodies needs one of {', '.join(EXACT_BACKENDS)}")
     environment = dict(fields["environment"])
     if smallest == 1:
         environment = {"track_control": "skid"} | environment
-    values = own | {
+    values = dict(fields) | {
         "environment": environment,
-        "arena": fields["arena"],
-        "seed": fields["seed"],
         "smallest": smallest,
         "largest": largest,
-        "algorithm": fields["algorithm"],
-        "children": fields["children"],
-        "population_size": fields["children"],  # the first iteration is no longer than the others
-        "max_seconds": None if fields["max_seconds"] == "unlimited" else fields["max_seconds"],
-        "dofs": fields["dofs"],
+        "algorithm": algorithm,
+        "max_seconds": max_seconds,
     }
-    if fields["scoring"] is not None:
-        values["scoring"] = fields["scoring"]
+    if iterations is not None:
+        values["iterations"] = iterations
+    if children is not None:
+        values |= {
+            "children": children,
+            "population_size": children,
+        }  # the first iteration is no longer than others
     try:
         return ev.BodyEvolutionConfig(**values)
     except RunError as error:
         raise UsageError(name_flag(str(error), values)) from error
+
+
+def name_flag(message: str, fields: Mapping[str, Any]) -> str:
+    """Return the message of a configuration with the flag and its value first."""
+    name = re.match(r"\w+", message)
+    if name is None or not isinstance(fields.get(name[0]), str | int | float | tuple):
+        return message
+    given = fields[name[0]]
+    text = " ".join(map(str, given)) if isinstance(given, tuple) else str(given)
+    return f"--{name[0].replace('_', '-')} {text}: {message}"
 
 
 def _read_sizes(bodies: tuple[int, ...]) -> tuple[int, int]:
@@ -98,24 +101,22 @@ def _read_sizes(bodies: tuple[int, ...]) -> tuple[int, int]:
     return bodies[0], bodies[-1]
 
 
-def run_bodies(config: ev.BodyEvolutionConfig, console: Console, confirm: bool = True) -> dict[str, Any]:
-    """Search for bodies, confirm the champion if wanted, and return a summary."""
+def run_bodies(config: ev.BodyEvolutionConfig, console: Console) -> dict[str, Any]:
+    """Search for bodies, confirm the champion, and return a summary."""
     title = (
         f"Bodies of {config.bodies.smallest} to {config.bodies.largest} modules, {config.bodies.algorithm}"
     )
     with console.track(title) as step:
         run = ev.evolve_bodies(config, progress=step.progress)
-    return report_bodies(_confirm(run, console) if confirm else run, console)
+    return report_bodies(_confirm(run, console), console)
 
 
-def resume_run_of_bodies(
-    folder: Path, changes: Mapping[str, Any], console: Console, confirm: bool = True
-) -> dict[str, Any]:
-    """Continue a search for bodies, confirm the champion if wanted, and return a summary."""
+def resume_run_of_bodies(folder: Path, changes: Mapping[str, Any], console: Console) -> dict[str, Any]:
+    """Continue a search for bodies, confirm the champion, and return a summary."""
     own = {"iterations" if name == "generations" else name: value for name, value in changes.items()}
     with console.track(f"Bodies in {folder}") as step:
         run = ev.resume_bodies(folder, progress=step.progress, **own)
-    return report_bodies(_confirm(run, console) if confirm else run, console)
+    return report_bodies(_confirm(run, console), console)
 
 
 def _confirm(run: BodyRun, console: Console) -> BodyRun:
@@ -178,18 +179,3 @@ def _draw_best(run: BodyRun, path: Path) -> None:
     )
     with write_atomically(path) as temporary:
         temporary.write_bytes(to_png(figure))
-
-
-def _refuse_changes(options: Any) -> None:
-    """Refuse options of a part that are not its defaults."""
-    for each in dataclasses.fields(options):
-        value = getattr(options, each.name)
-        if value != each.default:
-            flag = f"--{each.name.replace('_', '-')}"
-            raise UsageError(
-                f"{flag} {value}: an option of one body, and --bodies searches for bodies; leave out one of them"
-            )
-
-
-def _list_names(options: Any) -> list[str]:
-    return [each.name for each in dataclasses.fields(options)]

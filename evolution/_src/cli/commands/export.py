@@ -27,19 +27,12 @@ class Export(Command):
     """mjcf: MuJoCo, mjlab, Playground; urdf: PyBullet, Gazebo, Drake; usd: Isaac Lab, Newton (extra `usd`); obj."""
     out: Path = Path("export")
     """Output folder. An export in it is replaced, other files are kept."""
-    max_vertices: int | None = 64
-    """Most vertices of a convex solid; pieces with more are cut. 64 is the limit of PhysX on GPUs; None: no limit."""
 
     def __post_init__(self) -> None:
         check_arena(self.arena)
         require_writable_folder(self.out, "--out")
         from symbrion_gym._src.arenas.export.saving import find_own_files
-        from symbrion_gym._src.arenas.export.vertex_limit import FEWEST_VERTICES
 
-        if self.max_vertices is not None and self.max_vertices < FEWEST_VERTICES:
-            raise UsageError(
-                f"--max-vertices {self.max_vertices} is too few; give {FEWEST_VERTICES} or more, or None"
-            )
         try:
             find_own_files(self.out)
         except sg.ArenaError as error:
@@ -50,7 +43,7 @@ class Export(Command):
             require_extras("`symbrion export --to usd`", "usd")
         with console.track(f"Export to {self.to}"):
             arena = sg.load_arena(self.arena)
-            about = arena.export(self.out, self.to, self.max_vertices)
+            about = arena.export(self.out, self.to)
         solids, pieces = (
             format_count(about["num_solids"], "convex solid"),
             format_count(about["num_pieces"], "piece"),

@@ -42,18 +42,10 @@ class Survey(SeededCommand):
     """Waypoints: "X,Y X,Y ..." [m], or a file of them (.csv .txt .json). Default: a zigzag around the arena."""
     speed: float = SurveyRobot.speed
     """Driving speed [m/s]; a lower speed gives more scans."""
-    rate: float = SurveyRobot.scan_rate
-    """Scan rate [Hz]."""
-    shake: float = float(np.round(np.degrees(SurveyRobot.shake), 6))
-    """Standard deviation of the robot's roll and pitch [degrees]."""
     beams: int = LaserScanner.num_beams
     """Number of beams of a scan, over 180 degrees: 361 is one every half degree."""
     noise: float = LaserScanner.noise
     """Standard deviation of a reading at range 0 [m]; it grows by 0.5 mm per meter."""
-    max_range: float = LaserScanner.max_range
-    """Largest range that is read [m]."""
-    resolution: float = LaserScanner.resolution
-    """Resolution of a reading [m]; 0: continuous."""
     camera: bool = False
     """Color the readings by a camera beside the scanner. The arena must have colors; truth and stairs are painted."""
     friction: bool = False
@@ -65,12 +57,10 @@ class Survey(SeededCommand):
         require_writable_file(self.out, "--out", (".npz",))
         if self.out == Survey.out:
             require_own_archive(self.out, "--out", "ranges")
-        for name in ("speed", "rate", "max_range"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise UsageError(f"--{name.replace('_', '-')} {getattr(self, name)} must be above 0")
-        for name in ("shake", "noise", "resolution"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise UsageError(f"--{name} {getattr(self, name)} must be 0 or more")
+        if not 0 < self.speed < np.inf:
+            raise UsageError(f"--speed {self.speed} must be above 0")
+        if not 0 <= self.noise < np.inf:
+            raise UsageError(f"--noise {self.noise} must be 0 or more")
         if self.beams < 2:
             raise UsageError(f"--beams {self.beams} is too few for a scan; give 2 or more")
         if self.path is not None:
@@ -98,11 +88,7 @@ class Survey(SeededCommand):
 
     def make_robot(self) -> SurveyRobot:
         """Return the robot that the options describe."""
-        scanner = LaserScanner(
-            num_beams=self.beams, noise=self.noise, max_range=self.max_range, resolution=self.resolution
-        )
-        shake = SurveyRobot.shake if self.shake == Survey.shake else float(np.radians(self.shake))
-        return SurveyRobot(scanner=scanner, speed=self.speed, scan_rate=self.rate, shake=shake)
+        return SurveyRobot(scanner=LaserScanner(num_beams=self.beams, noise=self.noise), speed=self.speed)
 
 
 def read_path(text: str) -> Float[np.ndarray, "W 2"]:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from evolution._src.cli.command import (
-    MISSED,
     SeededCommand,
     TrustingCommand,
     UsageError,
@@ -35,8 +34,6 @@ class Swarm(SeededCommand, TrustingCommand):
     """Arena with a pit: a name, folder or file."""
     robots: int = 8
     """Number of robots, and length of the snake that they become."""
-    trials: int = 0
-    """Further stories, with the next seeds."""
     champion: Path | None = None
     """Run folder or file of a champion of that length; by default one evolves in the arena."""
     generations: int = 30
@@ -45,13 +42,11 @@ class Swarm(SeededCommand, TrustingCommand):
     """Threads of its evolution; the results do not depend on their number."""
     film: bool = True
     """Film the first story."""
-    strict: bool = False
-    """Exit with code 3 if a story fails."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_writable_folder(self.out, "--out")
-        for option, least in (("robots", 2), ("trials", 0), ("generations", 1), ("workers", 1)):
+        for option, least in (("robots", 2), ("generations", 1), ("workers", 1)):
             if getattr(self, option) < least:
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give {least} or more")
 
@@ -67,7 +62,7 @@ class Swarm(SeededCommand, TrustingCommand):
         config = SwarmRunConfig(
             self.out,
             story,
-            self.trials,
+            0,
             self.champion,
             self.generations,
             self.workers,
@@ -97,14 +92,12 @@ class Swarm(SeededCommand, TrustingCommand):
         console.print_line(
             f"{docking[0]} of {docking[1]} swarms are across; without docking {alone[0]} of {alone[1]}; {self.out}"
         )
-        ok = docking[0] == docking[1]
         return {
             "folder": self.out,
             "successes": docking[0],
             "trials": docking[1],
             "successes_without_docking": alone[0],
             "stories": result.rows,
-            "exit_code": MISSED if self.strict and not ok else 0,
         }
 
     def _show(self, track: Any, row: dict[str, Any], console: Console) -> None:
