@@ -29,13 +29,3 @@ def check_arena_folder(arena: str) -> None:
         from evolution._src.backends.prepared_arenas import prepare_arena
 
         prepare_arena(arena)
-
-
-def check_modules(modules: int) -> None:
-    """Refuse a body of fewer than two modules, which has no hinge to control.
-
-    Raises:
-        UsageError: the message names the smallest number.
-    """
-    if modules < 2:
-        raise UsageError(f"--modules {modules} is too few for a snake; give 2 or more")

@@ -1,6 +1,5 @@
 """Confirmation in a run folder: stored, never repeated, the same after any interruption; limits that are raised."""
 
-import json
 from dataclasses import replace
 
 import made_bodies
@@ -165,19 +164,3 @@ def test_a_raised_limit_equals_one_from_the_start(tmp_path):
     assert run.config.digest() == short.config.digest()
     free = ev.resume_bodies(tmp_path / "parts", simulate=Physics(), max_seconds=None, iterations=30)
     assert len(free.history) == 30
-
-
-def test_a_limit_of_an_earlier_version_can_be_raised(tmp_path):
-    """Its digest included the limit."""
-    bodies = replace(LARGE, max_seconds=3.0)
-    folder = tmp_path / "run"
-    run = ev.evolve_bodies(make_config(bodies=bodies, folder=folder, iterations=9), simulate=Physics())
-    former = run.config.former_digest()
-    assert former != run.config.digest()
-    (folder / RECORD).write_bytes(run.record.to_bytes(former))
-    assert ev.load_bodies(folder).history == run.history
-    ev.resume_bodies(folder, max_seconds=9.0, iterations=0, simulate=Physics())
-    assert json.loads((folder / RECORD).read_bytes())["digest"] == run.config.digest()
-    more = ev.resume_bodies(folder, iterations=9, simulate=Physics())
-    assert len(more.history) > len(run.history)
-    assert make_config().former_digest() == make_config().digest()

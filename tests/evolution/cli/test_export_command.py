@@ -24,12 +24,6 @@ def test_an_exported_arena_is_loaded_by_mujoco(tmp_path: Path, capsys: pytest.Ca
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "out/arena.xml")).ngeom == summary["num_solids"] + 1
 
 
-def test_the_limit_of_vertices_can_be_lifted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["export", "truth", "--to", "obj", "--out", str(tmp_path), "--json"]
-    assert run(words) == 0
-    assert json.loads(capsys.readouterr().out)["max_vertices"] is None
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -5,7 +5,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-from evolution._src.cli.arguments import check_modules
 from evolution._src.cli.command import SeededCommand, UsageError, require_writable_folder
 from evolution._src.cli.console import Console
 from reconstruction._src.base.extras import require_extras
@@ -20,29 +19,21 @@ class Demo(SeededCommand):
 
     out: Path = Path("demo")
     """Output folder; open report.html in it. The files of an earlier demo there are replaced."""
-    modules: int = 8
-    """Number of modules in the snake."""
-    generations: int = 30
-    """Limit on the generations of the evolution."""
     workers: int = os.cpu_count() or 1
     """Threads; the results do not depend on their number."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_writable_folder(self.out, "--out")
-        check_modules(self.modules)
-        for option in ("generations", "workers"):
-            if getattr(self, option) < 1:
-                raise UsageError(f"--{option} {getattr(self, option)} is too few; give 1 or more")
+        if self.workers < 1:
+            raise UsageError(f"--workers {self.workers} is too few; give 1 or more")
 
     def run(self, console: Console) -> dict[str, Any]:
         require_extras("`symbrion demo`", "scan", "report")
         from evolution._src.experiments.demo import DemoConfig, run_pipeline
         from evolution._src.experiments.demo_page import write_demo_page
 
-        config = DemoConfig(
-            self.out, self.seed, modules=self.modules, generations=self.generations, workers=self.workers
-        )
+        config = DemoConfig(self.out, self.seed, workers=self.workers)
         result = run_pipeline(config, console.track)
         report = self.out / "report.html"
         with console.track("7/7 report"):

@@ -265,8 +265,6 @@ class Resume(TrustingCommand):
     """Threads or processes; the results do not depend on their number."""
     backend: Literal["batch", "processes", "ray", "warp"] | None = None
     """Where simulations run: threads (batch), processes, a Ray cluster, or a GPU (warp). Default: as recorded."""
-    address: str | None = None
-    """Address of an existing Ray cluster. Default: as recorded."""
     tensorboard: bool = False
     """Also write the history for TensorBoard, into the run folder."""
 
@@ -286,7 +284,7 @@ class Resume(TrustingCommand):
         return describe_interruption(self.folder)
 
     def run(self, console: Console) -> dict[str, Any]:
-        options = {name: getattr(self, name) for name in ("generations", "workers", "backend", "address")}
+        options = {name: getattr(self, name) for name in ("generations", "workers", "backend")}
         changes: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
         changes["allow"] = self.allow_code
         if has_bodies(self.folder):

@@ -12,10 +12,11 @@ from evolution._src.cli.scan_source import ScanCommand
 from evolution._src.cli.tile_options import TileOptions
 from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.quantities import format_extents
-from reconstruction._src.slip.patches import FrictionEstimate
 
 if TYPE_CHECKING:
     import trimesh
+
+    from reconstruction._src.slip.patches import FrictionEstimate
 
 MESH_ENDINGS = (".ply", ".obj", ".stl", ".off", ".glb")
 MINIMUM_UNITS = 4

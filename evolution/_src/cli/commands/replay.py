@@ -17,6 +17,9 @@ from reconstruction._src.base.atomic_write import write_atomically
 from reconstruction._src.base.extras import require_extras
 from reconstruction._src.base.quantities import format_count
 
+SPEED = 5.0
+"""Playback speed of video and viewer, relative to real time."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Replay(SeededCommand, TrustingCommand):
@@ -43,8 +46,6 @@ class Replay(SeededCommand, TrustingCommand):
     """Films on that page, of the fittest bodies."""
     viewer: bool = False
     """Show one trial without randomization in MuJoCo's viewer."""
-    speed: float = 5.0
-    """Playback speed of video and viewer, relative to real time."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -53,8 +54,6 @@ class Replay(SeededCommand, TrustingCommand):
             check_arena(self.arena)
         if self.trials < 0:
             raise UsageError(f"--trials {self.trials} is negative; give 0 or more")
-        if not self.speed > 0:
-            raise UsageError(f"--speed {self.speed} is not a speed; give a number above 0")
         if self.video is not None:
             require_writable_file(self.video, "--video", (".mp4",))
         if self.page is not None:
@@ -114,7 +113,7 @@ class Replay(SeededCommand, TrustingCommand):
 
     def _show(self, champion: "ev.Champion", arena: str, console: Console) -> None:
         recording = ev.play(
-            champion, arena, self.seed, start=self.start, window=True, speed=self.speed, allow=self.allow_code
+            champion, arena, self.seed, start=self.start, window=True, speed=SPEED, allow=self.allow_code
         )
         verdict = "succeeds" if recording.success else "does not succeed"
         console.print_line(f"{recording.seconds:.1f} s of robot time, the champion {verdict}")
@@ -130,7 +129,7 @@ class Replay(SeededCommand, TrustingCommand):
                 self.seed,
                 start=self.start,
                 film=True,
-                speed=self.speed,
+                speed=SPEED,
                 allow=self.allow_code,
             )
         if not recording.frames:

@@ -36,17 +36,13 @@ class Swarm(SeededCommand, TrustingCommand):
     """Number of robots, and length of the snake that they become."""
     champion: Path | None = None
     """Run folder or file of a champion of that length; by default one evolves in the arena."""
-    generations: int = 30
-    """Limit on the generations of its evolution."""
     workers: int = os.cpu_count() or 1
     """Threads of its evolution; the results do not depend on their number."""
-    film: bool = True
-    """Film the first story."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         require_writable_folder(self.out, "--out")
-        for option, least in (("robots", 2), ("generations", 1), ("workers", 1)):
+        for option, least in (("robots", 2), ("workers", 1)):
             if getattr(self, option) < least:
                 raise UsageError(f"--{option} {getattr(self, option)} is too few; give {least} or more")
 
@@ -64,10 +60,8 @@ class Swarm(SeededCommand, TrustingCommand):
             story,
             0,
             self.champion,
-            self.generations,
-            self.workers,
-            self.film,
-            self.allow_code,
+            workers=self.workers,
+            allow=self.allow_code,
         )
         result = run_swarm(config, console.track)
         self._show(result.track, result.rows[0], console)
@@ -113,7 +107,7 @@ class Swarm(SeededCommand, TrustingCommand):
         crossing = None if row["crossed"] is None else (row["gathered"], row["crossed"])
         with write_atomically(self.out / "timeline.png") as beside:
             beside.write_bytes(to_png(draw_timeline(track, field, crossing)))
-        if self.film and not (self.out / "film.mp4").exists():
+        if not (self.out / "film.mp4").exists():
             with console.track("film") as step:
                 film = encode_film(track, arena, field, crossing, step.progress)
             if film is None:
