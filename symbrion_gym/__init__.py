@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from symbrion_gym._src.arenas.making import make_arena
     from symbrion_gym._src.arenas.object_placing import place_objects
     from symbrion_gym._src.arenas.tiles import load_tiles
-    from symbrion_gym._src.arenas.updating import update_arena
     from symbrion_gym._src.environment.organism_env import OrganismEnv
     from symbrion_gym._src.environment.snake_pit import SnakePitEnv
     from symbrion_gym._src.environment.vector import SnakePitVectorEnv
@@ -93,7 +92,6 @@ __all__ = [
     "snake",
     "survey",
     "timing",
-    "update_arena",
 ]
 
 __getattr__, __dir__ = export_lazily(__name__)
