@@ -89,9 +89,7 @@ def test_nothing_is_said_where_all_is_there() -> None:
         (["demo", "--out", "{folder}/demo"], "the extras 'scan' and 'report'"),
         (["paper", "--out", "{folder}/paper"], "the extras 'scan' and 'report'"),
         (["survey", "truth", "--out", "{folder}/log.npz"], "the extra 'scan'"),
-        (["assets", "--out", "{folder}/arenas"], "the extra 'scan'"),
         (["replay", "{folder}", "--video", "{folder}/film.mp4"], "the extra 'report'"),
-        (["compare", "{folder}", "--out", "{folder}/runs.png"], "the extra 'report'"),
         (["export", "truth", "--to", "usd", "--out", "{folder}/usd"], "the extra 'usd'"),
     ],
 )

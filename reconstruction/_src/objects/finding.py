@@ -132,10 +132,10 @@ def find_objects(
     if not objects:
         raise ReconstructionError("objects is empty; give name -> mesh of at least one object")
     models = [make_model(name, mesh) for name, mesh in objects.items()]
-    cloud = read_scan(scan, config.spacing, seed)
+    cloud, surface_normals = read_scan(scan, config.spacing, seed)
     found: list[_Candidate] = []
     for number, model in enumerate(models):
-        scene = _prepare(cloud, model, config, seed)
+        scene = _prepare(cloud, surface_normals, model, config, seed)
         if config.tolerance * scene.noise > _BLURRED * model.radius:
             logger.warning(
                 "%s is not searched: with a noise of %.0f mm its shape cannot be told from others",
@@ -158,7 +158,9 @@ def find_objects(
     return [_report(each, cloud.offset) for each in suppress(found)]
 
 
-def _prepare(cloud: Cloud, model: ObjectModel, config: ObjectsConfig, seed: int) -> _Scene:
+def _prepare(
+    cloud: Cloud, surface_normals: np.ndarray | None, model: ObjectModel, config: ObjectsConfig, seed: int
+) -> _Scene:
     """Set the planes aside that are large for this object."""
     rng = np.random.default_rng(seed)
     planes = find_planes(cloud.points, config.plane_area * model.largest_side, rng)
@@ -168,23 +170,30 @@ def _prepare(cloud: Cloud, model: ObjectModel, config: ObjectsConfig, seed: int)
     rest = cloud.select(~is_background)
     cells = make_cells(rest, config.spacing) if rest.num_points else make_cells(cloud, config.spacing)
     beams = None if cloud.origins is None else BeamIndex(cloud)
-    return _Scene(cloud, is_background, cells, find_cell_normals(cells, cloud.viewpoints), beams, noise)
+    normals = _compute_cell_normals(cells, _select_outward(cells, cloud, surface_normals))
+    return _Scene(cloud, is_background, cells, normals, beams, noise)
 
 
-def find_cell_normals(cells: Cells, viewpoints: Float[np.ndarray, "K 3"] | None) -> Float[np.ndarray, "C 3"]:
-    """Return the normals of the planes through the neighbors of each cell, turned to the viewpoint where it is known,
-    else up."""
+def _select_outward(cells: Cells, cloud: Cloud, surface_normals: np.ndarray | None) -> np.ndarray:
+    """Return `[C, 3]` directions away from the surface: the nearest normal of a mesh, to the viewpoint, else up."""
+    from scipy.spatial import cKDTree
+
+    if surface_normals is not None:
+        return surface_normals[cKDTree(cloud.points).query(cells.points)[1]]
+    if cloud.viewpoints is None or cells.viewpoint.min() < 0:
+        return np.broadcast_to([0.0, 0.0, 1.0], cells.points.shape)
+    return cloud.viewpoints[cells.viewpoint] - cells.points
+
+
+def _compute_cell_normals(cells: Cells, outward: np.ndarray) -> Float[np.ndarray, "C 3"]:
+    """Return the normals of the planes through the neighbors of each cell, on the outward side."""
     from scipy.spatial import cKDTree
 
     count = min(_NUM_NEIGHBORS, len(cells.points))
     _, near = cKDTree(cells.points).query(cells.points, k=count)
     offset = cells.points[near] - cells.points[near].mean(axis=1, keepdims=True)
     normals = np.linalg.eigh(np.einsum("nki,nkj->nij", offset, offset))[1][:, :, 0]
-    if viewpoints is None or cells.viewpoint.min() < 0:
-        toward = np.broadcast_to([0.0, 0.0, 1.0], normals.shape)
-    else:
-        toward = viewpoints[cells.viewpoint] - cells.points
-    return normals * np.where((normals * toward).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return normals * np.where((normals * outward).sum(axis=1) < 0, -1.0, 1.0)[:, None]
 
 
 def _search(

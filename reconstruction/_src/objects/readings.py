@@ -34,8 +34,8 @@ class Cells(NamedTuple):
     viewpoint: Int[np.ndarray, " C"]
 
 
-def read_scan(scan: Any, spacing: float, seed: int) -> Cloud:
-    """Return what is searched as a cloud, near the origin of its frame.
+def read_scan(scan: Any, spacing: float, seed: int) -> tuple[Cloud, Float[np.ndarray, "N 3"] | None]:
+    """Return what is searched as a cloud near the origin of its frame, and the normals of a mesh at its points.
 
     Args:
         scan: a `Cloud`, points `[N, 3]`, a `ScanLog`, a `Reconstruction` (its readings) or a mesh (samples of it).
@@ -47,22 +47,24 @@ def read_scan(scan: Any, spacing: float, seed: int) -> Cloud:
     """
     from reconstruction._src.reconstruction import Reconstruction
 
+    normals = None
     if isinstance(scan, Reconstruction):
         scan = scan.readings
     elif isinstance(scan, ScanLog):
         scan = make_log_cloud(scan)
     elif hasattr(scan, "faces") and hasattr(scan, "vertices"):
-        scan = _sample_mesh(scan, spacing, seed)
-    return make_cloud(scan)
+        scan, normals = _sample_mesh(scan, spacing, seed)
+    return make_cloud(scan), normals
 
 
-def _sample_mesh(mesh: trimesh.Trimesh, spacing: float, seed: int) -> Float[np.ndarray, "N 3"]:
-    from reconstruction._src.geometry.sampling import sample_area
+def _sample_mesh(mesh: trimesh.Trimesh, spacing: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    from reconstruction._src.geometry.sampling import sample_surface
 
     if not len(mesh.faces):
         raise ReconstructionError("the mesh that is searched has no faces")
     count = int(np.clip(4 * float(mesh.area) / spacing**2, 100, _MAX_SAMPLES))
-    return sample_area(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces), count, seed)
+    points, faces = sample_surface(mesh, count, seed)
+    return points, np.asarray(mesh.face_normals)[faces]
 
 
 def make_cells(cloud: Cloud, spacing: float) -> Cells:
