@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress
 
 if TYPE_CHECKING:
-    from reconstruction._src.networks.change.refinement import NetworkLearner
     from reconstruction._src.networks.growing_grid import growing_grid
     from reconstruction._src.networks.gsrm import gsrm
 
@@ -42,6 +40,18 @@ class Network(Protocol):
         """Return a network that has grown over the points."""
         ...
 
+    def train_again(
+        self,
+        state: State,
+        is_changed: Bool[np.ndarray, " V"],
+        points: Float[np.ndarray, "N 3"],
+        config: NetworkConfig,
+        seed: int,
+        progress: Progress,
+    ) -> State:
+        """Return the network trained on other points; what has not changed stays where it is."""
+        ...
+
 
 def find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
     """Return the network and the configuration of a method.
@@ -54,12 +64,6 @@ def find_method(method: str) -> tuple[Network, type[NetworkConfig]]:
     module, config = METHODS[method]
     network = importlib.import_module(module)
     return cast("Network", network), getattr(network, config)
-
-
-def find_learner(method: str) -> Callable[[State, NetworkConfig], NetworkLearner[State, Any, Any]]:
-    """Return the class that lets a network of this method learn from new readings."""
-    folder = METHODS[method][0].rpartition(".")[0]
-    return importlib.import_module(f"{folder}.refinement").Learner
 
 
 def make_config(config_type: type[NetworkConfig], values: dict[str, object]) -> NetworkConfig:

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy.typing import ArrayLike
 
 from reconstruction._src.base.bounded_read import MAX_BYTES
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
+from reconstruction._src.changes.input_checks import check_free_rays, check_origins, check_scale
 from reconstruction._src.input_cloud import join_clouds, make_cloud_of_rays
-from reconstruction._src.methods import find_learner
-from reconstruction._src.networks.change.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.methods import find_method
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
 from reconstruction._src.saved_file import Saved, read_saved, write_saved
 from reconstruction._src.scans.cloud import Cloud
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from reconstruction._src.slip.patches import FrictionEstimate
     from reconstruction._src.slip.readings import SlipReadings
     from reconstruction._src.surfaces.color_error import ColorError, Paint
-    from reconstruction._src.surfaces.far_faces import FarFaces
-    from reconstruction._src.surfaces.far_updates import Sheet
     from reconstruction._src.surfaces.quality import Quality
 
 logger = logging.getLogger(__name__)
@@ -44,8 +42,6 @@ _INSIDE_OUT = (
     ": the lowest level surface looks down here, and of a room, which is inside out then, that is the floor"
 )
 """What is added where a room may be inside out."""
-_MOST_VOTES = 8192
-"""Of the readings behind a refined surface, at most these vote for its sides where their viewpoints are guessed."""
 
 
 class Reconstruction:
@@ -75,10 +71,8 @@ class Reconstruction:
         readings: Cloud | None = None,
         notes: dict[str, Any] | None = None,
         slip: FrictionReadings | None = None,
-        far: FarFaces | None = None,
-        sheet: Sheet | None = None,
     ):
-        """Wrap a network; `reconstruct` and `load` are the ways to get one; `far`, `sheet` are known after `refine`."""
+        """Wrap a network; `reconstruct` and `load` are the ways to get one."""
         self.method = method
         self.config = config
         self.state = state
@@ -86,10 +80,6 @@ class Reconstruction:
         self.readings = cloud if readings is None else readings
         self.notes = dict(notes or {})
         self.slip = slip
-        if sheet is not None:
-            self._sheet = sheet
-        self._far = self._measure_far() if far is None else far
-        self._is_updated = far is not None
         self.mesh = self._make_mesh()
         if cloud.offset.any():
             self.notes["offset"] = (
@@ -149,12 +139,6 @@ class Reconstruction:
         """What was subtracted from the coordinates given [m]."""
         return self.cloud.offset
 
-    @property
-    def viewpoint(self) -> Float[np.ndarray, "*K 3"] | None:
-        """Deprecated: `viewpoints`, of which a single one is `[3]`."""
-        viewpoints = self.viewpoints
-        return viewpoints[0] if viewpoints is not None and len(viewpoints) == 1 else viewpoints
-
     def quality(self, truth: trimesh.Trimesh | None = None) -> Quality:
         """Measure the mesh against all readings, and against the true surface where it is known.
 
@@ -194,9 +178,9 @@ class Reconstruction:
         free_rays: ArrayLike | None = None,
         slip: SlipReadings | None = None,
     ) -> Reconstruction:
-        """Return the same network after it has learned from new readings; this one stays as it is.
+        """Return the same network trained on the readings that still hold and the new ones; this one stays as it is.
 
-        Moved parts move, new parts grow, parts that are no longer there are removed; the rest stays. New readings
+        Moved parts move, new parts grow, parts that are no longer there are removed; units elsewhere stay. New readings
         without colors take those of the colored readings around them (`match_colors`, a note).
 
         Args:
@@ -238,10 +222,7 @@ class Reconstruction:
         seen_from = None if origins is None else check_origins(origins, len(new)) - self.offset
         seed = check_seed(seed)
         keep_compiled_programs()
-        from reconstruction._src.networks.change.refinement import learn_changes
-
-        learner = find_learner(self.method)(self.state, self.config)
-        state, is_valid = learn_changes(learner, self.points, new, seed, progress, seen_from, free)
+        state, is_valid = self._train_again(new, seed, progress, seen_from, free)
         valid, added = self.cloud.select(is_valid), make_cloud_of_rays(new, seen_from, self.offset)
         notes: dict[str, Any] = {}
         if colors is not None or self.colors is not None:
@@ -250,10 +231,31 @@ class Reconstruction:
             added, note = match_colors(valid, added.replace(colors=colors))
             notes = {"colors": note} if note else {}
         cloud = join_clouds(valid, added)
-        far, sheet = self._update_far(state, self.points[~is_valid], cloud)
-        return Reconstruction(
-            self.method, self.config, state, cloud, notes=notes, slip=felt, far=far, sheet=sheet
-        )
+        return Reconstruction(self.method, self.config, state, cloud, notes=notes, slip=felt)
+
+    def _train_again(
+        self,
+        new: Float[np.ndarray, "M 3"],
+        seed: int,
+        progress: Progress,
+        origins: Float[np.ndarray, "M 3"] | None,
+        free_rays: Float[np.ndarray, "K 2 3"] | None,
+    ) -> tuple[State, Bool[np.ndarray, " N"]]:
+        """Return the network that has learned from new readings, and which of the old points are still valid."""
+        from reconstruction._src.changes.detection import detect_changes
+        from reconstruction._src.changes.validity import compare
+        from reconstruction._src.networks.surface_fit import mean_edge_length
+
+        vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
+        spacing = mean_edge_length(vertices, faces)
+        change = detect_changes(vertices, faces, self.points, new, spacing, origins, free_rays)
+        is_changed, is_valid = compare(vertices, faces, change, self.points, new)
+        if not is_changed.any():
+            progress("refine", 1.0)
+            return self.state, is_valid
+        points = np.concatenate([self.points[is_valid], new])
+        network, _ = find_method(self.method)
+        return network.train_again(self.state, is_changed, points, self.config, seed, progress), is_valid
 
     def _with_slip(
         self, felt: FrictionReadings | None, slip: SlipReadings | None, origins: ArrayLike | None
@@ -270,7 +272,6 @@ class Reconstruction:
             readings=readings,
             notes=self.notes,
             slip=felt,
-            far=self._far if self._is_updated else None,
         )
 
     @cached_property
@@ -287,8 +288,7 @@ class Reconstruction:
             OSError: the file cannot be written.
         """
         readings = None if self.readings is self.cloud else self.readings
-        far = self._far if self._is_updated else None
-        saved = Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip, far)
+        saved = Saved(self.method, self.config, self.state, self.cloud, readings, self.notes, self.slip)
         write_saved(Path(path), saved)
 
     @classmethod
@@ -303,33 +303,7 @@ class Reconstruction:
             ReconstructionError: missing, damaged, not such a file, or of a newer version.
         """
         saved = read_saved(path, max_bytes)
-        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip, far=saved.far)
-
-    @cached_property
-    def _sheet(self) -> Sheet:
-        """The network's faces, before any is cut off."""
-        from reconstruction._src.surfaces.far_updates import Sheet
-
-        return Sheet(self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64))
-
-    def _measure_far(self) -> FarFaces:
-        """Return which faces are far from every reading."""
-        from reconstruction._src.surfaces.far_faces import SeenPoints, measure_far_faces
-
-        return measure_far_faces(*self._sheet, SeenPoints(self.points, self.viewpoints, self.seen_from))
-
-    def _update_far(
-        self, state: State, removed: Float[np.ndarray, "D 3"], cloud: Cloud
-    ) -> tuple[FarFaces, Sheet]:
-        """Return which faces of the network that has learned on are far from every reading, and its faces."""
-        from reconstruction._src.surfaces.far_faces import SeenPoints
-        from reconstruction._src.surfaces.far_updates import Sheet, update_far_faces
-
-        if state is self.state and not len(removed) and not self._far.is_far.any():
-            return self._far, self._sheet
-        sheet = Sheet(state.units.reshape(-1, 3), state.faces.astype(np.int64))
-        seen = SeenPoints(cloud.points, cloud.viewpoints, cloud.seen_from)
-        return update_far_faces(self._far, self._sheet, sheet, removed, seen), sheet
+        return cls(*saved[:4], readings=saved.readings, notes=saved.notes, slip=saved.slip)
 
     def _make_mesh(self) -> trimesh.Trimesh:
         """Return the oriented mesh of the units that have a face, and note what its orientation rests on."""
@@ -340,7 +314,6 @@ class Reconstruction:
             orient_outwards,
             orient_to_viewpoints,
         )
-        from reconstruction._src.networks.change.absence import thin
 
         vertices, faces = self._cut_far_faces()
         if self.viewpoints is None:
@@ -350,11 +323,8 @@ class Reconstruction:
                 + _INSIDE_OUT * looks_down_below(vertices, faces)
             )
         else:
-            points = self.points
-            if self._is_updated and self.seen_from is None:
-                points = thin(points, _MOST_VOTES)  # the old faces are wound already
             (vertices, faces), share = orient_to_viewpoints(
-                vertices, faces, points, self.viewpoints, self.seen_from
+                vertices, faces, self.points, self.viewpoints, self.seen_from
             )
             note = f"{100 * share:.1f} % of the area looks to where it was seen from"
         self.notes["orientation"] = note
@@ -369,10 +339,12 @@ class Reconstruction:
 
     def _cut_far_faces(self) -> tuple[Float[np.ndarray, "V 3"], Int[np.ndarray, "F 3"]]:
         """Return vertices and faces of the network without faces far from every reading, and note what was cut."""
-        from reconstruction._src.surfaces.far_faces import cut_faces
+        from reconstruction._src.surfaces.far_faces import SeenPoints, cut_faces, measure_far_faces
 
-        used, flat = np.unique(self._sheet.faces, return_inverse=True)
-        cut = cut_faces(self._sheet.vertices[used], flat.reshape(-1, 3), self._far.is_far)
+        vertices, faces = self.state.units.reshape(-1, 3), self.state.faces.astype(np.int64)
+        far = measure_far_faces(vertices, faces, SeenPoints(self.points, self.viewpoints, self.seen_from))
+        used, flat = np.unique(faces, return_inverse=True)
+        cut = cut_faces(vertices[used], flat.reshape(-1, 3), far.is_far)
         if cut.num_faces:
             note = (
                 f"{cut.area:.3g} m² of the surface ({100 * cut.share:.1f} %, {cut.num_faces} faces) were far from "

@@ -20,7 +20,6 @@ from reconstruction._src.slip.joining import read_slip_arrays
 if TYPE_CHECKING:
     from reconstruction._src.methods import NetworkConfig, State
     from reconstruction._src.slip.drags import FrictionReadings
-    from reconstruction._src.surfaces.far_faces import FarFaces
 
 FORMAT = "symbrion reconstruction"
 VERSION = 1
@@ -36,7 +35,6 @@ class Saved(NamedTuple):
     readings: Cloud | None
     notes: dict[str, Any]
     slip: FrictionReadings | None = None
-    far: FarFaces | None = None
 
 
 def write_saved(path: Path, saved: Saved) -> None:
@@ -58,14 +56,12 @@ def write_saved(path: Path, saved: Saved) -> None:
         arrays |= {f"readings_{name}": array for name, array in _list_arrays(saved.readings).items()}
     if saved.slip is not None:
         arrays |= {f"slip_{name}": array for name, array in saved.slip._asdict().items()}
-    if saved.far is not None:
-        arrays |= {f"far_{name}": np.asarray(value) for name, value in saved.far._asdict().items()}
     with write_atomically(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)  # pyright: ignore[reportArgumentType]
 
 
 def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
-    """Read what `write_saved` wrote, also by older versions.
+    """Read what `write_saved` wrote.
 
     Args:
         path: .npz.
@@ -93,9 +89,8 @@ def read_saved(path: str | os.PathLike[str], max_bytes: float) -> Saved:
         cloud, readings = _make_cloud(arrays, ""), None
         if "readings_points" in arrays:
             readings = _make_cloud(arrays, "readings_")
-        far = _make_far(arrays, len(state.faces)) if "far_is_far" in arrays else None
         notes = dict(header.get("notes", {}))
-        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays), far)
+        return Saved(header["method"], config, state, cloud, readings, notes, read_slip_arrays(arrays))
     except ReconstructionError as error:
         raise ReconstructionError(f"{path}: {error}") from error
     except Exception as error:
@@ -117,13 +112,13 @@ def _list_arrays(cloud: Cloud) -> dict[str, np.ndarray]:
 
 
 def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
-    """Return a cloud from its arrays; `viewpoint` is what files of 0.1 before 2027 call viewpoints.
+    """Return a cloud from its arrays.
 
     Raises:
         ReconstructionError: naming the array that no cloud can have.
     """
     _check_positions("points", arrays[f"{prefix}points"])
-    viewpoints = arrays.get(f"{prefix}viewpoints", arrays.get(f"{prefix}viewpoint"))
+    viewpoints = arrays.get(f"{prefix}viewpoints")
     return Cloud(
         arrays[f"{prefix}points"],
         colors=arrays.get(f"{prefix}colors"),
@@ -131,23 +126,6 @@ def _make_cloud(arrays: dict[str, np.ndarray], prefix: str) -> Cloud:
         seen_from=arrays.get(f"{prefix}seen_from"),
         offset=arrays.get(f"{prefix}offset", np.zeros(3)),
     )
-
-
-def _make_far(arrays: dict[str, np.ndarray], num_faces: int) -> FarFaces:
-    """Return which faces are far from every reading.
-
-    Raises:
-        ReconstructionError: this is not told of every face.
-    """
-    from reconstruction._src.surfaces.far_faces import FarFaces
-
-    is_far, spacing = arrays["far_is_far"], arrays["far_spacing"]
-    if is_far.dtype != bool or is_far.shape != (num_faces,) or not (spacing.shape == () and spacing >= 0):
-        raise ReconstructionError(
-            f"far_is_far must be a truth value of each of {num_faces} faces, far_spacing 0 or more; restore the file "
-            "from a copy"
-        )
-    return FarFaces(is_far, float(spacing))
 
 
 def _check_state(state: State) -> None:

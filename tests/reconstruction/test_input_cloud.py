@@ -84,18 +84,6 @@ def test_a_cloud_brings_its_fields_and_they_survive_saving(tmp_path):
     np.testing.assert_array_equal(loaded.mesh.faces, result.mesh.faces)
 
 
-def test_a_file_of_an_older_version_keeps_its_viewpoint(tmp_path):
-    reconstruct(make_ground(), "gg", units=150, viewpoints=[0, 0, -3]).save(tmp_path / "a.npz")
-    with np.load(tmp_path / "a.npz") as file:
-        arrays = dict(file)
-    arrays["viewpoint"] = arrays.pop("viewpoints")[0]
-    del arrays["seen_from"]
-    np.savez(tmp_path / "a.npz", **arrays)
-    loaded = Reconstruction.load(tmp_path / "a.npz")
-    np.testing.assert_array_equal(loaded.viewpoint, [0, 0, -3])
-    assert (loaded.mesh.face_normals[:, 2] < 0).mean() > 0.99
-
-
 def test_refining_keeps_the_viewpoint_of_every_point():
     points = make_ground()
     cloud = Cloud(points, viewpoints=np.array([[0.0, 0.0, 2.0]]))

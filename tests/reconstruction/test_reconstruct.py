@@ -66,7 +66,7 @@ def test_options_and_viewpoint_survive_saving(tmp_path):
     result.save(tmp_path / "a.npz")
     loaded = Reconstruction.load(tmp_path / "a.npz")
     assert loaded.config == result.config
-    np.testing.assert_array_equal(loaded.viewpoint, [0, 0, 2])
+    np.testing.assert_array_equal(loaded.viewpoints, [[0, 0, 2]])
 
 
 def test_equal_seeds_give_equal_bytes_in_another_process_too(ground):

@@ -8,9 +8,7 @@ import pytest
 from shapes import make_sheet
 
 from reconstruction import GrowingGridConfig, GSRMConfig, Reconstruction, ReconstructionError, reconstruct
-from reconstruction._src.networks.change.detection import ChangeConfig
 from reconstruction._src.networks.growing_grid.cover import CoverConfig
-from reconstruction._src.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.compilation import keep_compiled_programs
@@ -22,17 +20,15 @@ keep_compiled_programs()
 @pytest.mark.parametrize("config", [GSRMConfig(), GrowingGridConfig()])
 def test_a_configuration_is_hashable_and_equal_to_its_like(config):
     assert hash(config) == hash(dataclasses.replace(config))
-    assert config != dataclasses.replace(config, change=ChangeConfig(tolerance=5.0))
+    assert config != dataclasses.replace(config, density=DensityConfig(near=9.0))
 
 
 @pytest.mark.parametrize(
     ("config", "field"),
     [
-        (ChangeConfig, "significance"),
         (CoverConfig, "stretch"),
         (DensityConfig, "near"),
         (FitConfig, "reach"),
-        (GSRMRefinementConfig, "unit_area"),
         (TopologyConfig, "gap"),
         (GSRMConfig, "coarse_samples"),
         (GrowingGridConfig, "reach"),
@@ -51,10 +47,7 @@ def test_a_cosine_may_be_negative_and_must_be_finite():
 
 
 def test_nested_configurations_come_back_from_a_file(tmp_path):
-    options = {
-        "change": ChangeConfig(tolerance=5.0),
-        "refinement": GSRMRefinementConfig(fit_rounds=((1, 12), (1, 28))),
-    }
+    options = {"density": DensityConfig(near=9.0)}
     surface = reconstruct(make_sheet(1500), units=40, **options)
     surface.save(tmp_path / "surface.npz")
     loaded = Reconstruction.load(tmp_path / "surface.npz")

@@ -17,12 +17,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_all_positive
-from reconstruction._src.geometry.rows import sum_rows
-from reconstruction._src.networks.change.detection import ChangeConfig
+from reconstruction._src.changes.neighborhoods import widen
+from reconstruction._src.geometry.rows import find_lengths, sum_rows
 from reconstruction._src.networks.growing_grid import paper as grid_paper
 from reconstruction._src.networks.growing_grid.cover import CoverConfig, find_covered_cells
 from reconstruction._src.networks.growing_grid.growth import (
@@ -42,10 +43,16 @@ from reconstruction._src.networks.growing_grid.learning import (
     learn,
 )
 from reconstruction._src.networks.growing_grid.mesh import triangulate, untangle_sheet
-from reconstruction._src.networks.growing_grid.refinement_config import GridRefinementConfig
 from reconstruction._src.networks.least_squares import FitConfig
 from reconstruction._src.networks.som.density import DensityConfig, measure_density
 from reconstruction._src.networks.som.winners import MAX_CANDIDATES, Tiles, make_tiles
+
+_FREE_RINGS = 2
+"""Units within this many rings of a changed one learn again with it."""
+_REACH = 2.0
+"""A point is reached where a unit lies within this many median sides of the grid."""
+_REACHED = 0.99
+"""A sheet that reaches a smaller share of the points is grown again."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +84,6 @@ class GrowingGridConfig:
         fine_signals_per_unit: signals of the fine-tuning, for each unit (paper mode; lambda_f).
         density: how outliers are found.
         cover: which cells lie over a hole.
-        change: when new readings contradict the grid.
-        refinement: how it learns from them.
     """
 
     units: int = 2200
@@ -101,8 +106,6 @@ class GrowingGridConfig:
     fine_signals_per_unit: int = 100
     density: DensityConfig = field(default_factory=DensityConfig)
     cover: CoverConfig = field(default_factory=CoverConfig)
-    change: ChangeConfig = field(default_factory=ChangeConfig)
-    refinement: GridRefinementConfig = field(default_factory=GridRefinementConfig)
 
     def __post_init__(self) -> None:
         if self.triangles is not None and self.triangles < 2:
@@ -172,10 +175,58 @@ def train(
         seed: seed of the order of the signals.
         progress: receives how far the work is.
     """
+    return _train(points, config, seed, progress, None)
+
+
+def train_again(
+    state: State,
+    is_changed: Bool[np.ndarray, " V"],
+    points: Float[np.ndarray, "N 3"],
+    config: GrowingGridConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> State:
+    """Train a grid on other points: the units that have not changed stay where they are.
+
+    Where the sheet cannot reach all points so, and in paper mode, it is grown from 2 x 2 units again.
+
+    Args:
+        state: the grid.
+        is_changed: units that learn again.
+        points: finite positions [m], the old ones that are still valid and the new ones.
+        config: how.
+        seed: seed of the order of the signals.
+        progress: receives how far the work is.
+    """
+    is_free = widen(state.faces, is_changed, _FREE_RINGS).reshape(state.units.shape[:2])
+    if config.mode == "batch":
+        again = _train(points, config, seed, progress, _Start(state.units, is_free))
+        reach = _REACH * float(np.median(find_lengths(np.diff(state.units, axis=0))))
+        if (cKDTree(again.vertices).query(points)[0] < reach).mean() > _REACHED:
+            return again
+    return train(points, config, seed, progress)
+
+
+class _Start(NamedTuple):
+    """A grid that has learned already, and which of its units may move."""
+
+    units: Float[np.ndarray, "R C 3"]
+    is_movable: Bool[np.ndarray, "R C"]
+
+
+def _train(
+    points: Float[np.ndarray, "N 3"],
+    config: GrowingGridConfig,
+    seed: int,
+    progress: Progress,
+    start: _Start | None,
+) -> State:
+    """Do what `train` and `train_again` do."""
     rng = np.random.default_rng(seed)
     center = points.mean(axis=0)
     scale = float(np.sqrt(sum_rows((points - center) ** 2).mean()))
     scaled = ((points - center) / scale).astype(np.float32)[rng.permutation(len(points))]
+    is_movable = None if start is None else start.is_movable
     if config.mode == "paper":
         units = grid_paper.train(
             scaled,
@@ -188,32 +239,46 @@ def train(
             progress,
         )
     else:
-        units = _train_batch(scaled, config, rng, progress)
+        begun = None if start is None else start._replace(units=((start.units - center) / scale))
+        units = _train_batch(scaled, config, rng, progress, begun)
     progress("done", 1.0)
     rows, columns = units.shape[:2]
     has_face = np.ones((rows - 1, columns - 1), dtype=bool)
     if config.mode == "batch":
         has_face = find_covered_cells(units, scaled, config.cover)
-        units = untangle_sheet(units, has_face)
-    return State(units.astype(np.float64) * scale + center, has_face)
+        units = untangle_sheet(units, has_face, is_movable)
+    units = units.astype(np.float64) * scale + center
+    if start is not None:
+        units = np.where(start.is_movable[..., None], units, start.units)
+    return State(units, has_face)
 
 
 def _train_batch(
-    points: Float[np.ndarray, "N 3"], config: GrowingGridConfig, rng: np.random.Generator, progress: Progress
+    points: Float[np.ndarray, "N 3"],
+    config: GrowingGridConfig,
+    rng: np.random.Generator,
+    progress: Progress,
+    start: _Start | None,
 ) -> Float[np.ndarray, "R C 3"]:
-    """Drop outliers, grow, fit."""
+    """Drop outliers, grow or go on from a start, fit."""
     tiles = make_tiles(points)
     is_sound = measure_density(points, tiles.tree, rng, config.density).weights > 0
     if not is_sound.all():
         points = points[is_sound]
         tiles = make_tiles(points)
     sort = functools.cache(lambda number: tiles if number == len(points) else make_tiles(points[:number]))
-    units = _grow(points, sort, config, progress)
-    progress("fit", 0.8)
     wanted = config.wanted_units
+    if start is None:
+        units, is_movable = _grow(points, sort, config, progress), None
+    else:
+        units, is_movable = start.units.astype(np.float32), start.is_movable
+        wanted = units.shape[0] * units.shape[1]
+        samples = sort(choose_num_samples(len(points), config.samples_per_unit * wanted))
+        units, _ = learn(samples, units, config.sigma, config.first_iterations, wanted, is_movable)
+    progress("fit", 0.8)
     number = choose_num_samples(len(points), config.fit_samples_per_unit * wanted)
     sigmas = config.fit_sigmas or choose_sigmas(number / wanted)
-    return fit_grid(sort(number), units, sigmas, config.fit_config, wanted)[0]
+    return fit_grid(sort(number), units, sigmas, config.fit_config, wanted, is_movable)[0]
 
 
 def _grow(

@@ -108,6 +108,7 @@ def grow(
     settle_passes: int,
     split_radius: float,
     rng: np.random.Generator,
+    num_held: int = 0,
 ) -> Float[np.ndarray, "W 3"]:
     """Grow a map from some units to `capacity`, then settle it.
 
@@ -120,6 +121,7 @@ def grow(
         settle_passes: passes without insertion at the end.
         split_radius: see `GSRMConfig.split_radius`.
         rng: draws the samples of the rounds.
+        num_held: the first of the units, which stay where they are.
 
     Returns:
         Units in float32; fewer than `capacity` where the samples are too sparse for more.
@@ -134,9 +136,9 @@ def grow(
         if num_units == capacity:
             break
         tally = tally_units(thinned, slots, list_candidates(thinned, slots))
-        slots[:num_units] = tally.means[:num_units]
+        slots[num_held:num_units] = tally.means[num_held:num_units]
         wanted = min(capacity, max(num_units + 1, int(growth * num_units)))
-        before, num_units = num_units, _insert(slots, tally, num_units, wanted, split_radius)
+        before, num_units = num_units, _insert(slots, tally, num_units, wanted, split_radius, num_held)
         if num_units == before:
             break
     thinned = thin_level(level, 2 * samples_per_unit * capacity, rng)
@@ -145,9 +147,9 @@ def grow(
         if remaining % _CANDIDATE_AGE == settle_passes % _CANDIDATE_AGE or candidates is None:
             candidates = list_candidates(thinned, slots)
         tally = tally_units(thinned, slots, candidates)
-        slots = tally.means
+        slots[num_held:] = tally.means[num_held:]
         if remaining:
-            _insert(slots, tally, num_units, num_units, split_radius)
+            _insert(slots, tally, num_units, num_units, split_radius, num_held)
     return slots[:num_units]
 
 
@@ -199,7 +201,12 @@ def _tally(
 
 
 def _insert(
-    slots: Float[np.ndarray, "S 3"], tally: Tally, num_units: int, wanted: int, split_radius: float
+    slots: Float[np.ndarray, "S 3"],
+    tally: Tally,
+    num_units: int,
+    wanted: int,
+    split_radius: float,
+    num_held: int,
 ) -> int:
     """Put new units between those of largest error and their worst neighbors.
 
@@ -209,13 +216,14 @@ def _insert(
     Returns:
         How many units there are now; at most `wanted`, fewer where two would come to lie in one place.
     """
-    idle = np.flatnonzero(tally.counts[:num_units] == 0)
+    idle = num_held + np.flatnonzero(tally.counts[num_held:num_units] == 0)
     free = np.concatenate([np.arange(num_units, wanted), idle])
     if len(free) == 0:
         return num_units
     errors, counts = tally.errors[:num_units], tally.counts[:num_units]
     is_splittable = errors >= counts * (split_radius * tally.spacings[:num_units]) ** 2
     is_splittable &= errors > 0
+    is_splittable[:num_held] = False
     split = np.argsort(np.where(is_splittable, -errors, np.inf), kind="stable")[: len(free)]
     split = split[is_splittable[split]]
     pairs = np.stack([split, tally.worst_neighbors[split]], axis=1)

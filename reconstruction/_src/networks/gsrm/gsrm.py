@@ -13,18 +13,17 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.base.progress import Progress, silent
 from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.changes.neighborhoods import widen
 from reconstruction._src.geometry.rows import sum_rows
-from reconstruction._src.networks.change.detection import ChangeConfig
 from reconstruction._src.networks.gsrm import paper as gsrm_paper
 from reconstruction._src.networks.gsrm.completion import CompletionConfig, find_uncovered
 from reconstruction._src.networks.gsrm.growth import Level, grow, make_level
-from reconstruction._src.networks.gsrm.refinement_config import GSRMRefinementConfig
 from reconstruction._src.networks.gsrm.support import make_support
 from reconstruction._src.networks.gsrm.topology import learn_faces
 from reconstruction._src.networks.gsrm.topology_config import TopologyConfig
@@ -37,6 +36,10 @@ from reconstruction._src.surfaces.unfolding import unfold_faces
 
 _MIN_MAP = 4
 """A map of fewer units has no surface."""
+_FREE_RINGS = 1
+"""Units within this many rings of a changed one grow again with it."""
+_COVER = 1.25
+"""A sample farther than this many spacings of the held units from all old ones is uncovered."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,6 @@ class GSRMConfig:
         topology: how faces are learned.
         surface_fit: how the mesh is fitted to the samples.
         completion: how what is left uncovered in an uneven cloud is found and covered.
-        change: when new readings contradict the map.
-        refinement: how it learns from them.
     """
 
     units: int = 2200
@@ -86,8 +87,6 @@ class GSRMConfig:
     topology: TopologyConfig = field(default_factory=TopologyConfig)
     surface_fit: FitConfig = field(default_factory=FitConfig)
     completion: CompletionConfig = field(default_factory=CompletionConfig)
-    change: ChangeConfig = field(default_factory=ChangeConfig)
-    refinement: GSRMRefinementConfig = field(default_factory=GSRMRefinementConfig)
 
     def __post_init__(self) -> None:
         if self.units < 4:
@@ -118,8 +117,26 @@ class State(NamedTuple):
     faces: Int[np.ndarray, "F 3"]
 
 
+class Old(NamedTuple):
+    """Units of a map that is trained again.
+
+    Attributes:
+        held: those that stay where they are.
+        freed: those in whose place others grow.
+        faces: those between held units.
+    """
+
+    held: Float[np.ndarray, "H 3"]
+    freed: Float[np.ndarray, "G 3"]
+    faces: Int[np.ndarray, "K 3"]
+
+
 def train(
-    points: Float[np.ndarray, "N 3"], config: GSRMConfig, seed: int = 0, progress: Progress = silent
+    points: Float[np.ndarray, "N 3"],
+    config: GSRMConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+    old: Old | None = None,
 ) -> State:
     """Grow a map over the points.
 
@@ -128,6 +145,7 @@ def train(
         config: how.
         seed: seed of all random numbers; equal seeds give equal maps.
         progress: receives how far the work is.
+        old: units of a map that is trained again [m]; None for a new one.
 
     Raises:
         ReconstructionError: the points support no face.
@@ -139,7 +157,10 @@ def train(
     if config.mode == "paper":
         units, faces = gsrm_paper.train(scaled, config.units, rng, progress)
     else:
-        units, faces = _train_batch(scaled.astype(np.float32), config, rng, progress)
+        if old is not None:
+            held, freed = (((units - center) / scale).astype(np.float32) for units in old[:2])
+            old = Old(held, freed, old.faces)
+        units, faces = _train_batch(scaled.astype(np.float32), old, config, rng, progress)
     if len(faces) == 0:
         raise ReconstructionError(
             f"{len(points)} points carry no face between {config.units} units; "
@@ -149,18 +170,50 @@ def train(
     return State(units * scale + center, faces.astype(np.int32))
 
 
+def train_again(
+    state: State,
+    is_changed: Bool[np.ndarray, " U"],
+    points: Float[np.ndarray, "N 3"],
+    config: GSRMConfig,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> State:
+    """Train a map on other points: `train`, but the units that have not changed stay where they are.
+
+    Args:
+        state: the map.
+        is_changed: units that grow again.
+        points: finite positions [m], the old ones that are still valid and the new ones.
+        config: how; in paper mode the whole map is grown again.
+        seed: seed of all random numbers.
+        progress: receives how far the work is.
+
+    Raises:
+        ReconstructionError: the points support no face.
+    """
+    is_free = widen(state.faces.astype(np.int64), is_changed, _FREE_RINGS)
+    place = np.cumsum(~is_free) - 1
+    faces = place[state.faces[~is_free[state.faces].any(axis=1)]]
+    old = Old(state.units[~is_free], state.units[is_free], faces)
+    return train(points, config, seed, progress, old if len(old.held) >= _MIN_MAP else None)
+
+
 def _train_batch(
-    samples: Float[np.ndarray, "N 3"], config: GSRMConfig, rng: np.random.Generator, progress: Progress
+    samples: Float[np.ndarray, "N 3"],
+    old: Old | None,
+    config: GSRMConfig,
+    rng: np.random.Generator,
+    progress: Progress,
 ) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
     """Grow, learn the topology, fit; all in units of the cloud's size."""
     progress("sort the samples", 0.0)
     tiles = make_tiles(samples)
     density = measure_density(samples, tiles.tree, rng, config.density)
     progress("grow", 0.1)
-    units = _grow(tiles, density, config.units, config, rng)
+    units = _grow(tiles, density, old, config.units, config, rng)
     progress("learn the topology", 0.5)
     level = make_level(tiles, density)
-    units, faces = _learn_surface(level, units, config, progress)
+    units, faces = _learn_surface(level, units, old, config, progress)
     if np.ptp(density.spacing) > 0 and len(faces):
         progress("complete the surface", 0.9)
         units, faces = _complete(samples, units, faces, config, rng)
@@ -168,19 +221,44 @@ def _train_batch(
 
 
 def _grow(
-    tiles: Tiles, density: Density, num_units: int, config: GSRMConfig, rng: np.random.Generator
+    tiles: Tiles,
+    density: Density,
+    old: Old | None,
+    num_units: int,
+    config: GSRMConfig,
+    rng: np.random.Generator,
 ) -> Float[np.ndarray, "U 3"]:
-    """Grow a number of units over the samples."""
+    """Grow a number of units over the samples; between held ones, as many as make the map as dense as these."""
+    samples, weights = tiles.tree.data.astype(np.float32), density.weights
+    held = samples[:0] if old is None else old.held
+    if old is not None:
+        spacing = np.median(cKDTree(held).query(held, k=2)[0][:, 1])
+        distances, winners = cKDTree(np.concatenate(old[:2])).query(samples)
+        is_open = (winners >= len(held)) | (distances > _COVER * spacing)
+        is_open &= weights > 0
+        weights = np.where(is_open, weights, 0.0)
+        opened, covered = (_count_cells(samples[rows], spacing) for rows in (is_open, ~is_open))
+        num_units = round(len(held) * opened / max(covered, 1))
+        if num_units == 0:
+            return held
+    start = _draw_start(samples, density._replace(weights=weights), num_units, config, rng)
     return grow(
         make_level(tiles, density),
-        _draw_start(tiles.tree.data.astype(np.float32), density, num_units, config, rng),
-        num_units,
+        np.concatenate([held, start]),
+        len(held) + num_units,
+        num_held=len(held),
         growth=config.growth,
         samples_per_unit=config.samples_per_unit,
         settle_passes=config.settle_passes,
         split_radius=config.split_radius,
         rng=rng,
     )
+
+
+def _count_cells(samples: Float[np.ndarray, "N 3"], width: float) -> int:
+    """Return how many cubes of a width hold a sample: in proportion to the area."""
+    index = np.floor(samples / width).astype(np.int64)
+    return len(np.unique(index @ np.array([1 << 42, 1 << 21, 1])))
 
 
 def _complete(
@@ -199,8 +277,8 @@ def _complete(
             break
         tiles = make_tiles(rest)
         density = measure_density(rest, tiles.tree, rng, replace(config.density, num_passes=0))
-        grown = _grow(tiles, density, number, config, rng)
-        added, between = _learn_surface(make_level(tiles, density), grown, config, silent)
+        grown = _grow(tiles, density, None, number, config, rng)
+        added, between = _learn_surface(make_level(tiles, density), grown, None, config, silent)
         if len(between) == 0:
             break
         faces = np.concatenate([faces, between + len(units)])
@@ -230,13 +308,13 @@ def _draw_start(
 
 
 def _learn_surface(
-    level: Level, units: Float[np.ndarray, "U 3"], config: GSRMConfig, progress: Progress
+    level: Level, units: Float[np.ndarray, "U 3"], old: Old | None, config: GSRMConfig, progress: Progress
 ) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "F 3"]]:
     """Join finished units by faces and fit these to the samples."""
     winners = search_all(level.tiles, units, 3)
     is_used = level.weights > 0
     support = make_support(level, units, winners[..., 0], config.topology)
-    faces = learn_faces(units, winners[is_used], support)
+    faces = learn_faces(units, winners[is_used], support, None if old is None else old.faces)
     if len(faces) == 0:
         return units, faces
     used, flat = np.unique(faces, return_inverse=True)
@@ -248,7 +326,8 @@ def _learn_surface(
         first = place[winners[..., 0]]
         is_used &= first >= 0
         samples, weights = level.tiles.samples[is_used], level.weights[is_used]
-        units, faces = _fit(units, faces, samples, first[is_used], weights, config)
+        is_movable = None if old is None else used >= len(old.held)
+        units, faces = _fit(units, faces, samples, first[is_used], weights, is_movable, config)
     return units, faces
 
 
@@ -258,6 +337,7 @@ def _fit(
     samples: Float[np.ndarray, "N 3"],
     winners: Int[np.ndarray, " N"],
     weights: Float[np.ndarray, " N"],
+    is_movable: Bool[np.ndarray, " U"] | None,
     config: GSRMConfig,
 ) -> tuple[Float[np.ndarray, "U 3"], Int[np.ndarray, "F 3"]]:
     """Fit the mesh to the samples; where there are many, to few of them first.
@@ -275,6 +355,7 @@ def _fit(
             iterations=iterations,
             winners=winners[::stride],
             weights=weights[::stride],
+            is_movable=is_movable,
             config=config.surface_fit,
         )
         faces = flip_edges(units, faces)

@@ -28,7 +28,10 @@ _FLATNESS = 1e-10
 
 
 def learn_faces(
-    units: Float[np.ndarray, "U 3"], winners: Int[np.ndarray, "N 3"], support: Support
+    units: Float[np.ndarray, "U 3"],
+    winners: Int[np.ndarray, "N 3"],
+    support: Support,
+    known: Int[np.ndarray, "K 3"] | None = None,
 ) -> Int[np.ndarray, "F 3"]:
     """Return the faces of an oriented two-manifold between the units.
 
@@ -36,9 +39,15 @@ def learn_faces(
         units: positions, at least three.
         winners: the three units nearest to each sample.
         support: whether samples lie on a face; holes elsewhere stay open.
+        known: faces that are there already; others are joined to them.
     """
     units = np.asarray(units, dtype=np.float64)
     faces, margin = propose_faces(units, winners, support)
+    if known is not None:
+        is_new = ~lies_on_full(faces, known, len(units))
+        is_new &= ~np.isin(_key(faces.astype(np.int64), len(units)), _key(known.astype(np.int64), len(units)))
+        margin = np.concatenate([np.full(len(known), np.inf), margin[is_new]])
+        faces = np.concatenate([known, faces[is_new]])
     faces = finish_faces(units, faces, margin, support)
     return join_components(units, faces, support) if support.is_uneven and len(faces) else faces
 

@@ -6,7 +6,6 @@ import trimesh
 
 from reconstruction._src.base.errors import ReconstructionError
 from reconstruction._src.geometry.sampling import sample_area
-from reconstruction._src.networks.change.refinement import refine
 from reconstruction._src.networks.growing_grid.cover import open_pinches
 from reconstruction._src.networks.growing_grid.growing_grid import GrowingGridConfig, State, train
 from reconstruction._src.networks.growing_grid.growth import (
@@ -17,7 +16,6 @@ from reconstruction._src.networks.growing_grid.growth import (
     start_grid,
 )
 from reconstruction._src.networks.growing_grid.mesh import find_folded, triangulate, unfold
-from reconstruction._src.networks.growing_grid.refinement import Learner
 from reconstruction._src.surfaces.quality import Quality, find_distances, measure_quality
 
 CONFIG = GrowingGridConfig(units=300)
@@ -154,64 +152,6 @@ def test_no_pinch_on_a_fine_grid(step, seed):
     """Padding repeats samples, and equal coordinates once put strays into tiles: the grid was dragged to them."""
     quality = judge(train(draw(step, 61_000, seed), GrowingGridConfig(units=7000), seed=seed))
     assert (quality.self_intersections, quality.folds) == (0, 0)
-
-
-def test_readings_that_agree_change_nothing(step, grown):
-    points = draw(step, 20_000)
-    state, known = refine(Learner(grown, CONFIG), points, draw(step, 2000, seed=5))
-    np.testing.assert_array_equal(state.units, grown.units)
-    assert len(known) == 22_000
-
-
-def test_a_wall_that_moved_moves_and_the_rest_stays(step, grown):
-    moved = make_step(edge=0.12)
-    state, _ = refine(Learner(grown, CONFIG), draw(step, 20_000), draw(moved, 20_000, seed=6))
-    quality = judge(state, moved)
-    assert quality.truth_to_mesh is not None
-    assert quality.truth_to_mesh.mean < 0.004
-    assert quality.topology.is_manifold
-    far = grown.vertices[np.abs(grown.vertices[:, 0]) > 0.6]
-    assert find_distances(far, state.vertices, state.faces).max() < 0.002
-    assert (quality.self_intersections, quality.folds) == (0, 0)
-
-
-def test_a_new_part_grows(step):
-    points = draw(step, 20_000)
-    is_known = points[:, 0] < 0.6
-    config = GrowingGridConfig(units=300)
-    known = train(points[is_known], config)
-    state, _ = refine(Learner(known, config), points[is_known], points[~is_known])
-    quality = judge(state, step)
-    assert quality.truth_to_mesh is not None
-    assert quality.truth_to_mesh.mean < 0.004
-    assert state.units.size > known.units.size
-    assert quality.topology.is_manifold
-    assert (quality.self_intersections, quality.folds) == (0, 0)
-
-
-def test_a_part_that_is_gone_goes(step, grown):
-    points = draw(step, 20_000)
-    again = draw(step, 20_000, seed=8)
-    state, _ = refine(Learner(grown, CONFIG), points, again[again[:, 0] < 1.0])
-    used = state.vertices[state.faces].reshape(-1, 3)
-    assert used[:, 0].max() < 1.12
-    assert judge(state).topology.is_manifold
-
-
-def test_a_box_that_is_gone_leaves_the_floor():
-    rng = np.random.default_rng(0)
-    floor = np.column_stack([rng.uniform(-1, 1, (16_000, 2)), rng.normal(0, 0.003, 16_000)])
-    under = (np.abs(floor[:, :2]) < 0.25).all(axis=1)
-    box = draw(trimesh.creation.box((0.5, 0.5, 0.4)), 5000)
-    box[:, 2] += 0.2
-    before = np.concatenate([floor[~under], box[box[:, 2] > 0.02]])
-    config = GrowingGridConfig(units=300)
-    state, known = refine(Learner(train(before, config), config), before, floor[np.abs(floor[:, 0]) < 0.6])
-    used = state.vertices[state.faces].reshape(-1, 3)
-    assert used[:, 2].max() < 0.05
-    assert (known[:, 2] > 0.1).mean() < 0.01
-    topology = judge(state).topology
-    assert (topology.euler_number, topology.is_manifold) == (1, True)
 
 
 def test_lines_go_into_the_longest_gaps():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.networks.change.input_checks import check_free_rays, check_origins, check_scale
+from reconstruction._src.changes.input_checks import check_free_rays, check_origins, check_scale
 
 
 def test_origins_that_are_none_are_refused():

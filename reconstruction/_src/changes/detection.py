@@ -1,21 +1,19 @@
 """What new readings show about a surface that is known already: agreed, moved, new, or gone.
 
-Both networks refine by this: only what the readings contradict is learned again, the rest stays as it is.
+Both networks refine by this: what the readings contradict is learned again, the rest stays as it is.
 """
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.changes.absence import find_gone, find_read, thin
+from reconstruction._src.changes.free_space import FACE_REACH, find_crossed_vertices
 from reconstruction._src.geometry.boxes import find_inside, find_near_box
 from reconstruction._src.geometry.manifold import find_normals
 from reconstruction._src.geometry.rows import any_corner, find_extent, sum_rows
-from reconstruction._src.networks.change.absence import AbsenceConfig, find_gone, find_read, thin
-from reconstruction._src.networks.change.free_space import FreeSpaceConfig, find_crossed_vertices
 
 _POOL_PER_PROBE = 8
 """Old points are thinned to this many for each probe before those near the new readings are selected."""
@@ -23,49 +21,30 @@ _POOL_PER_KNOWN = 4
 """Likewise, to this many in the box around what may have moved, before those near it are selected."""
 
 
-@dataclass(frozen=True)
-class ChangeConfig:
-    """When new readings contradict a surface. Lengths are relative to the noise or to the vertex spacing.
-
-    Attributes:
-        tolerance: a reading farther from the surface than this many times the usual distance disagrees. Of
-            normally distributed noise one reading in 700 does; lower, and noise moves vertices.
-        strong_ratio: a disagreement of more than this many tolerances is strong: no noise reaches so far.
-        strong_rings: a vertex has moved only within this many rings of a vertex with strong disagreement.
-        min_readings: readings that must disagree near a vertex, or be strong together; fewer may be outliers.
-        crowd_distance: readings within this many vertex spacings are near one another.
-        moved_share: a vertex has moved where more than this share of its new readings disagree.
-        significance: it has not moved where no more disagree than the old readings predict, within this many
-            standard deviations. A coarse mesh cuts corners, so that some readings always disagree there.
-        agreement_distance: an old point is no longer valid where no agreeing new reading lies within this many times
-            the usual distance between new readings.
-        crop_margin: faces and old points within this many vertex spacings of the new readings are compared.
-        min_compared: at least this many of the new readings are compared, where there are as many.
-        compared_per_face: of more readings than this for each face only a part is compared; more are slower.
-        num_probes: old points that measure the usual distance to the surface.
-        min_probes: where fewer old points lie near the new readings, all old points are probed.
-        absence: when a part without new readings is gone.
-        free_space: when rays show that a part is gone.
-    """
-
-    tolerance: float = 4.0
-    strong_ratio: float = 1.5
-    strong_rings: int = 2
-    min_readings: int = 3
-    crowd_distance: float = 3.0
-    moved_share: float = 0.3
-    significance: float = 3.0
-    agreement_distance: float = 1.2
-    crop_margin: float = 2.0
-    min_compared: int = 4096
-    compared_per_face: int = 3
-    num_probes: int = 1000
-    min_probes: int = 100
-    absence: AbsenceConfig = field(default_factory=AbsenceConfig)
-    free_space: FreeSpaceConfig = field(default_factory=FreeSpaceConfig)
-
-    def __post_init__(self) -> None:
-        check_all_positive(self, may_be_zero=("strong_rings",))
+_TOLERANCE = 4.0
+"""A reading farther from the surface than this many times the usual distance disagrees. Of normally distributed noise
+one reading in 700 does; lower, and noise moves vertices."""
+_STRONG_RATIO = 1.5
+"""A disagreement of more than this many tolerances is strong: no noise reaches so far."""
+_MIN_READINGS = 3
+"""Readings that must disagree near a vertex, or be strong together; fewer may be outliers."""
+_CROWD_DISTANCE = 3.0
+"""Readings within this many vertex spacings are near one another."""
+_MOVED_SHARE = 0.3
+"""A vertex has moved where more than this share of its new readings disagree."""
+_SIGNIFICANCE = 3.0
+"""It has not moved where no more disagree than the old readings predict, within this many standard deviations. A
+coarse mesh cuts corners, so that some readings always disagree there."""
+_CROP_MARGIN = 2.0
+"""Faces and old points within this many vertex spacings of the new readings are compared."""
+_MIN_COMPARED = 4096
+"""At least this many of the new readings are compared, where there are as many."""
+_COMPARED_PER_FACE = 3
+"""Of more readings than this for each face only a part is compared; more are slower."""
+_NUM_PROBES = 1000
+"""Old points that measure the usual distance to the surface."""
+_MIN_PROBES = 100
+"""Where fewer old points lie near the new readings, all old points are probed."""
 
 
 class Change(NamedTuple):
@@ -81,7 +60,6 @@ class Change(NamedTuple):
         is_gone: vertices without new readings though what surrounds them was read again, and those that
             rays go through.
         is_read: vertices with a new reading nearby.
-        density: new readings a square meter of surface, where they are.
     """
 
     compared: Int[np.ndarray, " C"]
@@ -92,7 +70,6 @@ class Change(NamedTuple):
     is_strong: Bool[np.ndarray, " V"]
     is_gone: Bool[np.ndarray, " V"]
     is_read: Bool[np.ndarray, " V"]
-    density: float
 
     @property
     def disagrees(self) -> Bool[np.ndarray, " C"]:
@@ -106,7 +83,6 @@ def detect_changes(
     old_points: Float[np.ndarray, "N 3"],
     new_points: Float[np.ndarray, "M 3"],
     spacing: float,
-    config: ChangeConfig,
     origins: Float[np.ndarray, "M 3"] | None = None,
     free_rays: Float[np.ndarray, "K 2 3"] | None = None,
 ) -> Change:
@@ -118,18 +94,15 @@ def detect_changes(
         old_points: what the surface was made from [m]; they show its usual distance from a reading.
         new_points: the new readings [m].
         spacing: mean distance between neighboring vertices [m].
-        config: the limits.
         origins: where each new reading was made from [m]; what lies between is gone.
         free_rays: begin and end of rays that met nothing [m]; what lies between is gone.
     """
     import igl
 
     vertices, faces = np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int64)
-    margin = config.crop_margin * spacing
-    about, probes = _crop(vertices, faces, old_points, new_points, margin, config)
-    compared = thin(
-        np.arange(len(new_points)), max(config.min_compared, config.compared_per_face * len(about))
-    )
+    margin = _CROP_MARGIN * spacing
+    about, probes = _crop(vertices, faces, old_points, new_points, margin)
+    compared = thin(np.arange(len(new_points)), max(_MIN_COMPARED, _COMPARED_PER_FACE * len(about)))
     readings = new_points[compared]
     surface = igl.AABB()
     surface.init(vertices, about)
@@ -139,61 +112,32 @@ def detect_changes(
     )
     distance = np.sqrt(np.maximum(squared, 0))
     number = len(readings)
-    tolerance = config.tolerance * float(np.mean(distance[number:]))
+    tolerance = _TOLERANCE * float(np.mean(distance[number:]))
     distance, nearest_faces = distance[:number], about[nearest[:number]]
     winners = _find_corners(vertices, nearest_faces, readings)
     # Readings just beyond the boundary of a surface do not contradict it.
     height = _find_heights(vertices, nearest_faces, readings, closest[:number])
     disagrees = (height > tolerance) | (distance > spacing)
-    is_moved = _find_moved(winners, readings, disagrees, spacing, len(vertices), config)
-    known = _pick_known(vertices[is_moved], old_points, spacing, config)
+    is_moved = _find_moved(winners, readings, disagrees, spacing, len(vertices))
+    known = _pick_known(vertices[is_moved], old_points, spacing)
     if len(known):
         _, nearest, closest = (np.asarray(part) for part in surface.squared_distance(vertices, about, known))
         nearest_faces = about[nearest]
         has_disagreed = _find_heights(vertices, nearest_faces, known, closest) > tolerance
         owners = _find_corners(vertices, nearest_faces, known)
-        is_moved &= _is_significant(
-            winners, disagrees, owners, has_disagreed, len(vertices), config.significance
-        )
-    is_strong = _find_strong(winners, readings, distance, tolerance, spacing, len(vertices), config)
-    is_read, density = find_read(vertices, new_points, spacing, config.absence)
-    is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing, config.absence)
+        is_moved &= _is_significant(winners, disagrees, owners, has_disagreed, len(vertices), _SIGNIFICANCE)
+    is_strong = _find_strong(winners, readings, distance, tolerance, spacing, len(vertices))
+    is_read = find_read(vertices, new_points, spacing)
+    is_gone = find_gone(vertices, faces, new_points, is_read | is_moved, spacing)
     if origins is not None or free_rays is not None:
         agreeing = np.bincount(winners[distance <= tolerance], minlength=len(vertices))
-        reach = config.free_space.face_reach * spacing
+        reach = FACE_REACH * spacing
         free = np.empty((0, 2, 3)) if free_rays is None else free_rays
         begins, ends = free[:, 0], free[:, 1]
         if origins is not None:
             begins, ends = np.concatenate([origins[compared], begins]), np.concatenate([readings, ends])
-        is_gone |= find_crossed_vertices(
-            vertices, faces, ends, begins, agreeing, tolerance, reach, config.free_space
-        )
-    return Change(compared, winners, distance, tolerance, is_moved, is_strong, is_gone, is_read, density)
-
-
-def find_superseded(
-    points: Float[np.ndarray, "P 3"],
-    readings: Float[np.ndarray, "C 3"],
-    change: Change,
-    agreement_distance: float,
-) -> Bool[np.ndarray, " P"]:
-    """Return which old points have no new reading next to them that agrees with the surface.
-
-    Args:
-        points: the old points [m].
-        readings: the new readings that were compared [m].
-        change: what came of it.
-        agreement_distance: see `ChangeConfig`.
-    """
-    if len(points) == 0:
-        return np.zeros(0, dtype=bool)
-    reach = agreement_distance / np.sqrt(change.density)
-    agreeing = find_near_box(readings, points, reach)
-    agreeing = agreeing[change.distance[agreeing] <= change.tolerance]
-    if len(agreeing) == 0:
-        return np.ones(len(points), dtype=bool)
-    tree = cKDTree(readings[agreeing], balanced_tree=False)
-    return ~np.isfinite(tree.query(points, distance_upper_bound=reach)[0])
+        is_gone |= find_crossed_vertices(vertices, faces, ends, begins, agreeing, tolerance, reach)
+    return Change(compared, winners, distance, tolerance, is_moved, is_strong, is_gone, is_read)
 
 
 def find_crowded(
@@ -224,19 +168,18 @@ def _crop(
     old_points: Float[np.ndarray, "N 3"],
     new_points: Float[np.ndarray, "M 3"],
     margin: float,
-    config: ChangeConfig,
 ) -> tuple[Int[np.ndarray, "A 3"], Float[np.ndarray, "P 3"]]:
     """Return the faces that are near new readings, and old points to compare with."""
     low, high = find_extent(new_points)
     low, high = low - margin, high + margin
     is_inside = np.zeros(len(vertices), dtype=bool)
     is_inside[find_inside(vertices, low, high)] = True
-    probes = old_points[:: max(1, len(old_points) // (_POOL_PER_PROBE * config.num_probes))]
+    probes = old_points[:: max(1, len(old_points) // (_POOL_PER_PROBE * _NUM_PROBES))]
     inner = find_inside(probes, low + margin / 2, high - margin / 2)
     about = faces[any_corner(is_inside, faces)]
-    if len(inner) < config.min_probes or len(about) == 0:
-        return faces, thin(probes, config.num_probes)
-    return np.ascontiguousarray(about), thin(probes[inner], config.num_probes)
+    if len(inner) < _MIN_PROBES or len(about) == 0:
+        return faces, thin(probes, _NUM_PROBES)
+    return np.ascontiguousarray(about), thin(probes[inner], _NUM_PROBES)
 
 
 def _find_heights(
@@ -263,15 +206,12 @@ def _find_moved(
     disagrees: Bool[np.ndarray, " C"],
     spacing: float,
     num_vertices: int,
-    config: ChangeConfig,
 ) -> Bool[np.ndarray, " V"]:
     """Return which vertices win mostly readings that disagree, enough of them within their neighborhood."""
     against = np.flatnonzero(disagrees)
-    is_crowded = find_crowded(
-        winners[against], readings[against], config.crowd_distance * spacing, config.min_readings
-    )
+    is_crowded = find_crowded(winners[against], readings[against], _CROWD_DISTANCE * spacing, _MIN_READINGS)
     contradictions = np.bincount(winners[against[is_crowded]], minlength=num_vertices)
-    return contradictions > config.moved_share * np.bincount(winners, minlength=num_vertices)
+    return contradictions > _MOVED_SHARE * np.bincount(winners, minlength=num_vertices)
 
 
 def _find_strong(
@@ -281,27 +221,24 @@ def _find_strong(
     tolerance: float,
     spacing: float,
     num_vertices: int,
-    config: ChangeConfig,
 ) -> Bool[np.ndarray, " V"]:
     """Return which vertices win several readings farther from the surface than any noise."""
-    far = np.flatnonzero(distance > config.strong_ratio * tolerance)
-    crowded = far[
-        find_crowded(winners[far], readings[far], config.crowd_distance * spacing, config.min_readings)
-    ]
+    far = np.flatnonzero(distance > _STRONG_RATIO * tolerance)
+    crowded = far[find_crowded(winners[far], readings[far], _CROWD_DISTANCE * spacing, _MIN_READINGS)]
     is_strong = np.zeros(num_vertices, dtype=bool)
     is_strong[winners[crowded]] = True
     return is_strong
 
 
 def _pick_known(
-    vertices: Float[np.ndarray, "A 3"], points: Float[np.ndarray, "N 3"], spacing: float, config: ChangeConfig
+    vertices: Float[np.ndarray, "A 3"], points: Float[np.ndarray, "N 3"], spacing: float
 ) -> Float[np.ndarray, "P 3"]:
     """Return old points nearer to one of the vertices than the spacing, as many as suffice."""
     if len(vertices) == 0:
         return points[:0]
-    inside = points[thin(find_near_box(points, vertices, spacing), _POOL_PER_KNOWN * config.num_probes)]
+    inside = points[thin(find_near_box(points, vertices, spacing), _POOL_PER_KNOWN * _NUM_PROBES)]
     distance, _ = cKDTree(vertices).query(inside, distance_upper_bound=spacing)
-    return inside[thin(np.flatnonzero(np.isfinite(distance)), config.num_probes)]
+    return inside[thin(np.flatnonzero(np.isfinite(distance)), _NUM_PROBES)]
 
 
 def _is_significant(

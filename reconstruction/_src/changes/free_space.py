@@ -1,44 +1,30 @@
 """The free-space (visibility) check: what rays go through is no longer there."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, Num
 
-from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.changes.neighborhoods import widen
 from reconstruction._src.geometry.boxes import find_near_box
 from reconstruction._src.geometry.rows import any_corner, cross_rows, find_lengths, sum_rows
-from reconstruction._src.networks.change.neighborhoods import widen
 
-
-@dataclass(frozen=True)
-class FreeSpaceConfig:
-    """When rays that go through a face show that it is gone.
-
-    Attributes:
-        min_rays: rays that must go through a vertex's faces before it is gone; fewer may be outliers.
-        crossing_share: a vertex is gone where the rays that go through are more than this share of them and the
-            readings that agree with it. Higher, and half-transparent objects stay.
-        max_rays: largest number of rays that are all followed; of more, every n-th is. Fewer are faster and miss small
-            objects.
-        max_hits: faces that are tested along each ray.
-        restart: behind a hit a ray starts again, this many margins on, so that it does not meet the face again.
-        num_stretches: stretches into which the rays are cut; only faces in the bounding box of one are tested.
-            More leave out more faces, and cost more boxes.
-        face_reach: faces whose corners all lie farther than this many vertex spacings from all rays meet none.
-    """
-
-    min_rays: int = 3
-    crossing_share: float = 0.3
-    max_rays: int = 4096
-    max_hits: int = 8
-    restart: float = 0.01
-    num_stretches: int = 6
-    face_reach: float = 2.0
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
+_MIN_RAYS = 3
+"""Rays that must go through a vertex's faces before it is gone; fewer may be outliers."""
+_CROSSING_SHARE = 0.3
+"""A vertex is gone where the rays that go through are more than this share of them and the readings that agree with
+it. Higher, and half-transparent objects stay."""
+_MAX_RAYS = 4096
+"""Largest number of rays that are all followed; of more, every n-th is. Fewer are faster and miss small objects."""
+_MAX_HITS = 8
+"""Faces that are tested along each ray."""
+_RESTART = 0.01
+"""Behind a hit a ray starts again, this many margins on, so that it does not meet the face again."""
+_NUM_STRETCHES = 6
+"""Stretches into which the rays are cut; only faces in the bounding box of one are tested. More leave out more faces,
+and cost more boxes."""
+FACE_REACH = 2.0
+"""Faces whose corners all lie farther than this many vertex spacings from all rays meet none."""
 
 
 def find_crossed_vertices(
@@ -49,7 +35,6 @@ def find_crossed_vertices(
     agreeing: Num[np.ndarray, " V"],
     margin: float,
     reach: float,
-    config: FreeSpaceConfig,
 ) -> Bool[np.ndarray, " V"]:
     """Return which vertices lie in free space: rays go through their faces.
 
@@ -64,17 +49,16 @@ def find_crossed_vertices(
         agreeing: how many readings found each vertex where it was.
         margin: the distance up to which a reading agrees [m].
         reach: no face has all corners farther than this from all rays that meet it [m].
-        config: the limits.
     """
-    followed = max(1, -(-len(points) // config.max_rays))
+    followed = max(1, -(-len(points) // _MAX_RAYS))
     points, origins = points[::followed], origins[::followed]
-    faces = _find_reachable_faces(vertices, faces, points, origins, reach, config.num_stretches)
+    faces = _find_reachable_faces(vertices, faces, points, origins, reach, _NUM_STRETCHES)
     if len(faces) == 0:
         return np.zeros(len(vertices), dtype=bool)
-    hits = _find_hits(vertices, faces, points, origins, margin, config)
+    hits = _find_hits(vertices, faces, points, origins, margin)
     crosses = _find_crossings(hits, vertices, faces, points - origins, margin)
     votes = np.bincount(faces[hits.face, hits.corner][crosses], minlength=len(vertices))
-    is_crossed = (votes >= config.min_rays) & (votes > config.crossing_share * (votes + agreeing / followed))
+    is_crossed = (votes >= _MIN_RAYS) & (votes > _CROSSING_SHARE * (votes + agreeing / followed))
     is_open = (votes > 0) & (agreeing == 0)
     while True:
         wider = is_crossed | widen(faces, is_crossed, 1) & is_open
@@ -144,7 +128,6 @@ def _find_hits(
     points: Float[np.ndarray, "R 3"],
     origins: Float[np.ndarray, "R 3"],
     margin: float,
-    config: FreeSpaceConfig,
 ) -> _Hits:
     """Return the hits but for those within the margin of a ray's end, which no ray goes through."""
     import igl
@@ -156,7 +139,7 @@ def _find_hits(
     stop = 1 - margin / length
     ray, start = np.arange(len(points)), np.zeros(len(points))
     found: list[tuple[np.ndarray, ...]] = []
-    for _ in range(config.max_hits):
+    for _ in range(_MAX_HITS):
         way, left = direction[ray], stop[ray] - start
         at, share, _ = (
             np.asarray(part)
@@ -171,7 +154,7 @@ def _find_hits(
             break
         place = origins[ray] + share[:, None] * direction[ray]
         found.append((ray, face, share, ((vertices[faces[face]] - place[:, None]) ** 2).sum(2).argmin(1)))
-        start = share + config.restart * margin / length[ray]
+        start = share + _RESTART * margin / length[ray]
     if not found:
         nothing = np.empty(0, dtype=np.int64)
         return _Hits(nothing, nothing, np.empty(0), nothing)

@@ -6,18 +6,12 @@ from scipy.spatial import cKDTree
 from shapes import make_floor
 from shapes import read_floor as read
 
-from reconstruction._src.base.errors import ReconstructionError
-from reconstruction._src.networks.change.absence import AbsenceConfig
-from reconstruction._src.networks.change.detection import (
-    Change,
-    ChangeConfig,
+from reconstruction._src.changes.detection import (
     detect_changes,
     find_crowded,
-    find_superseded,
 )
 
 SPACING = 0.1
-CONFIG = ChangeConfig()
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +22,7 @@ def sheet() -> tuple[np.ndarray, np.ndarray]:
 
 def test_readings_of_the_same_surface_change_nothing(sheet):
     for number in (500, 8000):
-        change = detect_changes(*sheet, read(8000), read(number, seed=1), SPACING, CONFIG)
+        change = detect_changes(*sheet, read(8000), read(number, seed=1), SPACING)
         assert not change.is_moved.any()
         assert not change.is_gone.any()
 
@@ -40,9 +34,9 @@ def test_what_beams_that_met_nothing_went_through_is_gone(sheet):
     new = read(8000, seed=1)
     known = new[(np.abs(new[:, :2] - 1) > 0.3).any(axis=1)]
     inside = (np.abs(sheet[0][:, :2] - 1) < 0.15).all(axis=1)
-    rays_only = ChangeConfig(absence=AbsenceConfig(complete_share=2.0, min_patch=1_000_000))
+    known = known[known[:, 0] < 1.2]  # not all around it, or it would be gone without rays
     gone, stays = (
-        detect_changes(*sheet, read(8000), known[:400], SPACING, rays_only, None, rays).is_gone
+        detect_changes(*sheet, read(8000), known[:400], SPACING, None, rays).is_gone
         for rays in (rising, short)
     )
     assert gone[inside].all()
@@ -54,7 +48,7 @@ def test_a_raised_part_has_moved(sheet):
     new = read(8000, seed=1)
     is_raised = (np.abs(new[:, :2] - 1) < 0.3).all(axis=1)
     new[is_raised, 2] += 0.05
-    change = detect_changes(*sheet, read(8000), new, SPACING, CONFIG)
+    change = detect_changes(*sheet, read(8000), new, SPACING)
     inside = (np.abs(sheet[0][:, :2] - 1) < 0.25).all(axis=1)
     outside = (np.abs(sheet[0][:, :2] - 1) > 0.4).any(axis=1)
     assert change.is_moved[inside].all()
@@ -63,24 +57,21 @@ def test_a_raised_part_has_moved(sheet):
 
 def test_two_stray_readings_are_not_believed(sheet):
     new = np.concatenate([read(8000, seed=1), [[1, 1, 0.5], [1.02, 1, 0.5]]])
-    assert not detect_changes(*sheet, read(8000), new, SPACING, CONFIG).is_moved.any()
+    assert not detect_changes(*sheet, read(8000), new, SPACING).is_moved.any()
 
 
 def test_of_very_many_readings_as_many_are_compared_as_suffice(sheet):
     few, many = (
-        detect_changes(*sheet, read(8000), read(number, seed=1), SPACING, CONFIG) for number in (2000, 60_000)
+        detect_changes(*sheet, read(8000), read(number, seed=1), SPACING) for number in (2000, 60_000)
     )
     assert len(few.compared) == 2000
     assert len(many.compared) < 30_000
     assert not many.is_moved.any()
-    # Readings a square meter: the sheet has four.
-    assert few.density == pytest.approx(2000 / 4, rel=0.3)
-    assert many.density == pytest.approx(60_000 / 4, rel=0.3)
 
 
 def test_a_finer_surface_is_compared_with_more_readings():
     """Three for each of its 5000 faces; of its very many old readings so many are asked as suffice."""
-    change = detect_changes(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04, CONFIG)
+    change = detect_changes(*make_floor(51), read(40_000), read(12_000, seed=1), 0.04)
     assert len(change.compared) == 12_000
     assert change.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.1)
     assert not (change.is_moved | change.is_gone).any()
@@ -89,7 +80,7 @@ def test_a_finer_surface_is_compared_with_more_readings():
 def test_readings_of_what_is_no_surface_yet_are_far_from_it(sheet):
     """Old readings were there, too, but have made no face."""
     old, new = (read(number, seed=number) + np.array([10, 0, 0]) for number in (2000, 500))
-    change = detect_changes(*sheet, np.concatenate([read(8000), old]), new, SPACING, CONFIG)
+    change = detect_changes(*sheet, np.concatenate([read(8000), old]), new, SPACING)
     assert change.distance == pytest.approx(new[:, 0] - 2, abs=0.01)
     assert not change.is_gone.any()
 
@@ -99,7 +90,7 @@ def test_pairs_of_readings_within_three_spacings_are_believed_together(sheet, ap
     new = read(4000, seed=1) * [1, 1, 0]
     new = new[(np.abs(new[:, :2] - [0.85, 1]) > [0.3, 0.1]).any(axis=1)]
     pairs = [[0.85 + side * apart / 2, y, 0.05] for side in (-1, 1) for y in (0.995, 1.005)]
-    change = detect_changes(*sheet, read(8000), np.concatenate([new, pairs]), SPACING, CONFIG)
+    change = detect_changes(*sheet, read(8000), np.concatenate([new, pairs]), SPACING)
     assert change.is_moved.sum() == 2 * is_moved
 
 
@@ -110,45 +101,9 @@ def test_readings_are_crowded_by_their_vertex_or_by_their_neighbors():
     assert not find_crowded(winners[:2], points[:2], 1.0, 3).any()
 
 
-def test_old_points_are_superseded_where_no_new_reading_beside_them_agrees(sheet):
-    new = read(8000, seed=1)
-    new[new[:, 0] > 1, 2] += 0.2
-    change = detect_changes(*sheet, read(8000), new, SPACING, CONFIG)
-    old = read(2000, seed=2)
-    old = old[np.abs(old[:, 0] - 1) > 0.1]
-    is_superseded = find_superseded(old, new[change.compared], change, 1.2)
-    assert is_superseded[old[:, 0] > 1].mean() > 0.95
-    assert is_superseded[old[:, 0] < 1].mean() < 0.25
-    assert len(find_superseded(old[:0], new[change.compared], change, 1.2)) == 0
-
-
-def test_a_reading_beside_the_place_makes_an_old_point_needless_if_it_agrees():
-    """With 100 readings a square meter, beside means within 12 cm."""
-    flags = np.zeros(4, dtype=bool)
-    change = Change(np.arange(3), np.arange(3), np.array([0.0, 0.1, 0.2]), 0.1, *[flags] * 4, 100.0)
-    readings = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    points = np.array([[0.11, 0, 0], [0.13, 0, 0], [1.1, 0, 0], [2, 0, 0]])
-    is_superseded = find_superseded(points, readings, change, 1.2)
-    assert is_superseded.tolist() == [False, True, False, True]
-    assert find_superseded(points, readings, change._replace(tolerance=0.0), 1.2).tolist() == [
-        False,
-        True,
-        True,
-        True,
-    ]
-    against = find_superseded(points, readings, change._replace(tolerance=-1.0), 1.2)
-    assert against.tolist() == [True] * 4
-    assert (
-        is_superseded.dtype
-        == against.dtype
-        == find_superseded(points[:0], readings, change, 1.2).dtype
-        == bool
-    )
-
-
 def test_each_reading_has_its_distance_and_its_vertex(sheet):
     new = read(3000, seed=1)
-    change = detect_changes(*sheet, read(8000), new, SPACING, CONFIG)
+    change = detect_changes(*sheet, read(8000), new, SPACING)
     assert np.array_equal(change.compared, np.arange(3000))
     inside = ((new[:, :2] > 0) & (new[:, :2] < 2)).all(axis=1)
     assert change.distance[inside] == pytest.approx(np.abs(new[inside, 2]), abs=1e-9)
@@ -174,7 +129,7 @@ def test_what_has_moved_a_little_is_not_believed_by_few_readings_alone(sheet):
     old, new = read(8000), read(8000, seed=1)
     inside = (np.abs(sheet[0][:, :2] - 1) < 0.25).all(axis=1)
     for height, is_strong in ((0.011, False), (0.05, True), (-0.05, True)):
-        change = detect_changes(*sheet, old, raise_middle(new, height), SPACING, CONFIG)
+        change = detect_changes(*sheet, old, raise_middle(new, height), SPACING)
         assert change.is_moved[inside].mean() > 0.9
         assert (change.is_strong[inside].mean() > 0.9) == is_strong
         outside = (np.abs(sheet[0][:, :2] - 1) > 0.4).any(axis=1)
@@ -185,7 +140,7 @@ def test_readings_just_beyond_the_rim_say_nothing_and_far_ones_do(sheet):
     new = read(8000, seed=1)
     for beyond, is_moved in ((0.05, False), (0.3, True)):
         more = np.column_stack([np.full(200, 2 + beyond), np.linspace(0, 2, 200), np.zeros(200)])
-        change = detect_changes(*sheet, read(8000), np.concatenate([new, more]), SPACING, CONFIG)
+        change = detect_changes(*sheet, read(8000), np.concatenate([new, more]), SPACING)
         rim = sheet[0][:, 0] > 1.99
         assert change.is_moved[rim].any() == is_moved
         assert not change.is_moved[~rim].any()
@@ -213,7 +168,7 @@ def test_what_disagreed_before_must_disagree_clearly_more_often(sheet, before, n
     for seed in range(5):
         old = raise_middle(read(8000, seed=10 + seed), 0.05, before, seed=30 + seed)
         new = raise_middle(read(4000, seed=20 + seed), 0.05, now, seed=40 + seed)
-        moved.append(detect_changes(*sheet, old, new, SPACING, CONFIG).is_moved[inside].mean())
+        moved.append(detect_changes(*sheet, old, new, SPACING).is_moved[inside].mean())
     assert least <= np.mean(moved) <= most
 
 
@@ -222,14 +177,14 @@ def test_where_nothing_was_read_before_what_disagrees_is_believed(sheet):
     old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
     old = old[(np.abs(old[:, :2] - 1) > 0.2).any(axis=1)]
     gap = (np.abs(sheet[0][:, :2] - 1) < 0.12).all(axis=1)
-    assert detect_changes(*sheet, old, new, SPACING, CONFIG).is_moved[gap].all()
+    assert detect_changes(*sheet, old, new, SPACING).is_moved[gap].all()
 
 
 def test_faces_may_be_integers_of_any_kind(sheet):
     vertices, faces = sheet
     new = raise_middle(read(4000, seed=1), 0.05)
     wide, narrow = (
-        detect_changes(vertices, faces.astype(kind), read(8000), new, SPACING, CONFIG)
+        detect_changes(vertices, faces.astype(kind), read(8000), new, SPACING)
         for kind in (np.int64, np.int32)
     )
     assert np.array_equal(wide.distance, narrow.distance)
@@ -244,13 +199,13 @@ def test_nothing_depends_on_where_the_world_is(sheet):
 
     old, new = read(8000), raise_middle(read(4000, seed=1), 0.05)
     new = new[np.linalg.norm(new[:, :2] - [1.5, 0.5], axis=1) > 0.25]
-    here = detect_changes(*sheet, old, new, SPACING, CONFIG)
-    there = detect_changes(stand_up(sheet[0]), sheet[1], stand_up(old), stand_up(new), SPACING, CONFIG)
+    here = detect_changes(*sheet, old, new, SPACING)
+    there = detect_changes(stand_up(sheet[0]), sheet[1], stand_up(old), stand_up(new), SPACING)
     assert here.is_moved.any()
     assert here.is_gone.any()
     for name in ("winners", "is_moved", "is_strong", "is_gone", "is_read"):
         assert np.array_equal(getattr(here, name), getattr(there, name)), name
-    for name in ("distance", "tolerance", "density"):
+    for name in ("distance", "tolerance"):
         assert getattr(here, name) == pytest.approx(getattr(there, name), abs=1e-6), name
 
 
@@ -261,7 +216,7 @@ def test_readings_of_a_part_are_compared_with_what_is_near_them(sheet, low, high
     old[old[:, 0] > 1, 2] *= 10
     new = read(8000, seed=1)
     new = new[((new[:, :2] > low) & (new[:, :2] < high)).all(axis=1)]
-    change = detect_changes(*sheet, old, new, SPACING, CONFIG)
+    change = detect_changes(*sheet, old, new, SPACING)
     assert change.distance == pytest.approx(np.abs(new[:, 2]), abs=1e-9)
     assert np.linalg.norm(sheet[0][change.winners] - new, axis=1) == pytest.approx(
         cKDTree(sheet[0]).query(new)[0]
@@ -273,7 +228,7 @@ def test_readings_of_a_part_are_compared_with_what_is_near_them(sheet, low, high
 def test_where_few_old_points_are_near_all_are_asked(sheet):
     old = read(8000)
     old = old[old[:, 0] > 0.5]
-    change = detect_changes(*sheet, old, read(3000, seed=1) * [0.1, 0.1, 1], SPACING, CONFIG)
+    change = detect_changes(*sheet, old, read(3000, seed=1) * [0.1, 0.1, 1], SPACING)
     assert change.tolerance == pytest.approx(4 * 0.003 * np.sqrt(2 / np.pi), rel=0.2)
 
 
@@ -283,7 +238,7 @@ def test_three_readings_within_three_spacings_are_strong_together(sheet, side, i
     corners = side * np.array([[0, 0], [1, 0], [0.5, np.sqrt(0.75)]])
     stray = np.column_stack([0.72 + corners, np.full(3, 0.06)])
     for some in (stray, stray[:2]):
-        change = detect_changes(*sheet, read(8000), np.concatenate([new, some]), SPACING, CONFIG)
+        change = detect_changes(*sheet, read(8000), np.concatenate([new, some]), SPACING)
         assert not change.is_moved.any()
         assert change.is_strong.any() == (is_believed and len(some) == 3)
 
@@ -294,19 +249,3 @@ def test_three_are_a_crowd():
     assert find_crowded(np.arange(3), points, 0.15, 3).tolist() == [False, True, False]
     assert find_crowded(np.zeros(3, dtype=int), 100 * points, 0.5, 3).tolist() == [True] * 3
     assert find_crowded(np.zeros(2, dtype=int), points[:2], 0.5, 3).dtype == bool
-
-
-@pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"min_readings": -1}, {"moved_share": float("nan")}])
-def test_limits_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ReconstructionError, match=rf"ChangeConfig.{next(iter(wrong))} must be above 0"):
-        ChangeConfig(**wrong)
-
-
-def test_a_higher_tolerance_finds_less(sheet):
-    new = raise_middle(read(4000, seed=1), 0.02)
-    few, many = (
-        detect_changes(*sheet, read(8000), new, SPACING, ChangeConfig(tolerance=tolerance))
-        for tolerance in (20.0, 4.0)
-    )
-    assert many.is_moved.any()
-    assert not few.is_moved.any()

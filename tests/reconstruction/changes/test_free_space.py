@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from reconstruction._src.networks.change.free_space import FreeSpaceConfig, find_crossed_vertices
+from reconstruction._src.changes.free_space import find_crossed_vertices
 
 MARGIN = 0.01
 ABOVE = np.array([0.5, 0.5, 2.0])
@@ -29,9 +29,7 @@ def _spread(number: int, depth: float) -> np.ndarray:
 def _ask(board, points: np.ndarray, origins: np.ndarray, agreeing: int = 0) -> np.ndarray:
     vertices, faces = board
     origins = np.broadcast_to(origins, points.shape)
-    return find_crossed_vertices(
-        vertices, faces, points, origins, np.full(121, agreeing), MARGIN, 0.2, FreeSpaceConfig()
-    )
+    return find_crossed_vertices(vertices, faces, points, origins, np.full(121, agreeing), MARGIN, 0.2)
 
 
 def test_rays_that_end_behind_a_surface_show_that_it_is_gone(board):
@@ -64,6 +62,4 @@ def test_both_sides_of_a_box_are_passed():
     points = np.column_stack([np.full(200, 3.0), rng.uniform(0.05, 0.95, (200, 2))])
     origins = points - np.array([5, 0, 0])
     nothing = np.zeros(8)
-    assert find_crossed_vertices(
-        corners, faces, points, origins, nothing, MARGIN, 2.0, FreeSpaceConfig()
-    ).all()
+    assert find_crossed_vertices(corners, faces, points, origins, nothing, MARGIN, 2.0).all()

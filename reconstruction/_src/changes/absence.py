@@ -1,47 +1,34 @@
 """Which parts of a surface new readings no longer show, though they show what surrounds them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from scipy.spatial import cKDTree
 
-from reconstruction._src.base.range_checks import check_all_positive
+from reconstruction._src.changes.neighborhoods import number_parts
 from reconstruction._src.geometry.boxes import find_inside, find_near_box
 from reconstruction._src.geometry.rows import any_corner, find_extent, find_lengths
-from reconstruction._src.networks.change.neighborhoods import number_parts
 
 _AXIS_SAMPLES = 4096
 """As many vertices of a patch determine the plane in which it extends most."""
 
 
-@dataclass(frozen=True)
-class AbsenceConfig:
-    """When a part without new readings is gone, and not only out of sight.
-
-    Attributes:
-        complete_share: new readings on this share of the surface are taken for a whole new scan: what they do not
-            show is gone. Lower, and a partial scan removes what the scanner could not see.
-        num_sectors: directions around a patch in which readings must lie just beyond it. More, and small gaps
-            between the readings keep a patch that is gone.
-        rim_width: readings up to this many vertex spacings beyond the patch's extent lie just beyond it.
-        min_patch: vertices of the smallest patch that can be gone; fewer miss their readings by chance.
-        reading_reach: a vertex is read where a new reading lies within this many times the usual distance between
-            readings, and one vertex spacing. Smaller, and vertices between sparse readings seem unread.
-        density_neighbors: readings in the ball that measures the density, its center included.
-        num_density_probes: places at which the density of the new readings is measured.
-    """
-
-    complete_share: float = 0.8
-    num_sectors: int = 12
-    rim_width: float = 6.0
-    min_patch: int = 3
-    reading_reach: float = 1.5
-    density_neighbors: int = 5
-    num_density_probes: int = 256
-
-    def __post_init__(self) -> None:
-        check_all_positive(self)
+_COMPLETE_SHARE = 0.8
+"""New readings on this share of the surface are taken for a whole new scan: what they do not show is gone. Lower, and
+a partial scan removes what the scanner could not see."""
+_NUM_SECTORS = 12
+"""Directions around a patch in which readings must lie just beyond it. More, and small gaps between the readings keep
+a patch that is gone."""
+_RIM_WIDTH = 6.0
+"""Readings up to this many vertex spacings beyond the patch's extent lie just beyond it."""
+_MIN_PATCH = 3
+"""Vertices of the smallest patch that can be gone; fewer miss their readings by chance."""
+_READING_REACH = 1.5
+"""A vertex is read where a new reading lies within this many times the usual distance between readings, and one
+vertex spacing. Smaller, and vertices between sparse readings seem unread."""
+_DENSITY_NEIGHBORS = 5
+"""Readings in the ball that measures the density, its center included."""
+_NUM_DENSITY_PROBES = 256
+"""Places at which the density of the new readings is measured."""
 
 
 def thin(rows: Shaped[np.ndarray, "N ..."], most: int) -> Shaped[np.ndarray, "M ..."]:
@@ -53,18 +40,17 @@ def find_read(
     vertices: Float[np.ndarray, "V 3"],
     new_points: Float[np.ndarray, "M 3"],
     spacing: float,
-    config: AbsenceConfig,
-) -> tuple[Bool[np.ndarray, " V"], float]:
-    """Return which vertices have a new reading as near as the density predicts, and that density [1/m^2]."""
+) -> Bool[np.ndarray, " V"]:
+    """Return which vertices have a new reading as near as the density predicts."""
     tree = cKDTree(new_points, balanced_tree=False)
-    probes = thin(new_points, config.num_density_probes)
-    near = min(config.density_neighbors, len(new_points))
+    probes = thin(new_points, _NUM_DENSITY_PROBES)
+    near = min(_DENSITY_NEIGHBORS, len(new_points))
     usual = float(np.median(tree.query(probes, k=near)[0].reshape(len(probes), -1)[:, -1]))
-    reach = config.reading_reach * usual + spacing
+    reach = _READING_REACH * usual + spacing
     is_read = np.zeros(len(vertices), dtype=bool)
     about = find_near_box(vertices, new_points, reach)
     is_read[about] = np.isfinite(tree.query(vertices[about], distance_upper_bound=reach)[0])
-    return is_read, (near - 1) / max(np.pi * usual**2, 1e-300)
+    return is_read
 
 
 def find_gone(
@@ -73,7 +59,6 @@ def find_gone(
     new_points: Float[np.ndarray, "M 3"],
     is_read: Bool[np.ndarray, " V"],
     spacing: float,
-    config: AbsenceConfig,
 ) -> Bool[np.ndarray, " V"]:
     """Return which vertices are gone: not read again, though what surrounds them was.
 
@@ -86,7 +71,6 @@ def find_gone(
         new_points: the new readings [m].
         is_read: result of `find_read`.
         spacing: mean distance between neighboring vertices [m].
-        config: the limits.
     """
     is_gone = np.zeros(len(vertices), dtype=bool)
     is_used = np.zeros(len(vertices), dtype=bool)
@@ -94,7 +78,7 @@ def find_gone(
     missing = is_used & ~is_read
     if not missing.any():
         return is_gone
-    if is_read[is_used].mean() >= config.complete_share:
+    if is_read[is_used].mean() >= _COMPLETE_SHARE:
         return missing
     low, high = find_extent(new_points)
     margin = (high - low).max() / 2 + spacing
@@ -105,26 +89,26 @@ def find_gone(
     part = number_parts(faces[any_corner(missing & is_within, faces)], missing)
     # A patch that goes on beyond the readings is not surrounded by them.
     is_open = np.bincount(part[missing], ~is_within[missing]) > 0
-    is_large = np.bincount(part[missing]) >= config.min_patch
+    is_large = np.bincount(part[missing]) >= _MIN_PATCH
     for number in np.flatnonzero(is_large & ~is_open):
         patch = np.flatnonzero(part == number)
-        is_gone[patch] = _is_surrounded(vertices[patch], new_points, spacing, config)
+        is_gone[patch] = _is_surrounded(vertices[patch], new_points, spacing)
     return is_gone
 
 
 def _is_surrounded(
-    patch: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], spacing: float, config: AbsenceConfig
+    patch: Float[np.ndarray, "P 3"], readings: Float[np.ndarray, "M 3"], spacing: float
 ) -> bool:
     """Return whether there are readings just beyond the patch in each sector around it."""
     center = patch.mean(axis=0)
     axes = np.linalg.svd(patch[:_AXIS_SAMPLES] - center, full_matrices=False)[2][:2]
-    inside, inside_sector = _to_polar((patch - center) @ axes.T, config.num_sectors)
-    around, around_sector = _to_polar((readings - center) @ axes.T, config.num_sectors)
-    extent = np.zeros(config.num_sectors)
+    inside, inside_sector = _to_polar((patch - center) @ axes.T, _NUM_SECTORS)
+    around, around_sector = _to_polar((readings - center) @ axes.T, _NUM_SECTORS)
+    extent = np.zeros(_NUM_SECTORS)
     np.maximum.at(extent, inside_sector, inside)
     gap = around - extent[around_sector]
-    is_beyond = (gap > 0) & (gap < extent.max() + config.rim_width * spacing)
-    return len(np.unique(around_sector[is_beyond])) == config.num_sectors
+    is_beyond = (gap > 0) & (gap < extent.max() + _RIM_WIDTH * spacing)
+    return len(np.unique(around_sector[is_beyond])) == _NUM_SECTORS
 
 
 def _to_polar(
